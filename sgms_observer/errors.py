@@ -1,0 +1,29 @@
+"""Errors a user meets: each carries whole sentences that say what is wrong, where, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class SgmsError(Exception):
+    """Base of every error that is the input's fault; the command line prints it without a traceback."""
+
+
+class ConfigurationError(SgmsError):
+    """Settings that cannot work; carries one sentence per fault, all faults of the file at once.
+
+    Args:
+        sentences: one sentence per fault: parameter, value, rule, remedy.
+    """
+
+    def __init__(self, sentences: Sequence[str]) -> None:
+        self.sentences = tuple(sentences)
+        super().__init__("\n".join(self.sentences))
+
+
+class RecordingError(SgmsError):
+    """A bag, log or table that cannot be read or written; one sentence."""
+
+
+class DataError(SgmsError):
+    """Data that were read but cannot answer the question asked of them; one sentence."""

@@ -1,0 +1,66 @@
+"""What goes into an observer and what comes out: blocks of samples of one axis, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A block of n samples of one axis, in the order of their stamps.
+
+    Attributes:
+        stamp_ns: sample time [ns], int64, shape (n,).
+        position: measured position [m], shape (n,).
+        effort: effort of the actuator [N], shape (n,); NaN where it is missing.
+        reference_position: set-point [m], shape (n,); NaN where there is none.
+        reference_velocity: velocity of the set-point [m/s], shape (n,); NaN where there is none.
+    """
+
+    stamp_ns: NDArray[np.int64]
+    position: Floats
+    effort: Floats
+    reference_position: Floats
+    reference_velocity: Floats
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """What the observer says about a block of n samples of one axis; row i belongs to ``stamp_ns[i]``.
+
+    Attributes:
+        stamp_ns: sample time [ns], int64, shape (n,).
+        position: filtered position [m], shape (n,).
+        velocity: filtered velocity [m/s], shape (n,).
+        acceleration: filtered acceleration [m/s^2], shape (n,).
+        friction: estimated friction force [N], shape (n,).
+        friction_std: its standard deviation, eq. 13 [N], shape (n,).
+        element_force: force of each element [N], shape (n, n_z).
+        element_deflection: deflection of each element [m], shape (n, n_z).
+        parameters: estimated parameters p in SI units, shape (n, n_p).
+        parameter_std: their standard deviations, shape (n, n_p).
+        innovation: measured minus predicted friction [N], shape (n,); NaN between corrections.
+        innovation_std: its predicted standard deviation [N], shape (n,); NaN between corrections.
+        compensation: feedforward to add to the controller's output [N], shape (n,).
+        status: ``Status`` codes, uint8, shape (n,).
+    """
+
+    stamp_ns: NDArray[np.int64]
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    friction: Floats
+    friction_std: Floats
+    element_force: Floats
+    element_deflection: Floats
+    parameters: Floats
+    parameter_std: Floats
+    innovation: Floats
+    innovation_std: Floats
+    compensation: Floats
+    status: NDArray[np.uint8]

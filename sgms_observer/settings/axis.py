@@ -1,0 +1,49 @@
+"""Settings of one axis and of the whole package, as checked frozen dataclasses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from sgms_observer.settings.field import section, setting
+from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings, FilterSettings
+from sgms_observer.settings.stage import StageSettings
+
+
+@dataclass(frozen=True)
+class EffectSettings:
+    """One effect of the catalogue (or of the user's own) with its parameter values, in the catalogue's order."""
+
+    name: str
+    values: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class AxisSettings:
+    """Everything about one axis."""
+
+    name: str = "x"
+    mass: float = setting(10.0, "moving mass", "kg", above=0.0)
+    friction: FrictionSettings = section(FrictionSettings, "friction model")
+    effects: tuple[EffectSettings, ...] = ()
+    stage: StageSettings = section(StageSettings, "simulated stage")
+    stage_friction: FrictionSettings | None = None  # x.stage.friction: true friction where it differs
+    stage_effects: tuple[EffectSettings, ...] | None = None  # x.stage.effects: true effects where they differ
+    filter: FilterSettings = section(FilterSettings, "velocity and acceleration filter")
+    estimator: EstimatorSettings = section(EstimatorSettings, "estimator")
+    compensation: CompensationSettings = section(CompensationSettings, "feedforward compensation")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """A whole parameter file: the axes and what they share."""
+
+    axes: tuple[AxisSettings, ...] = (AxisSettings(),)
+    sample_period: float = setting(1.0e-4, "nominal time between two samples", "s", above=0.0)
+    publish_every: int = setting(
+        1, "samples from one published estimate to the next; the compensation follows every sample", "samples", minimum=1
+    )
+    autostart: bool = setting(True, "configure and activate the node by itself")
+    effect_files: tuple[str, ...] = setting((), "Python files with effects of the user's own")
+    source: dict[str, Any] = field(default_factory=dict, compare=False)  # the YAML's tree as read, for writing it back

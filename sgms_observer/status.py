@@ -1,0 +1,35 @@
+"""What an observer can say of itself; the values are the sentences a user reads."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Status(IntEnum):
+    """State of one axis's estimate, worst last."""
+
+    RUNNING = 0
+    STARTING = 1
+    PREDICTING = 2
+    SAMPLE_REJECTED = 3
+    FALLBACK_NOT_CONVERGED = 4
+    FALLBACK_NOT_FINITE = 5
+    FALLBACK_DEADLINE = 6
+    RESTARTED_AFTER_GAP = 7
+
+    @property
+    def sentence(self) -> str:
+        """Return the sentence for people."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    Status.RUNNING: "the estimator runs on good samples",
+    Status.STARTING: "the filters are filling; estimates follow shortly",
+    Status.PREDICTING: "no usable effort: the friction is predicted from the motion alone; check control_effort",
+    Status.SAMPLE_REJECTED: "a sample disagreed with the model beyond outlier_nis and was not used",
+    Status.FALLBACK_NOT_CONVERGED: "the moving horizon estimator found no descent; the EKF took this correction",
+    Status.FALLBACK_NOT_FINITE: "a result was not finite; the EKF took over from the last good estimate",
+    Status.FALLBACK_DEADLINE: "the last correction took longer than estimator.deadline; the EKF took this one",
+    Status.RESTARTED_AFTER_GAP: "samples paused for longer than filter.maximum_gap; filters and estimator restarted",
+}

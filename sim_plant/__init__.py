@@ -1,0 +1,1 @@
+"""Simulated positioning stages: the truth that the observer is tested against and never imports."""
