@@ -1,0 +1,84 @@
+"""One step of a GMS element: closed form, with the stick-slip event inside the step, and exact derivatives.
+
+The mode is the element's memory: 0 sticks, +1 and -1 slip in that direction until the velocity reverses.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sgms_observer.jit import njit
+
+
+@njit
+def gms_step_with_slopes(
+    force: float, mode: int, velocity: float, period: float, stiffness: float, fraction: float, stribeck: float, rate: float
+) -> tuple[float, int, float, float, float]:
+    """Advance one element's force and mode by one step of constant velocity.
+
+    Args:
+        force: element force kappa z before the step [N].
+        mode: 0 while the element sticks, else the direction in which it slips.
+        velocity: velocity over the step [m/s].
+        period: step h [s].
+        stiffness: kappa [N/m].
+        fraction: nu [-].
+        stribeck: s(v) [N].
+        rate: attraction parameter C [N/s].
+
+    Returns:
+        force after the step [N], mode after the step; derivatives of the force with respect to the force before
+        [-], the stiffness [m] and s [-].
+
+    Source: Boegli et al., eqs 1-2; an element that reaches its limit mid-step slips from there, on the limit.
+    """
+    if velocity == 0.0:
+        return force, mode, 1.0, 0.0, 0.0
+    direction = 1 if velocity > 0.0 else -1
+    steady = direction * fraction * stribeck
+    if mode != direction:
+        stuck = force + stiffness * velocity * period
+        if direction * (stuck - steady) < 0.0:
+            return stuck, 0, 1.0, velocity * period, 0.0
+        if direction * (force - steady) <= 0.0:
+            return steady, direction, 0.0, 0.0, direction * fraction
+    decay = math.exp(-rate * period / stribeck)
+    distance = force - steady
+    slope = direction * fraction * (1.0 - decay) + distance * decay * rate * period / (stribeck * stribeck)
+    return steady + distance * decay, direction, decay, 0.0, slope
+
+
+@njit
+def gms_step(
+    force: float, mode: int, velocity: float, period: float, stiffness: float, fraction: float, stribeck: float, rate: float
+) -> tuple[float, int]:
+    """Advance one element's force and mode by one step; see ``gms_step_with_slopes``.
+
+    Args: as ``gms_step_with_slopes``.
+
+    Returns:
+        force after the step [N], mode after the step.
+    """
+    after, next_mode, _by_force, _by_stiffness, _by_level = gms_step_with_slopes(
+        force, mode, velocity, period, stiffness, fraction, stribeck, rate
+    )
+    return after, next_mode
+
+
+@njit
+def gms_rate(
+    force: float, mode: int, velocity: float, stiffness: float, fraction: float, stribeck: float, rate: float
+) -> tuple[float, float, float]:
+    """Deflection rate dz/dt of eqs 1-2 with its derivatives.
+
+    Args: as ``gms_step_with_slopes``.
+
+    Returns:
+        dz/dt [m/s]; its derivatives with respect to the force [m/(s N)] and s [m/(s N)].
+    """
+    direction = 1.0 if velocity > 0.0 else -1.0
+    if mode * direction <= 0.0:
+        return velocity, 0.0, 0.0
+    speed = fraction * rate / stiffness
+    level = fraction * stribeck
+    return speed * (direction - force / level), -speed / level, speed * force / (level * stribeck)

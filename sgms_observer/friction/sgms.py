@@ -1,0 +1,166 @@
+"""One step of an S-GMS element: backward Euler in displacement, unconditionally stable, with exact derivatives.
+
+The formulas are those of ``sgms_observer.formulas.friction``; here they are arranged for speed (saturated
+hyperbolic tangents are skipped, sticking and sliding steps are closed forms). A test holds the two together.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sgms_observer.jit import njit
+
+_SATURATED = 19.0  # 1 - tanh(19) is below the rounding error of 1
+_TOLERANCE = 1e-13
+_MAX_ITERATIONS = 80
+
+
+@njit
+def slip_fraction_with_slope(u: float, lam: float, zeta: float, gain: float) -> tuple[float, float, float]:
+    """Slip fraction eta of eq. 5 with its derivatives.
+
+    Args:
+        u: ratio z / z_s along the direction of motion [-].
+        lam: smoothing lambda of eq. 6 [-].
+        zeta: smoothing zeta of eq. 6 [-].
+        gain: reset gain, gamma |v| / v_s or gamma (eq. 7, notes trap 2) [-].
+
+    Returns:
+        eta, d eta / du, d eta / d gain.
+    """
+    magnitude = abs(u)
+    inner = lam * (magnitude - zeta)
+    outer = lam * (magnitude + zeta)
+    if inner < -_SATURATED and outer > _SATURATED:
+        return 0.0, 0.0, 0.0
+    t_in = 1.0 if inner > _SATURATED else math.tanh(inner)
+    t_out = 1.0 if outer > _SATURATED else math.tanh(outer)
+    eta_a = 1.0 - 0.5 * t_out + 0.5 * t_in
+    slope_a = 0.5 * lam * (t_out * t_out - t_in * t_in)
+    if u < 0.0:
+        slope_a = -slope_a
+    reach = gain * u
+    if reach > _SATURATED:
+        return eta_a, slope_a, 0.0
+    if reach < -_SATURATED:
+        return 0.0, 0.0, 0.0
+    t_b = math.tanh(reach)
+    eta_b = 0.5 + 0.5 * t_b
+    slope_b = 0.5 * (1.0 - t_b * t_b)
+    return eta_a * eta_b, slope_a * eta_b + eta_a * slope_b * gain, eta_a * slope_b * u
+
+
+@njit
+def sgms_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -> tuple[float, float, float, float]:
+    """Solve the backward-Euler step u1 = u0 + a (1 - eta(u1) u1) of eq. 4.
+
+    Args:
+        u0: ratio before the step, along the direction of motion [-].
+        travel: a = kappa |v| h / (nu s), the step over the slip deflection [-], >= 0.
+        lam: smoothing lambda [-].
+        zeta: smoothing zeta [-].
+        gain: reset gain [-].
+
+    Returns:
+        u1, eta(u1), dG/du1 of the residual G (its slope, > 0), dG/d gain.
+    """
+    stick = u0 + travel
+    if abs(stick) < zeta - _SATURATED / lam and lam * zeta > _SATURATED:
+        return stick, 0.0, 1.0, 0.0
+    slip = stick / (1.0 + travel)
+    if slip > zeta + _SATURATED / lam and gain * slip > _SATURATED and lam * (slip + zeta) > _SATURATED:
+        return slip, 1.0, 1.0 + travel, 0.0
+    low = min(stick, slip)
+    high = max(stick, slip)
+    u = min(max(zeta, low), high)
+    for _ in range(_MAX_ITERATIONS):
+        eta, slope, _gain_slope = slip_fraction_with_slope(u, lam, zeta, gain)
+        residual = u - stick + travel * eta * u
+        derivative = 1.0 + travel * (eta + u * slope)
+        if residual > 0.0:
+            high = u
+        else:
+            low = u
+        candidate = u - residual / derivative if derivative > 0.0 else low - 1.0
+        if candidate < low or candidate > high:
+            candidate = 0.5 * (low + high)
+        change = abs(candidate - u)
+        u = candidate
+        if change <= _TOLERANCE * (1.0 + abs(u)):
+            break
+    eta, slope, gain_slope = slip_fraction_with_slope(u, lam, zeta, gain)
+    return u, eta, 1.0 + travel * (eta + u * slope), travel * u * gain_slope
+
+
+@njit
+def sgms_step(
+    force: float, velocity: float, period: float, stiffness: float, level: float, lam: float, zeta: float, gain: float
+) -> float:
+    """Advance one element's force by one step.
+
+    Args:
+        force: element force kappa z before the step [N].
+        velocity: velocity over the step [m/s].
+        period: step h [s].
+        stiffness: kappa [N/m].
+        level: nu s(v), the element's sliding force [N].
+        lam: smoothing lambda [-].
+        zeta: smoothing zeta [-].
+        gain: reset gain [-].
+
+    Returns:
+        Element force after the step [N].
+
+    Source: Boegli et al., eq. 4, backward Euler in displacement.
+    """
+    direction = math.copysign(1.0, velocity)
+    travel = stiffness * abs(velocity) * period / level
+    u, _eta, _slope, _gain_slope = sgms_ratio(direction * force / level, travel, lam, zeta, gain)
+    return direction * level * u
+
+
+@njit
+def sgms_step_with_slopes(
+    force: float, velocity: float, period: float, stiffness: float, level: float, lam: float, zeta: float, gain: float
+) -> tuple[float, float, float, float, float]:
+    """Advance one element's force and return the step's exact derivatives (implicit function theorem).
+
+    Args: as ``sgms_step``.
+
+    Returns:
+        force after the step [N]; its derivatives with respect to the force before [-], the stiffness [m],
+        the level [-] and the reset gain [N].
+    """
+    direction = math.copysign(1.0, velocity)
+    travel = stiffness * abs(velocity) * period / level
+    u, eta, slope, gain_slope = sgms_ratio(direction * force / level, travel, lam, zeta, gain)
+    inverse = 1.0 / slope
+    return (
+        direction * level * u,
+        inverse,
+        velocity * period * (1.0 - eta * u) * inverse,
+        direction * u * (1.0 - inverse),
+        -direction * level * gain_slope * inverse,
+    )
+
+
+@njit
+def sgms_rate(
+    force: float, velocity: float, level: float, lam: float, zeta: float, gain: float
+) -> tuple[float, float, float]:
+    """Deflection rate dz/dt of eq. 4 with its derivatives.
+
+    Args: as ``sgms_step``.
+
+    Returns:
+        dz/dt [m/s]; its derivatives with respect to the force [m/(s N)] and the level [m/(s N)].
+    """
+    direction = math.copysign(1.0, velocity)
+    u = direction * force / level
+    eta, slope, _gain_slope = slip_fraction_with_slope(u, lam, zeta, gain)
+    product_slope = eta + u * slope
+    return (
+        velocity * (1.0 - eta * u),
+        -velocity * product_slope * direction / level,
+        velocity * product_slope * u / level,
+    )
