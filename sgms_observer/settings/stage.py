@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from sgms_observer.settings.field import section, setting
 
 REFERENCES = ("sine", "multi_sine", "point_to_point", "file")
+INTERPOLATIONS = ("linear", "cubic")
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class ReferenceSettings:
     jerk: float = setting(50.0, "point_to_point: largest jerk", "m/s^3", above=0.0)
     dwell: float = setting(0.2, "point_to_point: rest at each end", "s", minimum=0.0)
     file: str = setting("", "file: CSV with columns time [s] and position [m]; repeated when it ends")
+    interpolation: str = setting("cubic", "file: how to go from one point to the next", choices=INTERPOLATIONS)
 
 
 @dataclass(frozen=True)
