@@ -1,0 +1,107 @@
+"""A recording made ready for identification: evenly sampled, finite, without holes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.errors import DataError
+from sgms_observer.observer.samples import Samples
+
+Floats = NDArray[np.float64]
+
+_MINIMUM_LENGTH = 200
+_EVEN = 0.02  # share of the period by which a stamp may stray before the signals are interpolated
+_GAP = 3.5  # a longer pause than this many periods splits the recording
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One evenly sampled piece of a recording.
+
+    Attributes:
+        name: where it comes from, for people.
+        period: time between two samples [s].
+        position: measured position [m], shape (n,).
+        effort: effort of the actuator [N], shape (n,).
+        reference_position: set-point [m], shape (n,); NaN where there is none.
+        sha256: hash of the file it comes from; empty when there is none.
+        start: stamp of the first sample [s].
+    """
+
+    name: str
+    period: float
+    position: Floats
+    effort: Floats
+    reference_position: Floats
+    sha256: str = ""
+    start: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return len(self) * self.period
+
+    def part(self, first: int, last: int) -> Recording:
+        """Return samples ``first`` to ``last`` (exclusive)."""
+        cut = slice(first, last)
+        return Recording(
+            self.name, self.period, self.position[cut], self.effort[cut], self.reference_position[cut], self.sha256,
+            self.start + first * self.period,
+        )
+
+
+def recordings_from_samples(samples: Samples, name: str, sha256: str = "") -> tuple[Recording, ...]:
+    """Cut a block of samples into evenly sampled pieces.
+
+    Args:
+        samples: everything one axis recorded.
+        name: where it comes from, for people.
+        sha256: hash of the file it comes from.
+
+    Returns:
+        Pieces between pauses, each long enough to learn from, in order of time.
+
+    Raises:
+        DataError: if nothing usable is left.
+    """
+    good = np.isfinite(samples.position) & np.isfinite(samples.effort)
+    stamp = samples.stamp_ns[good]
+    if len(stamp) < _MINIMUM_LENGTH:
+        raise DataError(
+            f"{name} holds {len(stamp)} samples with both position and control_effort; identification needs at least"
+            f" {_MINIMUM_LENGTH}: record both topics"
+        )
+    keep = np.concatenate(([True], np.diff(stamp) > 0))
+    seconds = (stamp[keep] - stamp[0]) * 1e-9
+    signals = [values[good][keep] for values in (samples.position, samples.effort, samples.reference_position)]
+    period = float(np.median(np.diff(seconds)))
+    cuts = np.flatnonzero(np.diff(seconds) > _GAP * period) + 1
+    edges = [0, *cuts.tolist(), len(seconds)]
+    pieces = [
+        _even_piece(name, sha256, period, seconds[a:b], [values[a:b] for values in signals], stamp[0] * 1e-9)
+        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        if b - a >= _MINIMUM_LENGTH
+    ]
+    if not pieces:
+        raise DataError(f"{name} is broken by pauses into pieces shorter than {_MINIMUM_LENGTH} samples; record it again")
+    return tuple(pieces)
+
+
+def _even_piece(
+    name: str, sha256: str, period: float, seconds: Floats, signals: Sequence[Floats], origin: float
+) -> Recording:
+    """Return one piece on an even grid, interpolated only where the stamps stray."""
+    count = round(float(seconds[-1] - seconds[0]) / period) + 1
+    grid = seconds[0] + period * np.arange(count)
+    if count == len(seconds) and float(np.max(np.abs(grid - seconds))) <= _EVEN * period:
+        position, effort, reference = (np.ascontiguousarray(values, dtype=np.float64) for values in signals)
+    else:
+        position, effort, reference = (np.interp(grid, seconds, values) for values in signals)
+    return Recording(name, period, position, effort, reference, sha256, origin + float(seconds[0]))

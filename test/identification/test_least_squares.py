@@ -1,0 +1,72 @@
+"""The inverse dynamic model against data made for it, and against the published parameters of EMPS."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from sgms_observer.errors import DataError
+from sgms_observer.identification.least_squares import ASYMMETRIC, fit_inverse_model, inverse_model_error
+from sgms_observer.identification.recording import Recording
+
+DATA = Path(os.environ.get("SGMS_DATA", Path(__file__).resolve().parents[3] / "shared" / "data")) / "emps"
+PUBLISHED = {"mass": 95.1089, "viscous_coefficient": 203.5034, "coulomb_force": 20.3935, "offset": -3.1648}
+
+
+def _emps(name: str) -> Recording:
+    if not (DATA / name).exists():
+        pytest.skip(f"EMPS data are not at {DATA}; set SGMS_DATA to the folder that holds emps/")
+    data = loadmat(str(DATA / name))
+    effort = float(data["gtau"].item()) * data["vir"].ravel()
+    return Recording(name, 1e-3, data["qm"].ravel().astype(float), effort, data["qg"].ravel().astype(float))
+
+
+def _sliding_axis(seed: int, noise: float) -> Recording:
+    period = 1e-3
+    time = period * np.arange(20_000)
+    position = 0.05 * np.sin(2.0 * np.pi * 0.5 * time) + 0.01 * np.sin(2.0 * np.pi * 1.7 * time)
+    velocity = np.gradient(position, period)
+    acceleration = np.gradient(velocity, period)
+    effort = 12.0 * acceleration + 30.0 * velocity + 4.0 * np.sign(velocity) - 0.7
+    effort = effort + np.random.default_rng(seed).normal(0.0, noise, len(time))
+    return Recording("made", period, position, effort, np.full(len(time), np.nan))
+
+
+def test_recovers_known_parameters() -> None:
+    fit = fit_inverse_model([_sliding_axis(seed=3, noise=0.05)])
+    assert fit.value("mass") == pytest.approx(12.0, rel=5e-3)
+    assert fit.value("viscous_coefficient") == pytest.approx(30.0, rel=5e-3)
+    assert fit.value("coulomb_force") == pytest.approx(4.0, rel=5e-3)
+    assert fit.value("offset") == pytest.approx(-0.7, rel=5e-3)
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
+    inside = 0
+    seeds = range(40)
+    for seed in seeds:
+        fit = fit_inverse_model([_sliding_axis(seed, noise=1.0)])
+        inside += abs(fit.value("mass") - 12.0) < 1.96 * fit.std_error[0]
+    assert 0.80 <= inside / len(seeds) <= 1.0
+
+
+def test_emps_published_parameters() -> None:
+    train, pulses = _emps("DATA_EMPS.mat"), _emps("DATA_EMPS_PULSES.mat")
+    fit = fit_inverse_model([train])
+    for name, published in PUBLISHED.items():
+        assert fit.value(name) == pytest.approx(published, rel=0.01), name
+    assert 100.0 * fit.relative_error == pytest.approx(4.08, rel=0.01)
+    assert 100.0 * inverse_model_error(fit, pulses) == pytest.approx(5.98, rel=0.01)
+    asymmetric = fit_inverse_model([train], ASYMMETRIC)
+    assert 100.0 * asymmetric.relative_error == pytest.approx(3.11, rel=0.01)
+
+
+def test_one_way_motion_is_refused_with_a_sentence() -> None:
+    period = 1e-3
+    position = 0.01 * period * np.arange(10_000)
+    still = Recording("still", period, position, np.ones(10_000), np.full(10_000, np.nan))
+    with pytest.raises(DataError, match="apart|never excite"):
+        fit_inverse_model([still])
