@@ -1,0 +1,28 @@
+# make setup | demo | test | lint. Where ROS 2 is sourced it is used; elsewhere its wheels from PyPI go into .venv.
+SHELL := bash
+.DELETE_ON_ERROR:
+PYTHON ?= python3
+HAS_ROS := $(shell test -n "$$ROS_DISTRO" && $(PYTHON) -c 'import rclpy' 2>/dev/null && echo yes)
+VENV := $(if $(HAS_ROS),.venv-ros,.venv)
+OUT ?= out/demo
+
+.PHONY: setup demo test lint clean
+
+setup: $(VENV)/.complete
+
+$(VENV)/.complete: setup.py tools/setup_environment
+	@PYTHON='$(PYTHON)' bash tools/setup_environment $(VENV) $(HAS_ROS)
+	@touch $@
+
+demo: setup
+	$(VENV)/bin/sgms demo --out $(OUT)
+
+test: setup
+	$(VENV)/bin/python -m pytest $(PYTEST_ARGS)
+
+lint: setup
+	$(VENV)/bin/python -m ruff check .
+	$(VENV)/bin/python -m mypy
+
+clean:
+	rm -rf .venv .venv-ros build install log out *.egg-info

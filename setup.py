@@ -1,0 +1,73 @@
+"""Build file of the ament_python package; the one place where versions of dependencies are stated."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "sgms_observer"
+VERSION = re.search(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_text(encoding="utf-8")).group(1)
+
+RUNTIME = [
+    "casadi>=3.6.5,<4",
+    "jinja2>=3.0,<4",
+    "matplotlib>=3.6,<4",
+    "numba>=0.58,<1",
+    "numpy>=1.26,<3",
+    "pyyaml>=6.0,<7",
+    "rosbags>=0.11,<0.12",
+    "scipy>=1.11,<2",
+]
+# Real rclpy and Fast DDS for machines without a ROS installation; ask for the jazzy names, plain ones are Kilted.
+ROS_WHEELS = [
+    "ros-jazzy-common-interfaces>=5.3,<5.4",
+    "ros-jazzy-rclpy>=7.1,<7.2",
+    "ros-jazzy-rmw-fastrtps-cpp>=8.4,<8.5",
+]
+DEVELOPMENT = [
+    "colcon-common-extensions>=0.3,<1",
+    "hypothesis>=6.100,<7",
+    "mypy>=1.10,<3",
+    "pytest>=7.4,<10",
+    "ruff>=0.6,<1",
+    "setuptools>=65",
+    "wheel>=0.40",
+]
+
+
+def files(pattern: str) -> list[str]:
+    """Return the files of ``pattern``, in a fixed order, relative to this folder."""
+    return sorted(path.as_posix() for path in Path().glob(pattern) if path.is_file())
+
+
+setup(
+    name=NAME,
+    version=VERSION,
+    description="Friction observer for positioning stages on the (Smoothed) Generalized Maxwell-Slip model",
+    long_description=Path("README.md").read_text(encoding="utf-8") if Path("README.md").exists() else "",
+    long_description_content_type="text/markdown",
+    license="Apache-2.0",
+    maintainer="sgms_observer maintainers",
+    maintainer_email="maintainers@users.noreply.github.com",
+    python_requires=">=3.11",
+    packages=find_packages(include=["sgms_observer", "sgms_observer.*", "sim_plant", "sim_plant.*"]),
+    package_data={"": ["*.html", "*.css", "*.json", "*.yaml", "py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", files("config/*")),
+        (f"share/{NAME}/launch", files("launch/*.launch.py")),
+    ],
+    install_requires=RUNTIME,
+    extras_require={"ros": ROS_WHEELS, "dev": DEVELOPMENT},
+    zip_safe=False,
+    entry_points={
+        "console_scripts": [
+            "sgms = sgms_observer.cli.main:main",
+            "stage_node = sgms_observer.nodes.stage_node:main",
+            "observer_node = sgms_observer.nodes.observer_node:main",
+        ]
+    },
+)

@@ -1,0 +1,96 @@
+"""The command line ``sgms``: finds the command, runs it, and turns every error into one sentence."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from sgms_observer import __version__
+from sgms_observer.cli import registry
+from sgms_observer.errors import SgmsError
+
+EXIT_FAILED = 1
+EXIT_USAGE = 2
+EXIT_INTERRUPTED = 130
+EXIT_BROKEN_PIPE = 141
+SHOW_TRACEBACK = "SGMS_OBSERVER_TRACEBACK"
+
+
+class SentenceParser(argparse.ArgumentParser):
+    """An argument parser that answers a wrong command line with one sentence."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong and where to read more, and exit with code 2."""
+        self.exit(EXIT_USAGE, f"{self.prog}: {message}; see '{self.prog} --help'\n")
+
+
+def build_parser(wanted: str | None) -> SentenceParser:
+    """Return the parser of the whole command line.
+
+    Args:
+        wanted: the command that will run, whose arguments alone are then declared; None for all.
+    """
+    parser = SentenceParser(prog="sgms", description="Friction observer on the (Smoothed) Generalized Maxwell-Slip model.")
+    parser.add_argument("--version", action="version", version=f"sgms {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, missing in registry.COMMANDS.items():
+        if wanted is not None and name != wanted:
+            commands.add_parser(name)
+            continue
+        command = registry.load(name)
+        if command is None:
+            commands.add_parser(name, help=f"(not in this version yet: {missing})")
+            continue
+        own = commands.add_parser(name, help=command.HELP, description=command.HELP)
+        command.add_arguments(own)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        arguments: what follows ``sgms``; by default the process's own.
+
+    Returns:
+        The exit code: 0 only on success.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    wanted = given[0] if given and given[0] in registry.COMMANDS else None
+    try:
+        args = build_parser(wanted).parse_args(given)
+        command = registry.load(args.command)
+        if command is None:
+            missing = registry.COMMANDS[args.command]
+            return _fail(f"sgms {args.command} is not in version {__version__} yet: {missing}")
+        code = command.run(args)
+        sys.stdout.flush()
+        return code
+    except SgmsError as error:
+        return _fail(str(error))
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_BROKEN_PIPE
+    except OSError as error:
+        return _fail(f"{error.filename or wanted}: {error.strerror or error}")
+    except Exception as error:
+        if os.environ.get(SHOW_TRACEBACK):
+            raise
+        return _fail(
+            f"sgms {wanted} met a fault of its own, {type(error).__name__}: {error};"
+            f" set {SHOW_TRACEBACK}=1 to see where, and report it"
+        )
+
+
+def _fail(sentences: str) -> int:
+    print(sentences, file=sys.stderr)
+    return EXIT_FAILED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

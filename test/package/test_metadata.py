@@ -1,0 +1,67 @@
+"""package.xml, setup.py and the changelog tell one story."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import sgms_observer
+
+ROOT = Path(__file__).resolve().parents[2]
+MANIFEST = ElementTree.parse(ROOT / "package.xml").getroot()
+
+ROSDEP_KEYS = {
+    "casadi": "casadi-pip",
+    "rosbags": "python3-rosbags-pip",
+    **{name: f"python3-{name}" for name in ("numpy", "scipy", "numba", "matplotlib", "jinja2")},
+    "pyyaml": "python3-yaml",
+}
+
+
+def _setup_py(field: str) -> list[str]:
+    """Return one field of setup.py as setuptools reads it."""
+    code = (
+        "from distutils.core import run_setup\n"
+        f"for entry in run_setup('setup.py', stop_after='config').{field}: print(entry)"
+    )
+    output = subprocess.run(
+        [sys.executable, "-c", "import setuptools\n" + code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return output.stdout.splitlines()
+
+
+def test_versions_agree() -> None:
+    assert MANIFEST.findtext("version") == sgms_observer.__version__
+
+
+def test_every_requirement_has_its_rosdep_key() -> None:
+    keys = {element.text for element in MANIFEST.findall("exec_depend")}
+    requirements = [re.split(r"[<>=]", line)[0] for line in _setup_py("install_requires")]
+    assert requirements
+    for name in requirements:
+        assert ROSDEP_KEYS[name] in keys
+
+
+def test_every_requirement_is_a_range() -> None:
+    for line in _setup_py("install_requires"):
+        assert re.fullmatch(r"\w+<[\d.]+,>=[\d.]+", line), line
+
+
+def test_build_type_is_ament_python() -> None:
+    assert MANIFEST.findtext("export/build_type") == "ament_python"
+
+
+def test_manifest_names_every_ros_package_that_is_imported() -> None:
+    declared = {element.text for element in MANIFEST if element.tag.endswith("depend")}
+    known = {
+        "rclpy", "rcl_interfaces", "lifecycle_msgs", "builtin_interfaces", "std_msgs", "std_srvs", "sensor_msgs",
+        "diagnostic_msgs", "rosgraph_msgs", "launch", "launch_ros", "ament_index_python", "trajectory_msgs",
+    }  # fmt: skip
+    pattern = re.compile(r"^\s*(?:from|import) (\w+)", re.MULTILINE)
+    sources = [*ROOT.glob("sgms_observer/**/*.py"), *ROOT.glob("sim_plant/**/*.py"), *ROOT.glob("launch/*.py")]
+    imported = {name for path in sources for name in pattern.findall(path.read_text(encoding="utf-8"))}
+    assert "sgms_observer" in imported
+    assert imported & known <= declared
