@@ -1,1 +1,1 @@
-"""TODO."""
+"""Block Z: EKF and moving horizon estimator on one linearised correction interval."""

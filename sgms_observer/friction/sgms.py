@@ -147,20 +147,21 @@ def sgms_step_with_slopes(
 @njit
 def sgms_rate(
     force: float, velocity: float, level: float, lam: float, zeta: float, gain: float
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """Deflection rate dz/dt of eq. 4 with its derivatives.
 
     Args: as ``sgms_step``.
 
     Returns:
-        dz/dt [m/s]; its derivatives with respect to the force [m/(s N)] and the level [m/(s N)].
+        dz/dt [m/s]; its derivatives with respect to the force [m/(s N)], the level [m/(s N)] and the gain [m/s].
     """
     direction = math.copysign(1.0, velocity)
     u = direction * force / level
-    eta, slope, _gain_slope = slip_fraction_with_slope(u, lam, zeta, gain)
+    eta, slope, gain_slope = slip_fraction_with_slope(u, lam, zeta, gain)
     product_slope = eta + u * slope
     return (
         velocity * (1.0 - eta * u),
         -velocity * product_slope * direction / level,
         velocity * product_slope * u / level,
+        -velocity * u * gain_slope,
     )

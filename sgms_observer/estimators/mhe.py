@@ -1,0 +1,391 @@
+"""Moving horizon estimator: real-time Gauss-Newton iterations on eq. 14.
+
+One iteration linearises every interval, solves the resulting quadratic programme with a Kalman filter forward and a
+Bryson-Frazier smoother backward (bounds by a primal-dual active set), and takes the step with backtracking.
+"""
+
+from __future__ import annotations
+
+from sgms_observer.estimators.ekf import linearise_measurement
+from sgms_observer.estimators.interval import level_at, simulate_interval
+from sgms_observer.estimators.kalman import (
+    correct_scalar,
+    factor_covariance,
+    propagate_covariance,
+    propagate_deviation,
+    smooth_back,
+    smooth_back_transition,
+    squared_distance,
+)
+from sgms_observer.estimators.layout import NU, Floats, Integers, ParameterArrays, apply_parameters
+from sgms_observer.estimators.memory import COUNT, FACTOR, IS_USED, LEVEL, VELOCITY, Memory
+from sgms_observer.jit import njit
+
+_MAX_ACTIVE_SET_PASSES = 12
+_MAX_HALVINGS = 6
+_BOUND_TOLERANCE = 1e-9
+
+# results of mhe_correct
+IMPROVED, CONVERGED, NO_DESCENT, NOT_FINITE = range(4)
+
+
+@njit
+def slide_window(memory: Memory, process: Floats, walk: float, variance: float) -> None:
+    """Drop the oldest interval: one EKF recursion of the arrival cost through it (III-D2).
+
+    Args:
+        memory: the estimator's memory; its window is linearised at the latest estimate.
+        process: variances of Q, shape (n_z,).
+        walk: variance of each parameter's drift per correction.
+        variance: R [N^2].
+    """
+    n_z = memory.now.shape[0]
+    d = memory.x_hat.shape[0]
+    deviation = memory.deviations[0]
+    for i in range(d):
+        deviation[i] = memory.prior[i] - (memory.forces[0, i] if i < n_z else memory.p[i - n_z])
+    propagate_deviation(deviation, memory.a[0], memory.b[0])
+    propagate_covariance(memory.prior_covariance, memory.a[0], memory.b[0], process)
+    for i in range(n_z):
+        deviation[i] += memory.ends[0, i] - memory.forces[1, i]
+    if memory.measurements[1, IS_USED] > 0.0:
+        correct_scalar(
+            deviation, memory.prior_covariance, memory.rows[1], memory.residuals[1], variance, memory.adjoint
+        )
+    for i in range(d):
+        memory.prior[i] = deviation[i] + (memory.forces[1, i] if i < n_z else memory.p[i - n_z])
+        if i >= n_z:
+            memory.prior_covariance[i, i] += walk
+    count = int(memory.flags[COUNT])
+    for k in range(count):
+        memory.forces[k] = memory.forces[k + 1]
+        memory.slips[k] = memory.slips[k + 1]
+        memory.measurements[k] = memory.measurements[k + 1]
+        memory.rows[k] = memory.rows[k + 1]
+        memory.residuals[k] = memory.residuals[k + 1]
+        if k > 0:
+            memory.velocity[k - 1] = memory.velocity[k]
+            memory.period[k - 1] = memory.period[k]
+            memory.factor[k - 1] = memory.factor[k]
+            memory.ends[k - 1] = memory.ends[k]
+            memory.end_slips[k - 1] = memory.end_slips[k]
+            memory.a[k - 1] = memory.a[k]
+            memory.b[k - 1] = memory.b[k]
+    memory.flags[COUNT] = count - 1
+
+
+@njit
+def append_interval(memory: Memory, parameters: ParameterArrays, record: Floats) -> None:
+    """Add the running interval, which ends now, and the measurement at its end.
+
+    Args:
+        memory: the estimator's memory; there is room in its window.
+        parameters: which parameters are estimated.
+        record: the measurement (memory.py).
+    """
+    count = int(memory.flags[COUNT])
+    if count == 0:
+        n_z = memory.now.shape[0]
+        memory.prior[:] = memory.x_hat
+        memory.prior_covariance[:, :] = memory.covariance
+        memory.forces[0] = memory.x_hat[:n_z]
+        memory.p[:] = memory.x_hat[n_z:]
+        memory.slips[0] = memory.slip
+        memory.measurements[0] = record
+        memory.measurements[0, VELOCITY] = memory.now_velocity[0]
+    memory.velocity[count] = memory.now_velocity
+    memory.period[count] = memory.now_period
+    memory.factor[count] = memory.now_factor
+    memory.ends[count] = memory.now
+    memory.end_slips[count] = memory.now_slip
+    memory.a[count] = memory.now_a
+    memory.b[count] = memory.now_b
+    memory.forces[count + 1] = memory.now
+    memory.slips[count + 1] = memory.now_slip
+    memory.measurements[count + 1] = record
+    memory.residuals[count + 1] = linearise_measurement(
+        memory, parameters.kinds, parameters.scale, memory.p, memory.now, memory.now_slip, record,
+        memory.rows[count + 1],
+    )  # fmt: skip
+    memory.flags[COUNT] = count + 1
+
+
+@njit
+def bound_of(memory: Memory, node: int, index: int, beta: float, parameters: ParameterArrays, side: float) -> float:
+    """Return the bound (14d, 14e) of entry ``index`` of x at a node; ``side`` is -1 or +1."""
+    n_z = memory.now.shape[0]
+    if index >= n_z:
+        return parameters.upper[index - n_z] if side > 0.0 else parameters.lower[index - n_z]
+    return side * beta * memory.elements[NU, index] * memory.measurements[node, LEVEL]
+
+
+@njit
+def _filter_and_smooth(memory: Memory, process: Floats, variance: float, beta: float, parameters: ParameterArrays) -> bool:
+    """Solve the equality-constrained subproblem into ``memory.steps``; return whether the active set is right."""
+    n_z = memory.now.shape[0]
+    d = memory.x_hat.shape[0]
+    count = int(memory.flags[COUNT])
+    unit = memory.unit
+    for k in range(count + 1):
+        deviation = memory.deviations[k]
+        covariance = memory.covariances[k]
+        if k == 0:
+            for i in range(d):
+                deviation[i] = memory.prior[i] - (memory.forces[0, i] if i < n_z else memory.p[i - n_z])
+            covariance[:, :] = memory.prior_covariance
+        else:
+            deviation[:] = memory.deviations[k - 1]
+            covariance[:, :] = memory.covariances[k - 1]
+            propagate_deviation(deviation, memory.a[k - 1], memory.b[k - 1])
+            propagate_covariance(covariance, memory.a[k - 1], memory.b[k - 1], process)
+            for i in range(n_z):
+                deviation[i] += memory.ends[k - 1, i] - memory.forces[k, i]
+        memory.spreads[k, :] = 0.0
+        if k > 0 and memory.measurements[k, IS_USED] > 0.0:
+            memory.innovations[k, d], memory.spreads[k, d] = correct_scalar(
+                deviation, covariance, memory.rows[k], memory.residuals[k], variance, memory.gains[k, d]
+            )
+        for i in range(d):
+            side = memory.active[k, i]
+            if side != 0.0:
+                present = memory.forces[k, i] if i < n_z else memory.p[i - n_z]
+                unit[:] = 0.0
+                unit[i] = 1.0
+                memory.innovations[k, i], memory.spreads[k, i] = correct_scalar(
+                    deviation, covariance, unit, bound_of(memory, k, i, beta, parameters, side) - present, 0.0,
+                    memory.gains[k, i],
+                )  # fmt: skip
+    adjoint = memory.adjoint
+    adjoint[:] = 0.0
+    is_right = True
+    for k in range(count, -1, -1):
+        if k < count:
+            smooth_back_transition(adjoint, memory.a[k], memory.b[k])
+        for i in range(d):
+            total = memory.deviations[k, i]
+            for j in range(d):
+                total -= memory.covariances[k, i, j] * adjoint[j]
+            memory.steps[k, i] = total
+        for i in range(d - 1, -1, -1):
+            if memory.active[k, i] != 0.0:
+                unit[:] = 0.0
+                unit[i] = 1.0
+                pull = smooth_back(adjoint, unit, memory.gains[k, i], memory.innovations[k, i], memory.spreads[k, i])
+                if pull * memory.active[k, i] > 0.0:
+                    memory.active[k, i] = 0.0
+                    is_right = False
+        smooth_back(adjoint, memory.rows[k], memory.gains[k, d], memory.innovations[k, d], memory.spreads[k, d])
+    return is_right
+
+
+@njit
+def solve_subproblem(memory: Memory, process: Floats, variance: float, beta: float, parameters: ParameterArrays) -> None:
+    """Solve the quadratic programme of one Gauss-Newton iteration into ``memory.steps``.
+
+    Args:
+        memory: the estimator's memory, its window linearised.
+        process: variances of Q, shape (n_z,).
+        variance: R [N^2].
+        beta: state bound of 14d.
+        parameters: which parameters are estimated, with their bounds.
+    """
+    n_z = memory.now.shape[0]
+    d = memory.x_hat.shape[0]
+    count = int(memory.flags[COUNT])
+    memory.active[:, :] = 0.0
+    for _ in range(_MAX_ACTIVE_SET_PASSES):
+        is_right = _filter_and_smooth(memory, process, variance, beta, parameters)
+        for k in range(count + 1):
+            last = d if k == 0 else n_z  # p is one variable for the whole window
+            for i in range(last):
+                if memory.active[k, i] == 0.0:
+                    value = memory.steps[k, i] + (memory.forces[k, i] if i < n_z else memory.p[i - n_z])
+                    for side in (-1.0, 1.0):
+                        bound = bound_of(memory, k, i, beta, parameters, side)
+                        if side * (value - bound) > _BOUND_TOLERANCE * (1.0 + abs(bound)):
+                            memory.active[k, i] = side
+                            is_right = False
+        if is_right:
+            break
+
+
+@njit
+def _cost(memory: Memory, process: Floats, variance: float, forces: Floats, p: Floats, ends: Floats,
+          residuals: Floats) -> float:  # fmt: skip
+    """Cost of eq. 14 at a point whose intervals and residuals are at hand (twice the negative log-likelihood)."""
+    n_z = memory.now.shape[0]
+    count = int(memory.flags[COUNT])
+    deviation = memory.adjoint
+    for i in range(deviation.shape[0]):
+        deviation[i] = (forces[0, i] if i < n_z else p[i - n_z]) - memory.prior[i]
+    total = squared_distance(memory.lower, deviation, memory.work)
+    for k in range(count):
+        for i in range(n_z):
+            defect = forces[k + 1, i] - ends[k, i]
+            if process[i] > 0.0:
+                total += defect * defect / process[i]
+        total += residuals[k + 1] * residuals[k + 1] / variance
+    return total
+
+
+@njit
+def _evaluate_trial(memory: Memory, nominal_scalars: Floats, nominal_elements: Floats,
+                    parameters: ParameterArrays) -> None:  # fmt: skip
+    """Simulate and linearise every interval at the trial point."""
+    kinds, scale = parameters.kinds, parameters.scale
+    count = int(memory.flags[COUNT])
+    apply_parameters(
+        nominal_scalars, nominal_elements, kinds, scale, memory.trial_p, memory.scalars, memory.elements
+    )
+    for k in range(count):
+        simulate_interval(
+            memory.scalars, memory.elements, kinds, memory.trial_p,
+            memory.velocity[k], memory.period[k], memory.factor[k], memory.velocity.shape[1],
+            memory.trial_forces[k], memory.slips[k],
+            memory.trial_ends[k], memory.trial_end_slips[k], memory.trial_a[k], memory.trial_b[k],
+        )  # fmt: skip
+        memory.trial_residuals[k + 1] = linearise_measurement(
+            memory, kinds, scale, memory.trial_p, memory.trial_forces[k + 1], memory.trial_end_slips[k],
+            memory.measurements[k + 1], memory.trial_rows[k + 1],
+        )  # fmt: skip
+
+
+@njit
+def _accept_trial(memory: Memory) -> None:
+    """Make the trial point, with its linearisation, the window's estimate."""
+    count = int(memory.flags[COUNT])
+    memory.p[:] = memory.trial_p
+    memory.forces[0] = memory.trial_forces[0]
+    for k in range(count):
+        memory.forces[k + 1] = memory.trial_forces[k + 1]
+        memory.slips[k + 1] = memory.trial_end_slips[k]
+        memory.ends[k] = memory.trial_ends[k]
+        memory.end_slips[k] = memory.trial_end_slips[k]
+        memory.a[k] = memory.trial_a[k]
+        memory.b[k] = memory.trial_b[k]
+        memory.rows[k + 1] = memory.trial_rows[k + 1]
+        memory.residuals[k + 1] = memory.trial_residuals[k + 1]
+
+
+@njit
+def _set_trial(memory: Memory, share: float, beta: float, parameters: ParameterArrays) -> float:
+    """Go a share of the step, inside the bounds; return the largest move in units of the prior's deviations."""
+    n_z = memory.now.shape[0]
+    count = int(memory.flags[COUNT])
+    largest = 0.0
+    for j in range(memory.p.shape[0]):
+        value = memory.p[j] + share * memory.steps[0, n_z + j]
+        memory.trial_p[j] = min(max(value, parameters.lower[j]), parameters.upper[j])
+        largest = max(largest, abs(memory.trial_p[j] - memory.p[j]))
+    for k in range(count + 1):
+        for i in range(n_z):
+            high = bound_of(memory, k, i, beta, parameters, 1.0)
+            value = memory.forces[k, i] + share * memory.steps[k, i]
+            memory.trial_forces[k, i] = min(max(value, -high), high)
+            largest = max(largest, abs(memory.trial_forces[k, i] - memory.forces[k, i]) / high)
+    return largest
+
+
+@njit
+def iterate(memory: Memory, nominal_scalars: Floats, nominal_elements: Floats, parameters: ParameterArrays,
+            process: Floats, variance: float, beta: float, tolerance: float) -> int:  # fmt: skip
+    """One Gauss-Newton iteration on the window as it stands.
+
+    Args:
+        memory: the estimator's memory, its window linearised at its present estimate.
+        nominal_scalars: model without p (layout.py).
+        nominal_elements: its element rows.
+        parameters: which parameters are estimated.
+        process: variances of Q, shape (n_z,).
+        variance: R [N^2].
+        beta: state bound of 14d.
+        tolerance: a step below it, relative to the bounds, counts as converged.
+
+    Returns:
+        IMPROVED, CONVERGED, NO_DESCENT or NOT_FINITE.
+    """
+    for k in range(int(memory.flags[COUNT]) + 1):
+        record = memory.measurements[k]
+        record[LEVEL] = level_at(memory.scalars, record[VELOCITY], record[FACTOR])
+    factor_covariance(memory.prior_covariance, memory.lower)
+    before = _cost(memory, process, variance, memory.forces, memory.p, memory.ends, memory.residuals)
+    solve_subproblem(memory, process, variance, beta, parameters)
+    share = 1.0
+    for _ in range(_MAX_HALVINGS + 1):
+        apply_parameters(
+            nominal_scalars, nominal_elements, parameters.kinds, parameters.scale, memory.p,
+            memory.scalars, memory.elements,
+        )  # fmt: skip
+        largest = _set_trial(memory, share, beta, parameters)
+        _evaluate_trial(memory, nominal_scalars, nominal_elements, parameters)
+        after = _cost(
+            memory, process, variance, memory.trial_forces, memory.trial_p, memory.trial_ends, memory.trial_residuals
+        )
+        if not after < 1e300:
+            share *= 0.5
+            continue
+        if after <= before + 1e-9 * (1.0 + before):
+            _accept_trial(memory)
+            return CONVERGED if largest <= tolerance else IMPROVED
+        if largest <= tolerance:
+            break
+        share *= 0.5
+    apply_parameters(
+        nominal_scalars, nominal_elements, parameters.kinds, parameters.scale, memory.p, memory.scalars, memory.elements
+    )
+    if not before < 1e300:
+        return NOT_FINITE
+    return CONVERGED if largest <= tolerance else NO_DESCENT
+
+
+@njit
+def store_newest(memory: Memory) -> None:
+    """Copy the newest node's estimate and its filtered covariance to x_hat, covariance and slip."""
+    n_z = memory.now.shape[0]
+    count = int(memory.flags[COUNT])
+    for i in range(n_z):
+        memory.x_hat[i] = memory.forces[count, i]
+        memory.slip[i] = memory.slips[count, i]
+    for j in range(memory.p.shape[0]):
+        memory.x_hat[n_z + j] = memory.p[j]
+    memory.covariance[:, :] = memory.covariances[count]
+
+
+@njit
+def mhe_correct(memory: Memory, nominal_scalars: Floats, nominal_elements: Floats, parameters: ParameterArrays,
+                process: Floats, walk: float, variance: float, beta: float, record: Floats, horizon: int,
+                iterations: int, tolerance: float) -> int:  # fmt: skip
+    """Take in the running interval and its measurement, and iterate.
+
+    Args:
+        memory: the estimator's memory.
+        nominal_scalars: model without p (layout.py).
+        nominal_elements: its element rows.
+        parameters: which parameters are estimated.
+        process: variances of Q, shape (n_z,).
+        walk: variance of each parameter's drift per correction.
+        variance: R [N^2].
+        beta: state bound of 14d.
+        record: the measurement at the end of the running interval (memory.py).
+        horizon: N.
+        iterations: most Gauss-Newton iterations.
+        tolerance: a step below it, relative to the bounds, ends them.
+
+    Returns:
+        IMPROVED, CONVERGED, NO_DESCENT or NOT_FINITE.
+    """
+    if memory.flags[COUNT] >= horizon:
+        slide_window(memory, process, walk, variance)
+    append_interval(memory, parameters, record)
+    result = IMPROVED
+    for i in range(iterations):
+        result = iterate(
+            memory, nominal_scalars, nominal_elements, parameters, process, variance, beta, tolerance
+        )
+        if result != IMPROVED:
+            if result == NO_DESCENT and i > 0:
+                result = IMPROVED
+            break
+    if result == IMPROVED or result == CONVERGED:
+        store_newest(memory)
+    return result
