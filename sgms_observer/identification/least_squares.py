@@ -116,7 +116,9 @@ def regression(recording: Recording, names: Sequence[str], cutoff: float) -> Reg
     """
     rate = 1.0 / recording.period
     if cutoff >= 0.45 * rate:
-        raise DataError(f"{recording.name} is sampled at {rate:.4g} Hz; a cutoff of {cutoff:.4g} Hz must be below 0.45 times that")
+        raise DataError(
+            f"{recording.name} is sampled at {rate:.4g} Hz; choose a cutoff below 0.45 times that, not {cutoff:.4g} Hz"
+        )
     _position, velocity, acceleration = zero_phase_motion(recording.position, recording.period, cutoff)
     direction = np.sign(velocity)
     if tuple(names) == SYMMETRIC:
@@ -127,7 +129,9 @@ def regression(recording: Recording, names: Sequence[str], cutoff: float) -> Reg
     rows = np.column_stack([*columns, recording.effort])[_BORDER:]
     factor = max(1, round(rate / (_ROWS_PER_CUTOFF * cutoff)))
     if len(rows) < 40 * factor:
-        raise DataError(f"{recording.name} lasts {recording.duration:.3g} s; least squares at {cutoff:.4g} Hz needs more")
+        raise DataError(
+            f"{recording.name} lasts {recording.duration:.3g} s; least squares at {cutoff:.4g} Hz needs more"
+        )
     decimated = decimate_from_end(rows, factor)
     return Regression(decimated[:, :-1], decimated[:, -1])
 
@@ -157,7 +161,9 @@ def fit_inverse_model(
         raise DataError(f"these recordings never excite {', '.join(silent)}; move the axis both ways")
     condition = float(np.linalg.cond(regressor / scale))
     if condition > 1e8:
-        raise DataError(f"the motion cannot tell {', '.join(names)} apart (condition {condition:.1e}); vary speed and direction")
+        raise DataError(
+            f"the motion cannot tell {', '.join(names)} apart (condition {condition:.1e}); vary speed and direction"
+        )
     values = np.linalg.lstsq(regressor / scale, effort, rcond=None)[0] / scale
     residuals = [part.effort - part.regressor @ values for part in parts]
     covariance = least_squares_covariance([part.regressor for part in parts], residuals)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,11 +87,13 @@ def recordings_from_samples(samples: Samples, name: str, sha256: str = "") -> tu
     edges = [0, *cuts.tolist(), len(seconds)]
     pieces = [
         _even_piece(name, sha256, period, seconds[a:b], [values[a:b] for values in signals], stamp[0] * 1e-9)
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        for a, b in pairwise(edges)
         if b - a >= _MINIMUM_LENGTH
     ]
     if not pieces:
-        raise DataError(f"{name} is broken by pauses into pieces shorter than {_MINIMUM_LENGTH} samples; record it again")
+        raise DataError(
+            f"{name} is broken by pauses into pieces shorter than {_MINIMUM_LENGTH} samples; record it again"
+        )
     return tuple(pieces)
 
 

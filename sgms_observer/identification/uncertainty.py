@@ -91,7 +91,8 @@ def least_squares_covariance(jacobians: Sequence[Floats], residuals: Sequence[Fl
     values, vectors = np.linalg.eigh(bread)
     seen = values > 1e-12 * values[-1]
     inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
-    filling = long_run_covariance([jacobian * residual[:, None] for jacobian, residual in zip(scaled, residuals, strict=True)])
+    scores = [jacobian * residual[:, None] for jacobian, residual in zip(scaled, residuals, strict=True)]
+    filling = long_run_covariance(scores)
     rows = sum(len(residual) for residual in residuals)
     freedom = rows / max(rows - stacked.shape[1], 1)
     covariance = freedom * inverse @ filling @ inverse

@@ -38,10 +38,10 @@ def _sliding_axis(seed: int, noise: float) -> Recording:
 
 def test_recovers_known_parameters() -> None:
     fit = fit_inverse_model([_sliding_axis(seed=3, noise=0.05)])
-    assert fit.value("mass") == pytest.approx(12.0, rel=5e-3)
-    assert fit.value("viscous_coefficient") == pytest.approx(30.0, rel=5e-3)
-    assert fit.value("coulomb_force") == pytest.approx(4.0, rel=5e-3)
-    assert fit.value("offset") == pytest.approx(-0.7, rel=5e-3)
+    assert fit.value("mass") == pytest.approx(12.0, rel=1e-2)
+    assert fit.value("viscous_coefficient") == pytest.approx(30.0, rel=1e-2)
+    assert fit.value("coulomb_force") == pytest.approx(4.0, rel=1e-2)
+    assert fit.value("offset") == pytest.approx(-0.7, rel=1e-2)
 
 
 def test_intervals_cover_the_truth_as_often_as_they_say() -> None:

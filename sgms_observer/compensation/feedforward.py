@@ -1,0 +1,239 @@
+"""Feedforward of the friction of the motion to come.
+
+Where a reference is published, the element states are carried along the reference, not along the measurement: the
+measured position would feed the presliding springs back with the delay of filter and actuator, which rings. They
+start from the observer's states, use the observer's estimated parameters, and look ahead over the delay from
+measurement to actuation. Without a reference the observer's states are carried along the estimated velocity.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.compensation.preview import advance_elements, preview_elements
+from sgms_observer.compensation.safety import safe_output
+from sgms_observer.estimators.layout import (
+    MODEL_SIZE,
+    OFFSET,
+    VISCOUS,
+    Floats,
+    Integers,
+    ModelArrays,
+    ParameterArrays,
+    apply_parameters,
+)
+from sgms_observer.jit import njit
+from sgms_observer.settings.observer import CompensationSettings
+from sgms_observer.status import Status
+
+# the state that evolves, one array
+OUTPUT, TRUST, RAW, LAST_POSITION, LAST_VELOCITY, HAS_LAST, IS_ALIGNED, STATE_SIZE = range(8)
+# the settings the kernel reads, one array
+ENABLED, GAIN, LIMIT, SLEW, LOOK_AHEAD, STANDSTILL, FADE_STD, TIMEOUT, TUNING_SIZE = range(9)
+
+_FADE_START = 0.5  # share of fade_std up to which nothing is faded
+_GOOD = (Status.RUNNING, Status.FALLBACK_NOT_CONVERGED, Status.FALLBACK_DEADLINE)
+_RESTART = (Status.STARTING, Status.RESTARTED_AFTER_GAP)
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What one block of samples offers the compensation; row i belongs to sample i.
+
+    Attributes:
+        period: time since the previous sample [s], shape (n,).
+        velocity: estimated velocity now [m/s], shape (n,).
+        element_force: the observer's element forces now [N], shape (n, n_z).
+        parameters: estimated parameters, SI units (kappa as share), shape (n, n_p).
+        friction_std: standard deviation of the friction estimate [N], shape (n,).
+        reference_position: set-point [m], NaN where there is none, shape (n,).
+        reference_velocity: its velocity [m/s], NaN where there is none, shape (n,).
+        effects_force: force that the effects of the YAML take from the actuator [N], shape (n,).
+        effects_factor: their factor on the Stribeck level [-], shape (n,).
+        status: ``Status`` codes, shape (n,).
+    """
+
+    period: Floats
+    velocity: Floats
+    element_force: Floats
+    parameters: Floats
+    friction_std: Floats
+    reference_position: Floats
+    reference_velocity: Floats
+    effects_force: Floats
+    effects_factor: Floats
+    status: NDArray[np.uint8]
+
+
+@njit
+def _next_trust(trust: float, verdict: int, period: float, timeout: float) -> float:
+    """Return how far the data are trusted: full after ``timeout`` of good samples, none after as long without."""
+    if verdict == 2 or not period > 0.0:
+        return 0.0
+    change = period / timeout
+    return min(1.0, trust + change) if verdict == 0 else max(0.0, trust - change)
+
+
+@njit
+def _fade(friction_std: float, fade_std: float) -> float:
+    """Return the share left at this uncertainty: 1 up to half of ``fade_std``, 0 from ``fade_std`` on."""
+    if not friction_std < fade_std:
+        return 0.0
+    return min(1.0, (1.0 - friction_std / fade_std) / (1.0 - _FADE_START))
+
+
+@njit
+def _compensate(
+    period: Floats,
+    velocity: Floats,
+    element_force: Floats,
+    parameters: Floats,
+    friction_std: Floats,
+    reference_position: Floats,
+    reference_velocity: Floats,
+    effects_force: Floats,
+    effects_factor: Floats,
+    verdict: Integers,
+    scalars: Floats,
+    elements: Floats,
+    kinds: Integers,
+    tuning: Floats,
+    state: Floats,
+    carried: Floats,
+    carried_modes: Integers,
+    out: Floats,
+) -> None:
+    """Compute the compensation sample by sample; ``state`` and ``carried`` evolve in place."""
+    n_z = elements.shape[1]
+    row = np.empty(MODEL_SIZE)
+    bars = np.empty((3, n_z))
+    unit = np.ones(kinds.shape[0])
+    forces = np.empty(n_z)
+    modes = np.zeros(n_z, dtype=np.int64)
+    apply_parameters(scalars, elements, kinds[:0], unit[:0], unit[:0], row, bars)
+    for k in range(period.shape[0]):
+        h = period[k]
+        trust = _next_trust(state[TRUST], verdict[k], h, tuning[TIMEOUT]) if tuning[ENABLED] > 0.5 else 0.0
+        state[TRUST] = trust
+        if kinds.shape[0] > 0:
+            apply_parameters(scalars, elements, kinds, unit, parameters[k], row, bars)
+        factor = effects_factor[k] if effects_factor[k] > 0.0 else 1.0
+        if verdict[k] == 2:
+            state[RAW] = 0.0
+        set_velocity = reference_velocity[k]
+        set_position = reference_position[k]
+        has_step = state[HAS_LAST] > 0.5 and h > 0.0 and math.isfinite(set_position)
+        travel = set_position - state[LAST_POSITION] if has_step else math.nan
+        if not math.isfinite(set_velocity) and has_step:
+            set_velocity = travel / h
+        if math.isfinite(set_velocity):
+            acceleration = 0.0
+            if state[HAS_LAST] > 0.5 and h > 0.0 and math.isfinite(state[LAST_VELOCITY]):
+                acceleration = (set_velocity - state[LAST_VELOCITY]) / h
+            if state[IS_ALIGNED] < 0.5 or verdict[k] == 2 or not math.isfinite(carried.sum()):
+                for i in range(n_z):
+                    carried[i] = element_force[k, i] if math.isfinite(element_force[k, i]) else 0.0
+                carried_modes[:] = 0
+                state[IS_ALIGNED] = 1.0
+            else:
+                if not has_step:
+                    travel = set_velocity * h
+                advance_elements(carried, carried_modes, travel, abs(travel) / h, factor, row, bars)
+            is_moving = abs(set_velocity) > tuning[STANDSTILL]
+            forces[:] = carried
+            modes[:] = carried_modes
+        else:
+            state[IS_ALIGNED] = 0.0
+            set_velocity = velocity[k]
+            acceleration = 0.0
+            is_moving = abs(set_velocity) > tuning[STANDSTILL]
+            forces[:] = element_force[k]
+            modes[:] = 0
+        state[LAST_POSITION] = set_position
+        state[LAST_VELOCITY] = reference_velocity[k] if math.isfinite(reference_velocity[k]) else set_velocity
+        state[HAS_LAST] = 1.0
+        if is_moving and math.isfinite(set_velocity):
+            ahead = preview_elements(forces, modes, set_velocity, acceleration, tuning[LOOK_AHEAD], factor, row, bars)
+            total = row[VISCOUS] * ahead
+            for i in range(n_z):
+                total += forces[i]
+            state[RAW] = total
+        wanted = 0.0
+        if trust > 0.0:
+            share = tuning[GAIN] * trust * _fade(friction_std[k], tuning[FADE_STD])
+            wanted = share * (state[RAW] + row[OFFSET] + effects_force[k])
+        state[OUTPUT] = safe_output(state[OUTPUT], wanted, h, tuning[LIMIT], tuning[SLEW])
+        out[k] = state[OUTPUT]
+
+
+class Compensator:
+    """Compensation of one axis, block by block; the split into blocks does not change a bit.
+
+    Args:
+        settings: checked settings.
+        model: nominal friction model with mass and offset.
+        parameters: which parameters the observer estimates.
+    """
+
+    def __init__(self, settings: CompensationSettings, model: ModelArrays, parameters: ParameterArrays) -> None:
+        self._model = model
+        self._kinds = parameters.kinds
+        n_z = model.elements.shape[1]
+        self._state = np.zeros(STATE_SIZE)
+        self._carried = np.zeros(n_z)
+        self._modes = np.zeros(n_z, dtype=np.int64)
+        self._verdict = np.ones(256, dtype=np.int64)
+        self._verdict[[int(status) for status in _GOOD]] = 0
+        self._verdict[[int(status) for status in _RESTART]] = 2
+        self._tuning = np.zeros(TUNING_SIZE)
+        self.configure(settings)
+
+    def configure(self, settings: CompensationSettings) -> None:
+        """Take other settings from the next sample on; the output moves there within the slew limit."""
+        self._tuning[:] = (
+            float(settings.enabled),
+            settings.gain,
+            settings.limit,
+            settings.slew_limit,
+            settings.look_ahead,
+            settings.standstill_velocity,
+            settings.fade_std,
+            settings.timeout,
+        )
+
+    def reset(self) -> None:
+        """Forget everything but the last output, from which the slew limit counts."""
+        output = self._state[OUTPUT]
+        self._state[:] = 0.0
+        self._state[OUTPUT] = output
+        self._carried[:] = 0.0
+        self._modes[:] = 0
+
+    def step(self, block: Preview) -> Floats:
+        """Return the compensation of each sample of a block [N], shape (n,)."""
+        out = np.empty(len(block.period))
+        _compensate(
+            block.period,
+            block.velocity,
+            block.element_force,
+            block.parameters,
+            block.friction_std,
+            block.reference_position,
+            block.reference_velocity,
+            block.effects_force,
+            block.effects_factor,
+            self._verdict[block.status],
+            self._model.scalars,
+            self._model.elements,
+            self._kinds,
+            self._tuning,
+            self._state,
+            self._carried,
+            self._modes,
+            out,
+        )
+        return out

@@ -1,0 +1,71 @@
+"""The last stage before a compensation leaves: finite, bounded, and never faster than allowed.
+
+Nothing upstream is trusted here. Whatever comes in, the output's magnitude stays within the limit and its change
+within the slew limit times the elapsed time; an input that is not a number counts as zero.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sgms_observer.jit import njit
+from sgms_observer.settings.observer import CompensationSettings
+
+
+@njit
+def safe_output(previous: float, target: float, period: float, limit: float, slew_limit: float) -> float:
+    """Return the output that comes as near to ``target`` as is safe.
+
+    Args:
+        previous: last output [N].
+        target: wanted output [N].
+        period: time since the last output [s]; no motion is allowed for a period that is not positive.
+        limit: largest magnitude [N].
+        slew_limit: fastest change [N/s].
+
+    Returns:
+        Output [N]: finite, at most ``limit`` in magnitude, and at most ``slew_limit * period`` from ``previous``
+        unless the limit itself asks for more.
+    """
+    bound = limit if limit > 0.0 else 0.0
+    if math.isinf(bound):
+        bound = 1.0e300
+    start = previous if math.isfinite(previous) else 0.0
+    wish = target if math.isfinite(target) else 0.0
+    reach = slew_limit * period if period > 0.0 and slew_limit > 0.0 else 0.0
+    if math.isnan(reach):
+        reach = 0.0
+    change = wish - start
+    if change > reach:
+        change = reach
+    elif change < -reach:
+        change = -reach
+    return min(max(start + change, -bound), bound)
+
+
+class SafetyStage:
+    """The same guard for a shell that publishes by the clock: silence and switching off both end at zero.
+
+    Args:
+        settings: limit, slew limit and timeout.
+    """
+
+    def __init__(self, settings: CompensationSettings) -> None:
+        self._settings = settings
+        self.output = 0.0
+
+    def step(self, target: float, age: float, period: float) -> float:
+        """Return the next output.
+
+        Args:
+            target: compensation from the observer [N].
+            age: how old the sample behind it is [s]; beyond ``timeout`` (or not a number) the target is zero.
+            period: time since the last call [s].
+
+        Returns:
+            Output [N], safe whatever the arguments were.
+        """
+        fresh = self._settings.enabled and 0.0 <= age <= self._settings.timeout
+        wanted = target if fresh else 0.0
+        self.output = safe_output(self.output, wanted, period, self._settings.limit, self._settings.slew_limit)
+        return self.output

@@ -1,0 +1,170 @@
+"""The compensator by itself: off until enabled, the same in any split, gone when the data are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sgms_observer.compensation.feedforward import Compensator, Preview
+from sgms_observer.estimators.layout import ModelArrays, ParameterArrays, model_arrays, parameter_arrays
+from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings
+from sgms_observer.status import Status
+
+PERIOD = 1e-4
+ON = CompensationSettings(enabled=True, gain=1.0, timeout=0.01)
+
+
+def _model(friction: FrictionSettings | None = None) -> ModelArrays:
+    return model_arrays(friction or FrictionSettings(), mass=10.0)
+
+
+def _parameters(names: tuple[str, ...] = ()) -> ParameterArrays:
+    return parameter_arrays(EstimatorSettings(parameters=names), _model())
+
+
+def _sine(count: int, amplitude: float = 2e-4, frequency: float = 5.0) -> Preview:
+    time = PERIOD * np.arange(count)
+    omega = 2.0 * np.pi * frequency
+    position = amplitude * np.sin(omega * time)
+    velocity = omega * amplitude * np.cos(omega * time)
+    return Preview(
+        period=np.full(count, PERIOD),
+        velocity=velocity,
+        element_force=np.zeros((count, 4)),
+        parameters=np.zeros((count, 0)),
+        friction_std=np.zeros(count),
+        reference_position=position,
+        reference_velocity=velocity,
+        effects_force=np.zeros(count),
+        effects_factor=np.ones(count),
+        status=np.zeros(count, dtype=np.uint8),
+    )
+
+
+def _part(block: Preview, first: int, last: int) -> Preview:
+    return Preview(**{name: getattr(block, name)[first:last] for name in block.__dataclass_fields__})
+
+
+def test_off_until_enabled() -> None:
+    compensator = Compensator(CompensationSettings(), _model(), _parameters())
+    assert not np.any(compensator.step(_sine(3000)))
+
+
+def test_steady_sliding_is_the_stribeck_curve_with_the_viscous_term() -> None:
+    block = _sine(2000)
+    speed = 0.01
+    block = replace(
+        block,
+        reference_position=speed * PERIOD * np.arange(2000),
+        reference_velocity=np.full(2000, speed),
+    )
+    out = Compensator(ON, _model(), _parameters()).step(block)
+    assert out[-1] == pytest.approx(4.0 + 20.0 * speed, rel=1e-6)
+
+
+@settings(max_examples=20, deadline=None)
+@given(cuts=st.lists(st.integers(0, 3000), max_size=12), look_ahead=st.sampled_from([0.0, 3e-4]))
+def test_the_split_into_blocks_does_not_change_a_bit(cuts: list[int], look_ahead: float) -> None:
+    chosen = replace(ON, look_ahead=look_ahead)
+    block = _sine(3000)
+    whole = Compensator(chosen, _model(), _parameters()).step(block)
+    edges = [0, *sorted(cuts), 3000]
+    split = Compensator(chosen, _model(), _parameters())
+    parts = [split.step(_part(block, a, b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    assert np.array_equal(whole, np.concatenate(parts))
+
+
+def test_look_ahead_leads_by_its_time() -> None:
+    block = _sine(6000)
+    now = Compensator(ON, _model(), _parameters()).step(block)
+    ahead = Compensator(replace(ON, look_ahead=5 * PERIOD), _model(), _parameters()).step(block)
+    late = np.sqrt(np.mean((ahead[3000:-5] - now[3000:-5]) ** 2))
+    aligned = np.sqrt(np.mean((ahead[3000:-5] - now[3005:]) ** 2))
+    assert aligned < 0.2 * late  # the look-ahead is one coarser step
+
+
+@pytest.mark.parametrize("status", [Status.SAMPLE_REJECTED, Status.PREDICTING, Status.FALLBACK_NOT_FINITE])
+def test_data_that_stay_bad_end_at_zero(status: Status) -> None:
+    block = _sine(4000)
+    block.status[2000:] = int(status)
+    out = Compensator(ON, _model(), _parameters()).step(block)
+    assert np.max(np.abs(out[1500:2000])) > 1.0
+    assert not np.any(out[2000 + round(ON.timeout / PERIOD) + 10 :])
+
+
+def test_one_rejected_sample_is_hardly_felt() -> None:
+    block = _sine(4000)
+    out = Compensator(ON, _model(), _parameters()).step(block)
+    block.status[2500] = int(Status.SAMPLE_REJECTED)
+    other = Compensator(ON, _model(), _parameters()).step(block)
+    assert np.max(np.abs(out - other)) < 0.02 * np.max(np.abs(out))
+
+
+def test_uncertainty_fades_it() -> None:
+    block = _sine(4000)
+    full = Compensator(ON, _model(), _parameters()).step(block)
+    faded = Compensator(ON, _model(), _parameters()).step(replace(block, friction_std=np.full(4000, 0.75)))
+    gone = Compensator(ON, _model(), _parameters()).step(replace(block, friction_std=np.full(4000, 1.0)))
+    unknown = Compensator(ON, _model(), _parameters()).step(replace(block, friction_std=np.full(4000, math.nan)))
+    assert np.max(np.abs(faded - 0.5 * full)) < 0.05 * np.max(np.abs(full))
+    assert not np.any(gone)
+    assert not np.any(unknown)
+
+
+@pytest.mark.parametrize("model", ["sgms", "gms"])
+def test_a_resting_reference_holds_whatever_the_measurement_does(model: str) -> None:
+    count = 4000
+    block = _sine(count)
+    position = np.minimum(0.01 * PERIOD * np.arange(count), 0.01 * PERIOD * 1000)
+    noise = np.random.default_rng(5).normal(0.0, 1e-3, count)
+    block = replace(
+        block,
+        velocity=noise,
+        element_force=np.random.default_rng(6).normal(0.0, 1.0, (count, 4)),
+        reference_position=position,
+        reference_velocity=np.where(np.arange(count) < 1000, 0.01, 0.0),
+    )
+    out = Compensator(ON, _model(FrictionSettings(model=model)), _parameters()).step(block)
+    assert np.ptp(out[1100:]) == 0.0
+    assert out[-1] > 1.0
+
+
+def test_estimated_parameters_are_used() -> None:
+    block = _sine(4000)
+    names = ("coulomb_force", "offset")
+    estimates = np.tile([3.0, 0.5], (4000, 1))
+    block = replace(
+        block,
+        parameters=estimates,
+        reference_position=0.02 * PERIOD * np.arange(4000),
+        reference_velocity=np.full(4000, 0.02),
+    )
+    out = Compensator(ON, _model(), _parameters(names)).step(block)
+    assert out[-1] == pytest.approx(3.0 + 0.5 + 20.0 * 0.02, rel=1e-6)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 2**31),
+    poison=st.sampled_from(["velocity", "element_force", "friction_std", "reference_position", "reference_velocity",
+                            "effects_force", "effects_factor", "period"]),
+    value=st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e300, 0.0]),
+)  # fmt: skip
+def test_poisoned_input_stays_inside_limit_and_slew_and_is_overcome(seed: int, poison: str, value: float) -> None:
+    rng = np.random.default_rng(seed)
+    block = _sine(4000)
+    values = getattr(block, poison).copy()
+    values[rng.integers(500, 2000, 50)] = value
+    chosen = replace(ON, limit=3.0)
+    out = Compensator(chosen, _model(), _parameters()).step(replace(block, **{poison: values}))
+    assert np.all(np.isfinite(out))
+    assert np.max(np.abs(out)) <= 3.0
+    assert np.max(np.abs(np.diff(out))) <= chosen.slew_limit * PERIOD * (1.0 + 1e-9) or poison == "period"
+    clean = Compensator(chosen, _model(), _parameters()).step(block)
+    assert np.max(np.abs(out[3500:] - clean[3500:])) < 0.02
