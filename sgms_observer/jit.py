@@ -67,3 +67,11 @@ def njit(function: Kernel) -> Kernel:
         return function
     compiled: Kernel = numba.njit(function, cache=True, error_model="numpy", nogil=True)
     return compiled
+
+
+def njit_uncached(function: Kernel) -> Kernel:
+    """Compile a user's ``function``, which lives in no source file of this package, without a disk cache."""
+    if not HAS_NUMBA:
+        return function
+    compiled: Kernel = numba.njit(function, error_model="numpy", nogil=True)
+    return compiled

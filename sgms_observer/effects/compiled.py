@@ -1,0 +1,151 @@
+"""The effects of one axis, ready to run: what stage, observer, replay, identification and compensation share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.effects import kernels
+from sgms_observer.effects.catalogue import effect, is_built_in
+from sgms_observer.effects.effect import Place
+from sgms_observer.effects.user_kernels import compile_user_effects
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.settings.axis import EffectSettings
+
+Floats = NDArray[np.float64]
+
+SCRATCH = 16
+"""Length of the ``out`` array ``kernels.effects_step`` needs."""
+
+
+class CompiledEffects:
+    """Effects as flat arrays for the kernels.
+
+    A kernel of one's own calls ``kernels.effects_step(*effects.arguments(state), q, v, ...)`` with the arrays unpacked;
+    whole blocks go through ``evaluate``. The state is the caller's, so that any split into blocks gives the same bits.
+
+    Args:
+        settings: the axis's effects with their values, in the catalogue's order of parameters; empty for defaults.
+        sample_period: time between two samples [s]; a delay counts in it.
+
+    Raises:
+        ConfigurationError: an unknown effect, a wrong number of values, or a value outside its range.
+    """
+
+    def __init__(self, settings: Sequence[EffectSettings], sample_period: float) -> None:
+        entries = [effect(item.name) for item in settings]
+        values = [item.values or entry.defaults for item, entry in zip(settings, entries, strict=True)]
+        faults = [fault for entry, value in zip(entries, values, strict=True) for fault in entry.check(tuple(value), "effects")]
+        if faults:
+            raise ConfigurationError(faults)
+        users = [entry for entry in entries if not is_built_in(entry.name)]
+        self.names = tuple(entry.name for entry in entries)
+        self.sample_period = sample_period
+        self.kinds = np.array(
+            [
+                kernels.KIND[entry.name] if is_built_in(entry.name) else kernels.FIRST_USER_KIND + users.index(entry)
+                for entry in entries
+            ],
+            dtype=np.int64,
+        )
+        self.parameters = np.array([value for group in values for value in group], dtype=np.float64)
+        self.p_at = np.concatenate([[0], np.cumsum([len(group) for group in values])]).astype(np.int64)
+        states = [self._initial(entry.name, entry.initial_state, value) for entry, value in zip(entries, values, strict=True)]
+        self._initial_state = np.array([value for group in states for value in group], dtype=np.float64)
+        self.s_at = np.concatenate([[0], np.cumsum([len(group) for group in states])]).astype(np.int64)
+        self.user = compile_user_effects(users)
+        places = {entry.place for entry in entries}
+        self.has_force_or_level = bool(places & {Place.ADDED_FORCE, Place.LEVEL_FACTOR}) or "flexible_mode" in self.names
+        self.has_effort_path = Place.EFFORT_PATH in places
+        self.has_position = Place.MEASURED_POSITION in places
+
+    def _initial(self, name: str, initial: tuple[float, ...], values: Sequence[float]) -> tuple[float, ...]:
+        """Return an effect's state at the start; a delay's ring is as long as its delay needs."""
+        if name != "actuator_delay":
+            return initial
+        samples = values[0] / self.sample_period
+        whole = math.floor(samples)
+        return (float(whole), samples - whole, 0.0, 0.0) + (0.0,) * (whole + 2)
+
+    @property
+    def added_mass(self) -> float:
+        """Mass to add to the model's own [kg]; the force of ``evaluate`` does not contain it."""
+        total = 0.0
+        for name, start in zip(self.names, self.p_at, strict=False):
+            if name == "mass_error":
+                total += float(self.parameters[start])
+            elif name == "flexible_mode":
+                total -= float(self.parameters[start])
+        return total
+
+    def initial_state(self) -> Floats:
+        """Return a fresh state of every effect, for one run."""
+        return self._initial_state.copy()
+
+    def evaluate(
+        self,
+        position: Floats,
+        velocity: Floats,
+        acceleration: Floats,
+        time: Floats,
+        effort: Floats,
+        period: Floats,
+        level: Floats,
+        state: Floats,
+        other_velocity: Floats | None = None,
+        other_acceleration: Floats | None = None,
+    ) -> tuple[Floats, Floats]:
+        """Advance force and level effects over a block of samples.
+
+        Args:
+            position, velocity, acceleration: motion [m, m/s, m/s^2], shape (n,).
+            time: time since the first sample [s], shape (n,).
+            effort: effort [N], shape (n,).
+            period: length of the step that ends at each sample [s], shape (n,).
+            level: the friction model's Stribeck level at ``velocity`` [N], shape (n,).
+            state: changed in place; see ``initial_state``.
+            other_velocity, other_acceleration: motion of the other axis, or None.
+
+        Returns:
+            Added force [N] and level factor [-], each of shape (n,). In the balance
+            ``effort = (mass + added_mass) * acceleration + friction(level * factor) + force``.
+        """
+        n = position.shape[0]
+        force, factor = np.zeros(n), np.ones(n)
+        if self.has_force_or_level:
+            zero = np.zeros(n)
+            kernels.effects_block(
+                self.kinds, self.p_at, self.s_at, self.parameters, state, self.user,
+                position, velocity, acceleration, time, effort, period, level,
+                zero if other_velocity is None else other_velocity,
+                zero if other_acceleration is None else other_acceleration,
+                np.zeros(SCRATCH), force, factor,
+            )  # fmt: skip
+        return force, factor
+
+    def arrived_effort(self, effort: Floats, state: Floats) -> Floats:
+        """Return the effort that reaches the mass [N]; ``state`` is changed in place (a delay's memory)."""
+        if not self.has_effort_path:
+            return effort
+        arrived = np.empty_like(effort)
+        kernels.effort_block(self.kinds, self.p_at, self.s_at, self.parameters, state, effort, arrived)
+        return arrived
+
+    def measured_position(self, position: Floats) -> Floats:
+        """Return what the encoder shows for true positions [m]."""
+        return self._position(position, False)
+
+    def corrected_position(self, position: Floats) -> Floats:
+        """Return the true positions for what the encoder shows [m]."""
+        return self._position(position, True)
+
+    def _position(self, position: Floats, is_correction: bool) -> Floats:
+        """Run the position effects forward or backward over a block."""
+        if not self.has_position:
+            return position
+        result = np.empty_like(position)
+        kernels.position_block(self.kinds, self.p_at, self.parameters, position, is_correction, result)
+        return result

@@ -1,0 +1,142 @@
+"""What an effect is: a named term with parameters, units, bounds and where it came from."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from sgms_observer.errors import ConfigurationError
+
+INPUTS = ("q", "v", "a", "t", "u", "h", "level", "v2", "a2")
+"""Names a formula may ask for: position [m], velocity [m/s], acceleration [m/s^2], time since the first sample [s],
+effort [N], time step [s], Stribeck level [N], velocity and acceleration of the other axis."""
+
+
+class Place(Enum):
+    """Where an effect acts; the values are the words a user reads."""
+
+    ADDED_FORCE = "a force added to the friction"
+    LEVEL_FACTOR = "a factor on the Stribeck level"
+    EFFORT_PATH = "the way of the effort to the mass"
+    MEASURED_POSITION = "the measured position"
+    PLANT = "the moving masses"
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One parameter of an effect.
+
+    Attributes:
+        name: key in the YAML.
+        unit: SI unit, or ``-``.
+        default: value when the YAML is silent; strengths default to none of the effect.
+        minimum: smallest physical value.
+        maximum: largest physical value.
+        description: one sentence for people.
+        is_strength: whether the effect vanishes with this parameter (otherwise it shapes the effect).
+    """
+
+    name: str
+    unit: str
+    default: float
+    minimum: float
+    maximum: float
+    description: str
+    is_strength: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the range.
+
+        Raises:
+            ConfigurationError: when the default is outside of it.
+        """
+        if not self.minimum <= self.default <= self.maximum:
+            raise ConfigurationError(
+                [f"effect parameter {self.name}: default {self.default} is outside {self.minimum}..{self.maximum}; widen the range"]
+            )
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect of the catalogue, or of the user's own.
+
+    Attributes:
+        name: the name of the field, as in the YAML.
+        place: where it acts.
+        parameters: in the order of the formula's ``p``.
+        equation: for people.
+        signature: how it shows in a residual.
+        excitation: what a recording needs to show it.
+        confusable_with: names of effects that can look the same.
+        reference: where the model comes from.
+        output: formula; its argument names are taken from ``INPUTS``, ``s`` and ``p``.
+        advance: formula of the next state, or None without state.
+        initial_state: state at the start.
+    """
+
+    name: str
+    place: Place
+    parameters: tuple[EffectParameter, ...]
+    equation: str
+    signature: str
+    excitation: str
+    confusable_with: tuple[str, ...]
+    reference: str
+    output: Callable[..., Any]
+    advance: Callable[..., Any] | None = None
+    initial_state: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check names and formula arguments.
+
+        Raises:
+            ConfigurationError: one sentence per fault.
+        """
+        faults = []
+        if not self.name.isidentifier():
+            faults.append(f"effect name {self.name!r} must be a word of letters, digits and _; rename it")
+        if len({parameter.name for parameter in self.parameters}) < len(self.parameters):
+            faults.append(f"effect {self.name} has two parameters of one name; rename one")
+        for formula in (self.output, self.advance):
+            if formula is None:
+                continue
+            strange = [name for name in inspect.signature(formula).parameters if name not in (*INPUTS, "s", "p")]
+            if strange and self.place is not Place.EFFORT_PATH:
+                faults.append(
+                    f"effect {self.name}: formula argument {strange[0]!r} is unknown; use some of {', '.join(INPUTS)}, s, p"
+                )
+        if (self.advance is None) != (not self.initial_state):
+            faults.append(f"effect {self.name}: give both advance and initial_state, or neither")
+        if faults:
+            raise ConfigurationError(faults)
+
+    @property
+    def defaults(self) -> tuple[float, ...]:
+        """Return the default value of each parameter."""
+        return tuple(parameter.default for parameter in self.parameters)
+
+    def parameter(self, name: str) -> EffectParameter:
+        """Return the parameter ``name``.
+
+        Raises:
+            ConfigurationError: when there is none of that name.
+        """
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        names = ", ".join(parameter.name for parameter in self.parameters)
+        raise ConfigurationError([f"effect {self.name} has no parameter {name}; it has {names}"])
+
+    def check(self, values: tuple[float, ...], where: str) -> list[str]:
+        """Return one sentence per value that breaks its range; ``where`` is the YAML path, for instance ``x.effects``."""
+        if len(values) != len(self.parameters):
+            return [f"{where}.{self.name} has {len(values)} values, the catalogue has {len(self.parameters)}; name them all"]
+        return [
+            f"{where}.{self.name}.{parameter.name} = {value:g} {parameter.unit} must be between {parameter.minimum:g} and"
+            f" {parameter.maximum:g} {parameter.unit}; correct it"
+            for parameter, value in zip(self.parameters, values, strict=True)
+            if not parameter.minimum <= value <= parameter.maximum
+        ]

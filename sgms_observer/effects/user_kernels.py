@@ -1,0 +1,82 @@
+"""Effects of the user's own as one compiled function that the catalogue's switch calls.
+
+Its type never changes (a first-class function), so that a stage or observer kernel compiled and cached once serves
+any user's effects.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from sgms_observer import jit
+from sgms_observer.effects.effect import INPUTS, Effect, Place
+from sgms_observer.errors import ConfigurationError
+
+
+def _compile(function: Callable[..., None]) -> Any:
+    """Return ``function`` as a first-class compiled function, or as it is without numba."""
+    if not jit.HAS_NUMBA:
+        return function
+    import numba
+
+    floats = numba.types.Array(numba.float64, 1, "C")
+    return numba.cfunc(numba.types.void(numba.int64, floats, floats, floats, floats))(function)
+
+
+def _no_user_effect(number: int, inputs: Any, s: Any, p: Any, out: Any) -> None:
+    """Stand in where there are no user effects."""
+
+
+_no_effect: list[Any] = []
+
+
+def no_user_effects() -> Any:
+    """Return the compiled stand-in."""
+    if not _no_effect:
+        _no_effect.append(_compile(_no_user_effect))
+    return _no_effect[0]
+
+
+def compile_user_effects(effects: Sequence[Effect]) -> Any:
+    """Compile the users' formulas into one function ``(number, inputs, s, p, out)``.
+
+    Args:
+        effects: in the order of their numbers.
+
+    Returns:
+        The function; it writes force [N] and level factor [-] into ``out`` and advances ``s``.
+
+    Raises:
+        ConfigurationError: one sentence when a formula cannot be compiled.
+    """
+    if not effects:
+        return no_user_effects()
+    scope: dict[str, Any] = {}
+    lines = ["def user_step(number, inputs, s, p, out):", "    out[0] = 0.0", "    out[1] = 1.0"]
+    for number, entry in enumerate(effects):
+        scope[f"output_{number}"] = jit.njit_uncached(entry.output)
+        lines.append(f"    if number == {number}:")
+        if entry.advance is not None:
+            scope[f"advance_{number}"] = jit.njit_uncached(entry.advance)
+            lines.append(f"        new = advance_{number}({_arguments(entry.advance)})")
+            lines.extend(f"        s[{i}] = new[{i}]" for i in range(len(entry.initial_state)))
+        place = 0 if entry.place is Place.ADDED_FORCE else 1
+        lines.append(f"        out[{place}] = output_{number}({_arguments(entry.output)})")
+    exec("\n".join(lines), scope)  # noqa: S102  the text above, with no word of the user's in it
+    try:
+        return _compile(scope["user_step"])
+    except Exception as error:  # numba raises many kinds, over many lines
+        first = str(error).strip().splitlines()[0]
+        listed = ", ".join(entry.name for entry in effects)
+        raise ConfigurationError(
+            [f"effects {listed} cannot be compiled ({first}); write their formulas over math, without other libraries"]
+        ) from error
+
+
+def _arguments(formula: Callable[..., Any]) -> str:
+    """Return the call's arguments by the names of the formula's own."""
+    return ", ".join(
+        name if name in ("s", "p") else f"inputs[{INPUTS.index(name)}]" for name in inspect.signature(formula).parameters
+    )

@@ -1,0 +1,99 @@
+"""Effects that add a force the actuator has to supply, next to the friction: m a = u - friction - force.
+
+Same rules as every formula module: plain Python over ``math``, no branches on a value. q position [m], v velocity
+[m/s], a acceleration [m/s^2], t time [s], h time step [s], s state before or after the step, p parameters in the order
+of the catalogue. ``*_next`` advances the state by one step, backwards in time like the friction models; the output
+is taken from the new state.
+"""
+
+import math
+
+
+def cogging(q, p):
+    """Force periodic in position, equal in both directions [N]; p: amplitude, pitch, phase, second_amplitude, second_phase."""
+    angle = 2.0 * math.pi * q / p[1]
+    return p[0] * math.sin(angle + p[2]) + p[3] * math.sin(2.0 * angle + p[4])
+
+
+def spring(q, p):
+    """Linear restoring force [N], for instance of a cable chain; p: stiffness, rest_position."""
+    return p[0] * (q - p[1])
+
+
+def offset(p):
+    """Constant force [N]: tilt or amplifier bias; p: force."""
+    return p[0]
+
+
+def asymmetric_viscous(v, p):
+    """Part of the viscous friction that is even in velocity [N]; p: coefficient."""
+    return p[0] * math.fabs(v)
+
+
+def nonlinear_viscous(v, p):
+    """Power law of the speed, below 1 for shear-thinning [N]; p: force at reference_velocity, exponent, reference_velocity."""
+    ratio = v / p[2]
+    return p[0] * ratio * (ratio * ratio + 1.0e-8) ** (0.5 * (p[1] - 1.0))
+
+
+def quadratic_drag(v, p):
+    """Drag with the square of the speed [N]; p: coefficient."""
+    return p[0] * v * math.fabs(v)
+
+
+def eddy_current(v, p):
+    """Eddy-current brake: rises to peak_force at peak_velocity, then falls [N]; p: peak_force, peak_velocity."""
+    ratio = v / p[1]
+    return 2.0 * p[0] * ratio / (1.0 + ratio * ratio)
+
+
+def periodic_disturbance(t, p):
+    """Force of fixed frequency in time [N]; p: amplitude, frequency, phase."""
+    return p[0] * math.sin(2.0 * math.pi * p[1] * t + p[2])
+
+
+def cross_axis_coupling(v2, a2, p):
+    """Reaction of another axis's motion [N]; p: inertia, viscous."""
+    return p[0] * a2 + p[1] * v2
+
+
+def mass_error(a, p):
+    """Force on a mass the model does not have [N]; p: mass."""
+    return p[0] * a
+
+
+def presliding(s, p):
+    """Force of a friction element the model lacks [N]; p: force, distance. State: force over its limit, -1..1."""
+    return p[0] * s[0]
+
+
+def presliding_next(v, h, s, p):
+    """Advance the missing element (Dahl 1968), exact for any displacement v h of the step; p: force, distance."""
+    keep = math.exp(-math.fabs(v) * h / p[1])
+    return (s[0] * keep + v / (math.fabs(v) + 1.0e-12) * (1.0 - keep),)
+
+
+def flexible_mode(s, p):
+    """Reaction of an attached mass on a spring, without its part -mass * a [N].
+
+    p: mass, frequency, damping_ratio. State: its deflection [m] and rate [m/s] against the carriage. The whole
+    reaction is mass * (d2 deflection); the part -mass * a is carried as added mass -mass, so that a stage model can
+    be solved for its acceleration.
+    """
+    omega = 2.0 * math.pi * p[1]
+    return -p[0] * (2.0 * p[2] * omega * s[1] + omega * omega * s[0])
+
+
+def flexible_mode_next(a, h, s, p):
+    """Advance the attached mass by an exact step for constant acceleration a; p: mass, frequency, damping_ratio < 1."""
+    omega = 2.0 * math.pi * p[1]
+    decay_rate = p[2] * omega
+    damped = omega * math.sqrt(1.0 - p[2] * p[2])
+    keep = math.exp(-decay_rate * h)
+    cosine = math.cos(damped * h)
+    sine = math.sin(damped * h) / damped
+    steady = -a / (omega * omega)
+    away = s[0] - steady
+    deflection = steady + keep * (away * (cosine + decay_rate * sine) + s[1] * sine)
+    rate = keep * (s[1] * (cosine - decay_rate * sine) - away * omega * omega * sine)
+    return (deflection, rate)

@@ -1,0 +1,104 @@
+"""Effects that scale the Stribeck level s(v): the returned factor multiplies what every element carries when sliding.
+
+Rules and names as in ``effects_force``; ``level`` is the model's own s(v) [N] before any factor.
+"""
+
+import math
+
+SOFT_SPEED = 2.0e-5  # m/s; below it a direction is not yet decided (encoder noise at rest)
+STILL_SPEED = 1.0e-4  # m/s; below it a contact counts as resting
+SOFT_ACCELERATION = 1.0e-2  # m/s^2; rounds the corner of |a|
+
+
+def position_periodic_friction(q, p):
+    """Friction periodic in position: flips with the direction, unlike cogging [-]; p: share, pitch, phase."""
+    return 1.0 + p[0] * math.sin(2.0 * math.pi * q / p[1] + p[2])
+
+
+def position_dependent_friction(q, p):
+    """Tight spot or rail fit: more friction around one place [-]; p: share, center, width."""
+    ratio = (q - p[1]) / p[2]
+    return 1.0 + p[0] * math.exp(-0.5 * ratio * ratio)
+
+
+def asymmetric_coulomb(v, p):
+    """Coulomb friction that differs between the directions [-]; p: share."""
+    return 1.0 + p[0] * math.tanh(v / SOFT_SPEED)
+
+
+def stribeck(v, p):
+    """A rise of the friction toward low speed the model lacks [-]; p: share, velocity."""
+    ratio = v / p[1]
+    return 1.0 + p[0] * math.exp(-ratio * ratio)
+
+
+def load_dependent_friction(a, p):
+    """Friction that rises with the transmitted inertial load [-]; p: coefficient [s^2/m]."""
+    return 1.0 + p[0] * (math.sqrt(a * a + SOFT_ACCELERATION * SOFT_ACCELERATION) - SOFT_ACCELERATION)
+
+
+def thermal_drift(s, p):
+    """Warm-up: the level goes to 1 + share as a first-order process [-]; p: share, time_constant. State: progress 0..1."""
+    return 1.0 + p[0] * s[0]
+
+
+def thermal_drift_next(h, s, p):
+    """Advance the warm-up by a step; p: share, time_constant."""
+    return (1.0 + (s[0] - 1.0) * math.exp(-h / p[1]),)
+
+
+def wear_step(s, p):
+    """Step or slope of the level over the travelled distance [-]; p: share, travel, width. State: travel [m]."""
+    return 1.0 + 0.5 * p[0] * (1.0 + math.tanh((s[0] - p[1]) / p[2]))
+
+
+def wear_step_next(v, h, s, p):
+    """Advance the travelled distance by a step."""
+    return (s[0] + math.fabs(v) * h,)
+
+
+def dwell_breakaway(s, p):
+    """Static friction that rises while at rest [-]; p: share, dwell_time, memory_distance. State: age of contact 0..1."""
+    return 1.0 + p[0] * s[0]
+
+
+def dwell_breakaway_next(v, h, s, p):
+    """Age the contact at rest, renew it over the memory distance in motion; p: share, dwell_time, memory_distance."""
+    stillness = math.exp(-(v / STILL_SPEED) * (v / STILL_SPEED))
+    aged = 1.0 + (s[0] - 1.0) * math.exp(-stillness * h / p[1])
+    return (aged * math.exp(-math.fabs(v) * h / p[2]),)
+
+
+def frictional_lag(level, s, p):
+    """Sliding friction that follows the Stribeck curve with the rate C of eq. 2 [-]; p: attraction_rate, distance.
+
+    State: lagged level [N], presliding ratio -1..1, 1 once started.
+    """
+    return s[0] / level
+
+
+def frictional_lag_next(v, h, level, s, p):
+    """Advance the lagged level: d level / dt = C (1 - lagged / level) while sliding, renewed while the contact sticks.
+
+    The contact sticks for about ``distance`` after a reversal; there GMS elements follow the curve itself (eqs 1-2).
+    """
+    keep = math.exp(-math.fabs(v) * h / p[1])
+    direction = v / (math.fabs(v) + 1.0e-12)
+    ratio = s[1] * keep + direction * (1.0 - keep)
+    along = 0.5 + 0.5 * ratio * direction
+    sticking = 1.0 - along * along * along * along
+    decay = math.exp(-p[0] * h / level - 5.0 * sticking * math.fabs(v) * h / p[1])
+    lagged = level + (s[0] - level) * decay * s[2]
+    return (lagged, ratio, 1.0 + 0.0 * s[2])
+
+
+def backlash(s, p):
+    """Play: the load's share of the friction is missing inside the gap [-]; p: gap, share. State: place in the gap -1..1."""
+    square = s[0] * s[0]
+    return 1.0 - p[1] * (1.0 - square * square * square * square)
+
+
+def backlash_next(v, h, s, p):
+    """Move within the gap; its walls carry the load along; p: gap, share."""
+    moved = s[0] + 2.0 * v * h / p[0]
+    return (0.5 * (math.fabs(moved + 1.0) - math.fabs(moved - 1.0)),)
