@@ -1,0 +1,230 @@
+"""One value, one group of settings: what is meant is accepted, what cannot work is said in one sentence."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from sgms_observer.settings.declaration import (
+    BOOL,
+    DOUBLE,
+    DOUBLES,
+    INTEGER,
+    STRING,
+    Declared,
+    declared_sections,
+    declared_settings,
+)
+from sgms_observer.settings.faults import Faults, alternatives, closest, shown
+
+Group = TypeVar("Group")
+
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_TRUE = ("true", "yes", "on", "y")
+_FALSE = ("false", "no", "off", "n")
+_LARGEST_INTEGER = 2**63 - 1
+_NOT_MEANT = object()
+
+
+def as_number(raw: Any) -> float | None:
+    """Return what is meant as a finite number, or None.
+
+    PyYAML reads ``1e-4`` as text and rcl refuses an integer for a double; both are meant as numbers.
+
+    Args:
+        raw: a value as the YAML parser returned it.
+    """
+    if isinstance(raw, str) and _NUMBER.fullmatch(raw.strip()):
+        raw = float(raw)
+    if isinstance(raw, bool) or not isinstance(raw, (int, float)):
+        return None
+    try:
+        number = float(raw)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _meant(kind: str, raw: Any) -> Any:
+    """Return one entry (not a list) as its declared kind, or ``_NOT_MEANT``."""
+    if kind in (DOUBLE, DOUBLES, INTEGER):
+        number = as_number(raw)
+        if number is None:
+            return _NOT_MEANT
+        if kind != INTEGER:
+            return number
+        if not number.is_integer() or abs(number) > _LARGEST_INTEGER:
+            return _NOT_MEANT
+        return raw if isinstance(raw, int) else int(number)
+    if kind == BOOL:
+        word = raw.strip().lower() if isinstance(raw, str) else raw
+        if isinstance(word, bool):
+            return word
+        return True if word in _TRUE else False if word in _FALSE else _NOT_MEANT
+    return raw if isinstance(raw, str) else _NOT_MEANT
+
+
+def _expectation(declared: Declared) -> str:
+    """Return the rule and remedy for a value of the wrong type."""
+    unit = f" in {declared.unit}" if declared.unit != "-" else ""
+    if declared.choices:
+        return f"must be {alternatives(declared.choices)}; choose one"
+    return {
+        DOUBLE: f"must be a finite number{unit}; write it like {_example(declared)}",
+        DOUBLES: f"must be a finite number{unit}; write it like {_example(declared)}",
+        INTEGER: f"must be a whole number; write it like {_example(declared)}",
+        BOOL: "must be true or false; write one of the two",
+        STRING: "must be text; put it in quotes",
+    }.get(declared.kind, "must be text; put it in quotes")
+
+
+def _example(declared: Declared) -> str:
+    """Return a value that would be right."""
+    value = declared.default
+    if isinstance(value, tuple):
+        value = value[0] if value else 1.0
+    return shown(value) if declared.kind == INTEGER or shown(value) != f"{value:.0f}" else f"{value:.1f}"
+
+
+def range_rule(value: float, declared: Declared) -> str | None:
+    """Return the rule that a number breaks and its remedy, or None.
+
+    Args:
+        value: finite number.
+        declared: the setting with its bounds.
+    """
+    if declared.above is not None and not value > declared.above:
+        return f"must be > {shown(float(declared.above))}; raise it"
+    if declared.minimum is not None and value < declared.minimum:
+        return f"must be >= {shown(float(declared.minimum))}; raise it"
+    if declared.maximum is not None and value > declared.maximum:
+        return f"must be <= {shown(float(declared.maximum))}; lower it"
+    return None
+
+
+def checked_entry(path: str, declared: Declared, raw: Any, where: str, faults: Faults) -> Any:
+    """Return one entry as its declared type, or note the fault and return None.
+
+    Args:
+        path: full name of the parameter.
+        declared: its declaration.
+        raw: as read.
+        where: `` in entry 2`` for an entry of a list, otherwise empty.
+        faults: receives the sentence.
+    """
+    value = _meant(declared.kind, raw)
+    if value is _NOT_MEANT:
+        faults.add(path, f"{path} = {shown(raw)}{where} {_expectation(declared)}")
+        return None
+    if isinstance(value, str):
+        if declared.choices and value not in declared.choices:
+            guess = closest(value, declared.choices)
+            remedy = f"did you mean {guess}?" if guess else "choose one"
+            faults.add(path, f"{path} = {shown(raw)}{where} must be {alternatives(declared.choices)}; {remedy}")
+            return None
+        return value
+    rule = None if isinstance(value, bool) else range_rule(value, declared)
+    if rule:
+        unit = f" {declared.unit}" if declared.unit != "-" else ""
+        faults.add(path, f"{path} = {shown(value)}{unit}{where} {rule}")
+        return None
+    return value
+
+
+def checked_value(path: str, declared: Declared, raw: Any, faults: Faults) -> Any:
+    """Return a setting as its declared type, or note every fault of it and return None.
+
+    Args:
+        path: full name of the parameter.
+        declared: its declaration.
+        raw: as read; a single value stands for a list of one, nothing for an empty list.
+        faults: receives the sentences.
+    """
+    if not declared.is_list:
+        if raw is None and declared.default == "":
+            return ""
+        if raw is None:
+            faults.add(path, f"{path} has no value; give one or remove the line")
+            return None
+        return checked_entry(path, declared, raw, "", faults)
+    if isinstance(raw, Mapping):
+        example = "[1.0]" if declared.kind == DOUBLES else "[a]"
+        faults.add(path, f"{path} = {shown(raw)} must be a list; write it like {example}")
+        return None
+    entries = [] if raw is None else list(raw) if isinstance(raw, (list, tuple)) else [raw]
+    found = []
+    for index, entry in enumerate(entries):
+        where = f" in entry {index + 1}" if len(entries) > 1 else ""
+        found.append(checked_entry(path, declared, entry, where, faults))
+    return None if any(entry is None for entry in found) else tuple(found)
+
+
+def unknown_key(path: str, key: Any, known: Collection[str], elsewhere: Mapping[str, str], faults: Faults) -> None:
+    """Note a key that is no setting, with what was probably meant.
+
+    Args:
+        path: full name of the group it stands in; empty at the top.
+        key: the key as read.
+        known: the keys of that group.
+        elsewhere: settings of other groups, name to full name.
+        faults: receives the sentence.
+    """
+    prefix = f"{path}." if path else ""
+    full = f"{prefix}{key if isinstance(key, str) else shown(key)}"
+    if not isinstance(key, str):
+        faults.add(full, f"{full} is not the name of a setting; put quotes around it if it is a name, or remove it")
+        return
+    guess = closest(key, known)
+    if key in elsewhere:
+        remedy = f"did you mean {elsewhere[key]}?"
+    elif guess:
+        remedy = f"did you mean {prefix}{guess}?"
+    else:
+        remedy = "remove it, or look its name up in docs/parameters.md"
+    faults.add(full, f"{full} is not a setting; {remedy}")
+
+
+def checked_group(
+    path: str,
+    defaults: Group,
+    tree: Any,
+    faults: Faults,
+    *,
+    apart: Collection[str] = (),
+    elsewhere: Mapping[str, str] | None = None,
+) -> Group:
+    """Return a group of settings read from a mapping, on top of its defaults.
+
+    Args:
+        path: full name of the group; empty at the top.
+        defaults: the group as it is when nothing is given.
+        tree: the mapping as read; nothing stands for an empty one.
+        faults: receives every sentence; a faulty setting keeps its default.
+        apart: keys that the caller reads itself.
+        elsewhere: settings of other groups for better guesses, name to full name.
+    """
+    if tree is None:
+        return defaults
+    if not isinstance(tree, Mapping):
+        faults.add(path, f"{path} = {shown(tree)} must be a group of settings; write them below it, indented")
+        return defaults
+    kind: Any = type(defaults)
+    settings, sections = declared_settings(kind), declared_sections(kind)
+    prefix = f"{path}." if path else ""
+    given: dict[str, Any] = {}
+    for key, raw in tree.items():
+        if isinstance(key, str) and key in apart:
+            continue
+        if isinstance(key, str) and key in sections:
+            nested = getattr(defaults, key)
+            given[key] = checked_group(f"{prefix}{key}", nested, raw, faults, elsewhere=elsewhere)
+        elif isinstance(key, str) and key in settings:
+            value = checked_value(f"{prefix}{key}", settings[key], raw, faults)
+            if value is not None:
+                given[key] = value
+        else:
+            unknown_key(path, key, [*settings, *sections, *apart], elsewhere or {}, faults)
+    return replace(defaults, **given) if given else defaults  # type: ignore[type-var]
