@@ -1,0 +1,105 @@
+"""The filter's step: judges a sample's stamp, then hands it to the chosen kind. Plain arrays, compiled."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.filters import layout, motion
+from sgms_observer.filters.lowpass import lowpass_sample
+from sgms_observer.filters.polynomial import polynomial_sample
+from sgms_observer.filters.tracking import tracking_sample
+from sgms_observer.jit import njit
+from sgms_observer.observer.samples import Floats
+
+
+@njit
+def filter_sample(
+    config: Floats, state: Floats, stamp_ns: int, position: float, effort: float, row: Floats
+) -> None:
+    """Take one sample and write its row.
+
+    Args:
+        config: the filter's fixed numbers, see ``layout``.
+        state: the filter's memory, see ``layout``.
+        stamp_ns: sample time [ns].
+        position: measured position [m].
+        effort: effort [N], NaN where missing.
+        row: receives the columns of ``Motion``; on entry the previous row, which a rejected sample repeats.
+    """
+    high = stamp_ns // layout.STAMP_SPLIT
+    low = stamp_ns - high * layout.STAMP_SPLIT
+    period = config[layout.SAMPLE_PERIOD]
+    is_restart = False
+    if state[layout.HAS_PREVIOUS] > 0.0:
+        period = 1.0e-9 * ((high - state[layout.STAMP_HIGH]) * layout.STAMP_SPLIT + (low - state[layout.STAMP_LOW]))
+        is_restart = period > config[layout.MAXIMUM_GAP]
+    row[motion.IS_RESTART] = 0.0
+    row[motion.IS_READY] = 0.0
+    row[motion.IS_REJECTED] = 0.0
+    if not (period > 0.0 and math.isfinite(position)):
+        row[motion.IS_REJECTED] = 1.0
+        row[motion.PERIOD] = 0.0
+        row[motion.EFFORT] = math.nan
+        return
+    state[layout.HAS_PREVIOUS] = 1.0
+    state[layout.STAMP_HIGH] = high
+    state[layout.STAMP_LOW] = low
+    if is_restart:
+        row[motion.IS_RESTART] = 1.0
+        state[layout.COUNT] = 0.0
+        state[layout.MISSING] = 0.0
+        period = config[layout.SAMPLE_PERIOD]
+    state[layout.COUNT] += 1.0
+    is_ready = state[layout.COUNT] >= config[layout.READY_AFTER]
+    if not is_ready:
+        row[motion.PERIOD] = period
+        row[motion.POSITION] = position
+        row[motion.VELOCITY] = 0.0
+        row[motion.ACCELERATION] = 0.0
+        row[motion.EFFORT] = math.nan
+        row[motion.STEP_VELOCITY] = 0.0
+        row[motion.PRESENT_POSITION] = position
+        row[motion.PRESENT_VELOCITY] = 0.0
+        row[motion.PRESENT_ACCELERATION] = 0.0
+        lead = int(config[layout.DELAY_SAMPLES])
+        for j in range(lead):
+            row[motion.LEAD + j] = 0.0
+            row[motion.LEAD + lead + j] = config[layout.SAMPLE_PERIOD]
+    if config[layout.KIND] == layout.SAVGOL:
+        polynomial_sample(config, state, period, position, effort, row)
+    elif config[layout.KIND] == layout.KALMAN:
+        tracking_sample(config, state, period, position, effort, row)
+    else:
+        lowpass_sample(config, state, period, position, effort, row)
+    if is_ready:
+        row[motion.IS_READY] = 1.0
+
+
+@njit
+def filter_block(
+    config: Floats,
+    state: Floats,
+    stamp_ns: NDArray[np.int64],
+    position: Floats,
+    effort: Floats,
+    row: Floats,
+    table: Floats,
+) -> None:
+    """Take a block of samples, one after the other.
+
+    Args:
+        config: the filter's fixed numbers.
+        state: the filter's memory.
+        stamp_ns: sample times [ns], shape (n,).
+        position: measured positions [m], shape (n,).
+        effort: efforts [N], shape (n,).
+        row: the previous row, shape (width,); updated.
+        table: receives the rows, shape (n, width).
+    """
+    for k in range(stamp_ns.shape[0]):
+        filter_sample(config, state, stamp_ns[k], position[k], effort[k], row)
+        for j in range(row.shape[0]):
+            table[k, j] = row[j]

@@ -1,0 +1,132 @@
+"""What a filter says of the motion: one row per sample, and the names of its columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.observer.samples import Floats
+
+PERIOD = 0
+POSITION = 1
+VELOCITY = 2
+ACCELERATION = 3
+EFFORT = 4
+STEP_VELOCITY = 5
+PRESENT_POSITION = 6
+PRESENT_VELOCITY = 7
+PRESENT_ACCELERATION = 8
+IS_READY = 9
+IS_RESTART = 10
+IS_REJECTED = 11
+LEAD = 12  # lead velocities, then as many lead periods
+
+
+def row_width(delay_samples: int) -> int:
+    """Return the number of columns of a row whose instant lies ``delay_samples`` behind its sample."""
+    return LEAD + 2 * delay_samples
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Filtered motion of n samples; row i was returned with sample i and belongs to the *instant* ``delay`` before it.
+
+    Args:
+        table: one row per sample, columns as named in this module, shape (n, width).
+        delay_samples: samples from a row's instant to its sample, L.
+    """
+
+    table: Floats
+    delay_samples: int
+
+    @property
+    def period(self) -> Floats:
+        """Time from the previous row's instant to this one's [s]; 0 where a sample was rejected."""
+        return self.table[:, PERIOD]
+
+    @property
+    def position(self) -> Floats:
+        """Position at the instant [m]."""
+        return self.table[:, POSITION]
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocity at the instant [m/s]."""
+        return self.table[:, VELOCITY]
+
+    @property
+    def acceleration(self) -> Floats:
+        """Acceleration at the instant [m/s^2]."""
+        return self.table[:, ACCELERATION]
+
+    @property
+    def effort(self) -> Floats:
+        """Effort at the instant, weighted as the acceleration where ``align_effort`` [N]; NaN where samples miss it."""
+        return self.table[:, EFFORT]
+
+    @property
+    def step_velocity(self) -> Floats:
+        """Mean velocity over ``period`` [m/s]: times the period it is the travel, which is what moves an element."""
+        return self.table[:, STEP_VELOCITY]
+
+    @property
+    def present_position(self) -> Floats:
+        """Best causal position at the sample itself [m]."""
+        return self.table[:, PRESENT_POSITION]
+
+    @property
+    def present_velocity(self) -> Floats:
+        """Best causal velocity at the sample itself [m/s]."""
+        return self.table[:, PRESENT_VELOCITY]
+
+    @property
+    def present_acceleration(self) -> Floats:
+        """Best causal acceleration at the sample itself [m/s^2]."""
+        return self.table[:, PRESENT_ACCELERATION]
+
+    @property
+    def is_ready(self) -> NDArray[np.bool_]:
+        """Whether the row is an estimate: the window is full and the sample was good."""
+        return self.table[:, IS_READY] > 0.5
+
+    @property
+    def is_restart(self) -> NDArray[np.bool_]:
+        """Whether the filter restarted at this sample, after a pause longer than ``maximum_gap``."""
+        return self.table[:, IS_RESTART] > 0.5
+
+    @property
+    def is_rejected(self) -> NDArray[np.bool_]:
+        """Whether the sample was not used: no finite position, or a stamp not after the previous one's."""
+        return self.table[:, IS_REJECTED] > 0.5
+
+    @property
+    def lead_velocity(self) -> Floats:
+        """Mean velocity over each of the L periods from the instant to the sample, oldest first [m/s], shape (n, L)."""
+        return self.table[:, LEAD : LEAD + self.delay_samples]
+
+    @property
+    def lead_period(self) -> Floats:
+        """Those periods [s], shape (n, L)."""
+        return self.table[:, LEAD + self.delay_samples :]
+
+
+def known_motion(period: Floats, velocity: Floats, acceleration: Floats) -> Motion:
+    """Rows for a motion that is known rather than measured: no delay, always ready.
+
+    Args:
+        period: time since the previous sample [s], shape (n,).
+        velocity: velocity at each sample, and over the step that ends there [m/s], shape (n,).
+        acceleration: acceleration at each sample [m/s^2], shape (n,).
+
+    Returns:
+        Motion whose positions are the travel since the first sample's predecessor [m].
+    """
+    table = np.zeros((len(period), LEAD))
+    table[:, PERIOD] = period
+    table[:, POSITION] = table[:, PRESENT_POSITION] = np.cumsum(velocity * period)
+    table[:, VELOCITY] = table[:, STEP_VELOCITY] = table[:, PRESENT_VELOCITY] = velocity
+    table[:, ACCELERATION] = table[:, PRESENT_ACCELERATION] = acceleration
+    table[:, IS_READY] = 1.0
+    return Motion(table, 0)
