@@ -15,8 +15,7 @@ from sgms_observer.observer.samples import Floats
 from sgms_observer.settings.observer import FilterSettings
 
 _KINDS = {"lowpass": layout.LOWPASS, "savgol": layout.SAVGOL, "kalman": layout.KALMAN}
-_NOMINAL_WITHIN = 1.0e-4  # a period this share off the nominal one still uses the weights for even stamps
-_STAMP_UNIT = 2.0e-9  # s: what rounding to nanoseconds does to a period
+_NOMINAL_WITHIN = 2.0e-9  # s: what rounding to nanoseconds does to a period; such stamps count as even
 
 
 class Differentiator:
@@ -67,7 +66,7 @@ class Differentiator:
         fixed = np.zeros(layout.OWN)
         fixed[layout.KIND] = _KINDS[settings.kind]
         fixed[layout.SAMPLE_PERIOD] = sample_period
-        fixed[layout.PERIOD_TOLERANCE] = max(_NOMINAL_WITHIN * sample_period, _STAMP_UNIT)
+        fixed[layout.PERIOD_TOLERANCE] = _NOMINAL_WITHIN
         fixed[layout.MAXIMUM_GAP] = settings.maximum_gap
         fixed[layout.IS_ALIGNED] = settings.align_effort
         fixed[layout.IS_HELD] = settings.effort_is_held

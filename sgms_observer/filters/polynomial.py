@@ -210,7 +210,6 @@ def polynomial_sample(
         end = window - 1
     nominal = config[layout.SAMPLE_PERIOD]
     if abs(period - nominal) <= config[layout.PERIOD_TOLERANCE]:
-        period = nominal
         state[REGULAR] += 1.0
     else:
         state[REGULAR] = 0.0
