@@ -71,7 +71,7 @@ def test_kalman_is_exact_on_constant_acceleration(jitter, keep):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_output_has_the_delay_it_claims(kind):
-    """A slow sine through the filter: phase of position, velocity, acceleration and effort, to a small share of a sample."""
+    """A slow sine through the filter: the phase of every output, to a hundredth of a sample."""
     period, frequency = 1e-4, 8.0
     differentiator = Differentiator(FilterSettings(kind=kind, effort_is_held=False), period)
     ns = stamps(10_000, period)
@@ -80,7 +80,8 @@ def test_every_output_has_the_delay_it_claims(kind):
     late = slice(5000, 10_000)  # four whole periods
     for name, ahead in (("position", 0.0), ("velocity", 0.25), ("acceleration", 0.5), ("effort", 0.0)):
         signal = getattr(motion, name)[late]
-        phase = np.angle(np.sum(signal * np.exp(-1j * angle[late])) / np.sum(np.exp(-1j * angle[late]) * np.sin(angle[late])))
+        carrier = np.exp(-1j * angle[late])
+        phase = np.angle(np.sum(signal * carrier) / np.sum(np.sin(angle[late]) * carrier))
         lag = (2 * math.pi * ahead - phase) / (2 * math.pi * frequency)
         lag = (lag + 0.5 / frequency) % (1 / frequency) - 0.5 / frequency
         assert lag == pytest.approx(differentiator.delay, abs=0.01 * period), name
@@ -89,7 +90,7 @@ def test_every_output_has_the_delay_it_claims(kind):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("jitter, keep", [(0.0, 1.0), (0.2, 0.9)])
 def test_effort_is_weighted_exactly_as_the_acceleration(kind, jitter, keep):
-    """A free mass driven by steps and noise, held between samples: u - m a must vanish although u is anything but smooth."""
+    """A free mass driven by steps and noise, held between samples: u - m a vanishes although u is anything but smooth."""
     if kind == "lowpass" and jitter:
         pytest.skip("the low-pass averages over uneven periods only approximately")
     random = np.random.default_rng(SEED)
@@ -140,7 +141,8 @@ def test_lead_velocities_bridge_the_delay(kind):
     np.testing.assert_allclose((motion.position + travel)[ready], motion.present_position[ready], atol=2e-9)
     truth = 2e-4 * 10 * math.pi * np.cos(2 * math.pi * 5 * t)
     np.testing.assert_allclose(motion.present_velocity[ready], truth[ready], atol=3e-5)
-    np.testing.assert_allclose(motion.step_velocity[ready] * motion.period[ready], np.diff(motion.position, prepend=0)[ready])
+    step = np.diff(motion.position, prepend=0)
+    np.testing.assert_allclose(motion.step_velocity[ready] * motion.period[ready], step[ready])
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -194,7 +196,7 @@ def test_the_papers_lowpass_is_the_textbook_one():
 
 
 def test_impossible_settings_are_refused_in_sentences():
-    with pytest.raises(ConfigurationError, match=r"filter.cutoff = 500 Hz must be below half the sample rate \(500 Hz\)"):
+    with pytest.raises(ConfigurationError, match=r"filter.cutoff = 500 Hz must be below half the sample rate"):
         Differentiator(FilterSettings(kind="lowpass", cutoff=500.0), 1e-3)
-    with pytest.raises(ConfigurationError, match="filter.maximum_gap = 0.001 s must be at least two"):
+    with pytest.raises(ConfigurationError, match=r"filter.maximum_gap = 0.001 s must be at least two"):
         Differentiator(FilterSettings(maximum_gap=1e-3), 1e-3)
