@@ -90,7 +90,7 @@ def test_every_output_has_the_delay_it_claims(kind):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("jitter, keep", [(0.0, 1.0), (0.2, 0.9)])
 def test_effort_is_weighted_exactly_as_the_acceleration(kind, jitter, keep):
-    """A free mass driven by steps and noise, held between samples: u - m a vanishes although u is anything but smooth."""
+    """A free mass under steps and noise, held between samples: u - m a vanishes although u is anything but smooth."""
     if kind == "lowpass" and jitter:
         pytest.skip("the low-pass averages over uneven periods only approximately")
     random = np.random.default_rng(SEED)
