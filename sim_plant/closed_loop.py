@@ -1,0 +1,75 @@
+"""The simulated table with an observer in the loop: its compensation enters the effort of the sample that follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from sgms_observer.observer.samples import Estimates, Samples
+from sim_plant.record import StageRecord, join_records
+from sim_plant.table import SimulatedTable
+
+ObserverStep = Callable[[Samples], Estimates]
+"""What turns the newest samples of one axis into estimates; ``AxisObserver.step`` is one."""
+
+
+class ClosedLoop:
+    """A table and one observer per axis.
+
+    At sample k the stage publishes position and effort; the observer answers with a compensation; the stage adds it to
+    the controller's output from sample k + 1 on, as the live nodes do when no message is late.
+
+    Args:
+        table: the simulated axes.
+        observers: one per axis, in the order of the table.
+        has_feedback: whether the compensation reaches the stage; without it whole blocks are computed at once, with
+            the same result as a compensation of zero.
+    """
+
+    def __init__(self, table: SimulatedTable, observers: Sequence[ObserverStep], has_feedback: bool = True) -> None:
+        self._table = table
+        self._observers = tuple(observers)
+        self._has_feedback = has_feedback
+        self._compensation = [0.0] * len(self._observers)
+
+    def step(self, count: int) -> tuple[tuple[StageRecord, ...], tuple[Estimates, ...]]:
+        """Give the next samples of every axis and what the observers say of them.
+
+        Args:
+            count: number of samples, at least 1.
+
+        Returns:
+            One record and one block of estimates per axis.
+        """
+        if not self._has_feedback:
+            records = self._table.step(count)
+            return records, self._observe(records)
+        record_rows, estimate_rows = [], []
+        for _ in range(count):
+            records = self._table.step(1, self._compensation)
+            estimates = self._observe(records)
+            self._compensation = [float(estimate.compensation[-1]) for estimate in estimates]
+            record_rows.append(records)
+            estimate_rows.append(estimates)
+        return (
+            tuple(join_records(rows) for rows in zip(*record_rows, strict=True)),
+            tuple(join_estimates(rows) for rows in zip(*estimate_rows, strict=True)),
+        )
+
+    def _observe(self, records: Sequence[StageRecord]) -> tuple[Estimates, ...]:
+        return tuple(observe(record.samples) for observe, record in zip(self._observers, records, strict=True))
+
+
+def join_estimates(blocks: Sequence[Estimates]) -> Estimates:
+    """Return consecutive blocks of estimates as one.
+
+    Args:
+        blocks: at least one block, in the order of time.
+    """
+    if len(blocks) == 1:
+        return blocks[0]
+    return Estimates(
+        **{field.name: np.concatenate([getattr(block, field.name) for block in blocks]) for field in fields(Estimates)}
+    )

@@ -1,0 +1,147 @@
+"""One integration step of the stage: the implicit midpoint rule, solved for the mean velocity.
+
+Force and displacement of the step are those of one and the same mean velocity, so that a sticking element is an exact
+spring: kinetic energy, elastic energy and dissipation add up to the work of the effort, at any stiffness and step.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.effects.kernels import effects_step
+from sgms_observer.jit import njit
+from sim_plant.true_friction import TrueFriction, advance_elements, level_of
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_MAX_ITERATIONS = 60
+_RELATIVE_TOLERANCE = 1e-7
+_ABSOLUTE_TOLERANCE = 1e-13  # m/s
+
+
+class EffectArrays(NamedTuple):
+    """The stage's effects as flat arrays (see ``sgms_observer.effects.kernels.effects_step``)."""
+
+    kinds: Integers
+    p_at: Integers
+    s_at: Integers
+    parameters: Floats
+
+
+class Motion(NamedTuple):
+    """Where the mass is and how it moves.
+
+    Attributes:
+        position: [m].
+        velocity: [m/s].
+        acceleration: mean over the last step [m/s^2].
+        damped: force of the elements' micro-viscous damping over the last step [N].
+        effect_force: force of the effects over the last step [N].
+    """
+
+    position: float
+    velocity: float
+    acceleration: float
+    damped: float
+    effect_force: float
+
+
+@njit
+def substep(
+    friction: TrueFriction,
+    effects: EffectArrays,
+    user: Any,
+    mass: float,
+    period: float,
+    time: float,
+    effort: float,
+    expected_acceleration: float,
+    other_velocity: float,
+    other_acceleration: float,
+    motion: Motion,
+    force: Floats,
+    mode: Integers,
+    effect_state: Floats,
+    next_force: Floats,
+    next_mode: Integers,
+    next_effect_state: Floats,
+    scratch: Floats,
+) -> Motion:
+    """Advance the mass by one step.
+
+    Args:
+        friction: the true friction.
+        effects: the true effects.
+        user: compiled effects of the user's own.
+        mass: moving mass with the effects' added mass [kg].
+        period: length h of the step [s].
+        time: time since the first sample at the start of the step [s].
+        effort: force of the actuator and of disturbances, constant over the step [N].
+        expected_acceleration: where to start the search [m/s^2].
+        other_velocity: velocity of the other axis [m/s].
+        other_acceleration: acceleration of the other axis [m/s^2].
+        motion: at the start of the step.
+        force: element forces [N], shape (n_z,); advanced in place.
+        mode: GMS modes, shape (n_z,); advanced in place.
+        effect_state: states of the effects; advanced in place.
+        next_force, next_mode, next_effect_state, scratch: room to work in; ``scratch`` as for ``effects_step``.
+
+    Returns:
+        Motion at the end of the step.
+    """
+    inertia = 2.0 * mass / period
+    steepest = inertia + friction.viscous
+    for i in range(force.shape[0]):
+        steepest += 0.5 * friction.stiffness[i] * period + friction.damping[i]
+    low, high = -math.inf, math.inf
+    before, before_residual = math.nan, 0.0
+    middle = motion.velocity + 0.5 * period * expected_acceleration
+    total, damped, effect_force = 0.0, 0.0, 0.0
+    for _ in range(_MAX_ITERATIONS):
+        level = level_of(friction, middle)
+        factor = 1.0
+        if effects.kinds.shape[0] > 0:
+            next_effect_state[:] = effect_state
+            effects_step(
+                effects.kinds, effects.p_at, effects.s_at, effects.parameters, next_effect_state, user,
+                motion.position + 0.5 * middle * period, middle, 2.0 * (middle - motion.velocity) / period,
+                time + 0.5 * period, effort, period, level, other_velocity, other_acceleration, scratch,
+            )  # fmt: skip
+            effect_force = scratch[0]
+            factor = scratch[1]
+        elements, damped = advance_elements(
+            friction, factor * level, middle, period, force, mode, next_force, next_mode
+        )
+        total = elements + damped + friction.viscous * middle + effect_force
+        residual = inertia * (middle - motion.velocity) - effort + total
+        tolerance = _RELATIVE_TOLERANCE * abs(middle) + _ABSOLUTE_TOLERANCE
+        if abs(residual) <= tolerance * inertia or high - low <= tolerance:
+            break
+        if residual > 0.0:
+            high = middle
+        else:
+            low = middle
+        slope = steepest
+        if middle != before and not math.isnan(before):
+            secant = (residual - before_residual) / (middle - before)
+            if secant > 0.1 * inertia:
+                slope = secant
+        before, before_residual = middle, residual
+        middle -= residual / slope
+        if not low < middle < high:
+            if math.isinf(high - low):
+                break
+            middle = 0.5 * (low + high)
+    force[:] = next_force
+    mode[:] = next_mode
+    if effects.kinds.shape[0] > 0:
+        effect_state[:] = next_effect_state
+    acceleration = (effort - total) / mass
+    return Motion(
+        motion.position + period * middle, motion.velocity + period * acceleration, acceleration, damped, effect_force
+    )

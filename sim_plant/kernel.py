@@ -1,0 +1,180 @@
+"""The hot loop of the simulated stage: encoder, controller, delay and motion, tick by tick."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.effects.kernels import effort_step, measured_position
+from sgms_observer.jit import njit
+from sim_plant.controller import ControllerGains, ControllerMemory, control
+from sim_plant.integration import EffectArrays, Motion, substep
+from sim_plant.true_friction import TrueFriction
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# Rows of what the kernel writes per sample.
+POSITION, VELOCITY, ACCELERATION, MEASURED, CONTROL, APPLIED, FRICTION, EFFECT = range(8)
+RECORDED = 8
+
+# Rows of what a plan holds per tick (see plan.py).
+PLAN_POSITION, PLAN_VELOCITY, PLAN_ACCELERATION, PLAN_ENCODER_NOISE = range(4)
+PLAN_FORCE_NOISE, PLAN_DISTURBANCE = range(2)
+
+
+class StageConstants(NamedTuple):
+    """What does not change during a run.
+
+    Attributes:
+        mass: moving mass with the effects' added mass [kg].
+        tick: time between two runs of the controller [s].
+        substeps: integration steps in a tick.
+        ticks_per_sample: ticks from one published sample to the next.
+        delay_substeps: delay from the controller's output to the force, in integration steps.
+        resolution: step of the encoder [m]; 0 for none.
+    """
+
+    mass: float
+    tick: float
+    substeps: int
+    ticks_per_sample: int
+    delay_substeps: int
+    resolution: float
+
+
+class StageMemory(NamedTuple):
+    """Arrays the kernel advances in place: all that changes during a run.
+
+    Attributes:
+        motion: the fields of ``Motion`` and, last, the effort of the last step [N], shape (6,).
+        controller: the fields of ``ControllerMemory``, shape (3,).
+        force: element forces [N], shape (n_z,).
+        mode: GMS modes, int64, shape (n_z,).
+        effect_state: states of the effects.
+        next_force, next_mode, next_effect_state, scratch: room to work in.
+        efforts: ring of the latest efforts of the controller [N].
+    """
+
+    motion: Floats
+    controller: Floats
+    force: Floats
+    mode: Integers
+    effect_state: Floats
+    next_force: Floats
+    next_mode: Integers
+    next_effect_state: Floats
+    scratch: Floats
+    efforts: Floats
+
+
+@njit
+def quantised(position: float, resolution: float) -> float:
+    """Return the nearest multiple of ``resolution`` [m]; the position itself where that is 0."""
+    if resolution <= 0.0:
+        return position
+    return resolution * math.floor(position / resolution + 0.5)
+
+
+@njit
+def run_samples(
+    constants: StageConstants,
+    friction: TrueFriction,
+    effects: EffectArrays,
+    user: Any,
+    gains: ControllerGains,
+    memory: StageMemory,
+    first_tick: int,
+    plan_start: int,
+    tick_plan: Floats,
+    sample_plan: Floats,
+    compensation: Floats,
+    other: Floats,
+    recorded: Floats,
+    element_force: Floats,
+) -> None:
+    """Run the stage over a block of samples.
+
+    At each tick the encoder is read, the controller computes, and the mass moves on under the (delayed) effort. The
+    first tick of a sample is the one published.
+
+    Args:
+        constants: what does not change.
+        friction: the true friction.
+        effects: the true effects.
+        user: compiled effects of the user's own.
+        gains: of the controller.
+        memory: advanced in place.
+        first_tick: number of ticks since the run began.
+        plan_start: first sample of the block inside the plan.
+        tick_plan: reference and encoder noise of every tick of the plan, rows PLAN_*.
+        sample_plan: force noise and disturbance of every sample of the plan [N], rows PLAN_*.
+        compensation: feedforward at each sample [N], shape (n,).
+        other: velocity [m/s] and acceleration [m/s^2] of the other axis.
+        recorded: written, shape (RECORDED, n).
+        element_force: written [N], shape (n, n_z).
+    """
+    substeps = constants.substeps
+    period = constants.tick / substeps
+    ring = memory.efforts.shape[0]
+    has_effects = effects.kinds.shape[0] > 0
+    motion = Motion(memory.motion[0], memory.motion[1], memory.motion[2], memory.motion[3], memory.motion[4])
+    last_effort = memory.motion[5]
+    controller = ControllerMemory(memory.controller[0], memory.controller[1], memory.controller[2])
+    tick = first_tick
+    for k in range(compensation.shape[0]):
+        planned = plan_start + k
+        disturbance = sample_plan[PLAN_DISTURBANCE, planned]
+        for part in range(constants.ticks_per_sample):
+            column = planned * constants.ticks_per_sample + part
+            seen = motion.position + tick_plan[PLAN_ENCODER_NOISE, column]
+            if has_effects:
+                seen = measured_position(effects.kinds, effects.p_at, effects.parameters, seen)
+            seen = quantised(seen, constants.resolution)
+            command, controller = control(
+                gains, controller, seen, tick_plan[PLAN_POSITION, column], tick_plan[PLAN_VELOCITY, column],
+                tick_plan[PLAN_ACCELERATION, column], compensation[k],
+            )  # fmt: skip
+            effort = command
+            if has_effects:
+                effort = effort_step(
+                    effects.kinds, effects.p_at, effects.s_at, effects.parameters, memory.effect_state, command
+                )
+            memory.efforts[tick % ring] = effort
+            if part == 0:
+                total = friction.viscous * motion.velocity + motion.damped
+                for i in range(memory.force.shape[0]):
+                    total += memory.force[i]
+                    element_force[k, i] = memory.force[i]
+                recorded[POSITION, k] = motion.position
+                recorded[VELOCITY, k] = motion.velocity
+                recorded[MEASURED, k] = seen
+                recorded[CONTROL, k] = command + sample_plan[PLAN_FORCE_NOISE, planned]
+                recorded[FRICTION, k] = total
+            for j in range(substeps):
+                sent = (tick * substeps + j - constants.delay_substeps) // substeps
+                arrived = memory.efforts[sent % ring] if sent >= 0 else 0.0
+                expected = motion.acceleration + (arrived + disturbance - last_effort) / constants.mass
+                last_effort = arrived + disturbance
+                motion = substep(
+                    friction, effects, user, constants.mass, period, tick * constants.tick + j * period, last_effort,
+                    expected, other[0], other[1], motion, memory.force, memory.mode, memory.effect_state,
+                    memory.next_force, memory.next_mode, memory.next_effect_state, memory.scratch,
+                )  # fmt: skip
+                if part == 0 and j == 0:
+                    recorded[ACCELERATION, k] = motion.acceleration
+                    recorded[APPLIED, k] = arrived
+                    recorded[EFFECT, k] = motion.effect_force
+            tick += 1
+    memory.motion[0] = motion.position
+    memory.motion[1] = motion.velocity
+    memory.motion[2] = motion.acceleration
+    memory.motion[3] = motion.damped
+    memory.motion[4] = motion.effect_force
+    memory.motion[5] = last_effort
+    memory.controller[0] = controller.position
+    memory.controller[1] = controller.velocity
+    memory.controller[2] = controller.integral

@@ -1,0 +1,69 @@
+"""Several simulated axes that move together, for instance an XY table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.settings.axis import Settings
+from sim_plant.record import StageRecord, join_records
+from sim_plant.stage import SimulatedStage
+
+Floats = NDArray[np.float64]
+
+
+class SimulatedTable:
+    """All axes of a parameter file, in step.
+
+    An axis with the effect ``cross_axis_coupling`` feels the motion of the axis before it (the first: of the last)
+    as it was one sample ago; a table with such an axis moves sample by sample.
+
+    Args:
+        settings: the whole file.
+        start_ns: stamp of the first sample [ns].
+        seed: replaces every axis's ``stage.seed``; axes of one seed draw different noise.
+
+    Raises:
+        ConfigurationError: when an axis makes no stage.
+    """
+
+    def __init__(self, settings: Settings, start_ns: int = 0, seed: int | None = None) -> None:
+        axes = settings.axes
+        if seed is not None:
+            axes = tuple(replace(axis, stage=replace(axis.stage, seed=seed)) for axis in axes)
+        self.stages = tuple(SimulatedStage(axis, settings.sample_period, start_ns) for axis in axes)
+        self._is_coupled = len(self.stages) > 1 and any(stage.is_coupled for stage in self.stages)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the axes."""
+        return tuple(stage.axis.name for stage in self.stages)
+
+    def step(self, count: int, compensation: Sequence[float | Floats] | None = None) -> tuple[StageRecord, ...]:
+        """Give the next samples of every axis.
+
+        Args:
+            count: number of samples, at least 1.
+            compensation: feedforward of each axis [N], as for ``SimulatedStage.step``; None for none.
+
+        Returns:
+            One record per axis.
+        """
+        forces: Sequence[float | Floats] = [0.0] * len(self.stages) if compensation is None else compensation
+        if not self._is_coupled:
+            return tuple(stage.step(count, force) for stage, force in zip(self.stages, forces, strict=True))
+        columns = [np.broadcast_to(np.asarray(force, dtype=np.float64), (count,)) for force in forces]
+        rows = [self._coupled_sample([float(column[k]) for column in columns]) for k in range(count)]
+        return tuple(join_records(records) for records in zip(*rows, strict=True))
+
+    def _coupled_sample(self, forces: Sequence[float]) -> list[StageRecord]:
+        """Move every axis by one sample under the motion that its neighbour had at the start."""
+        neighbours = [self.stages[i - 1] for i in range(len(self.stages))]
+        motions = [(neighbour.velocity, neighbour.acceleration) for neighbour in neighbours]
+        return [
+            stage.step(1, force, velocity, acceleration)
+            for stage, force, (velocity, acceleration) in zip(self.stages, forces, motions, strict=True)
+        ]
