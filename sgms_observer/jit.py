@@ -69,9 +69,32 @@ def njit(function: Kernel) -> Kernel:
     return compiled
 
 
+def njit_bare(function: Kernel) -> Kernel:
+    """Compile ``function`` without reference counting: it may be handed many arrays for nothing, but must not make one.
+
+    Counting references to the fifty arrays of an estimator's memory costs ten times what a prediction does. Only
+    kernels may call the result with arrays, or Python where it neither allocates nor returns any.
+    """
+    if not HAS_NUMBA:
+        return function
+    compiled: Kernel = numba.njit(function, cache=True, error_model="numpy", nogil=True, _nrt=False)
+    return compiled
+
+
+def inlined(function: Kernel) -> Kernel:
+    """Leave ``function`` plain Python for Python, and let ``njit_bare`` kernels compile it into themselves."""
+    if not HAS_NUMBA:
+        return function
+    from numba.extending import register_jitable
+
+    registered: Kernel = register_jitable(_nrt=False)(function)
+    return registered
+
+
 def njit_uncached(function: Kernel) -> Kernel:
     """Compile a user's ``function``, which lives in no source file of this package, without a disk cache."""
     if not HAS_NUMBA:
         return function
     compiled: Kernel = numba.njit(function, error_model="numpy", nogil=True)
     return compiled
+

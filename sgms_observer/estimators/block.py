@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from sgms_observer.estimators.ekf import ekf_correct, predict_measurement
 from sgms_observer.estimators.interval import advance_forces, friction_force, level_at, simulate_interval
-from sgms_observer.estimators.layout import NU, P_VISCOUS, Floats, Integers, ModelArrays, ParameterArrays, apply_parameters
+from sgms_observer.estimators.layout import NU, P_VISCOUS, Floats, ModelArrays, ParameterArrays, apply_parameters, copy_vector
 from sgms_observer.estimators.memory import (
     ACCELERATION,
     COUNT,
@@ -22,7 +22,18 @@ from sgms_observer.estimators.memory import (
     views,
 )
 from sgms_observer.estimators.mhe import NO_DESCENT, NOT_FINITE, mhe_correct
-from sgms_observer.jit import njit
+from sgms_observer.filters.motion import ACCELERATION as ACCELERATION_COLUMN
+from sgms_observer.filters.motion import (
+    IS_READY,
+    IS_REJECTED,
+    IS_RESTART,
+    LEAD,
+    PERIOD,
+    PRESENT_VELOCITY,
+    STEP_VELOCITY,
+)
+from sgms_observer.filters.motion import VELOCITY as VELOCITY_COLUMN
+from sgms_observer.jit import njit_bare
 
 # status codes, the same numbers as sgms_observer.status.Status (a test holds them together)
 RUNNING, STARTING, PREDICTING, SAMPLE_REJECTED, NOT_CONVERGED, WAS_NOT_FINITE, DEADLINE, RESTARTED = range(8)
@@ -54,49 +65,11 @@ class Tuning(NamedTuple):
     outlier_nis: float
 
 
-class Steps(NamedTuple):
-    """Motion of a block, all at the delayed instants; shapes (n,).
-
-    Attributes:
-        period: time since the sample before [s].
-        travel_velocity: mean velocity over that time [m/s].
-        velocity: velocity at the sample [m/s].
-        acceleration: acceleration at the sample [m/s^2].
-        effort: effort less the effects' forces [N]; NaN where there is none.
-        factor: effects' factor on the Stribeck level [-].
-        is_ready: 1 once the filters are full.
-        is_restart: 1 where everything starts anew.
-        lead_velocity: velocities from the delayed instant to the present [m/s], shape (n, L).
-        present_velocity: velocity at the sample's own stamp [m/s].
-    """
-
-    period: Floats
-    travel_velocity: Floats
-    velocity: Floats
-    acceleration: Floats
-    effort: Floats
-    factor: Floats
-    is_ready: Floats
-    is_restart: Floats
-    lead_velocity: Floats
-    present_velocity: Floats
+# columns of the table the loop writes: these, then element forces, slip modes, p and the deviations of p
+FRICTION, FRICTION_STD, INNOVATION, INNOVATION_STD, STATUS, RESULT_SIZE = range(6)
 
 
-class Results(NamedTuple):
-    """What the loop writes; the columns of ``Estimates`` it is responsible for."""
-
-    friction: Floats
-    friction_std: Floats
-    element_force: Floats
-    slip: Floats
-    parameters: Floats
-    parameter_std: Floats
-    innovation: Floats
-    innovation_std: Floats
-    status: Integers
-
-
-@njit
+@njit_bare
 def start_interval(memory: Memory, model: ModelArrays, parameters: ParameterArrays) -> None:
     """Begin a new interval at the newest corrected estimate."""
     n_z = memory.now.shape[0]
@@ -104,14 +77,14 @@ def start_interval(memory: Memory, model: ModelArrays, parameters: ParameterArra
         model.scalars, model.elements, parameters.kinds, parameters.scale, memory.x_hat[n_z:],
         memory.scalars, memory.elements,
     )  # fmt: skip
-    memory.now[:] = memory.x_hat[:n_z]
-    memory.now_slip[:] = memory.slip
+    copy_vector(memory.x_hat[:n_z], memory.now)
+    copy_vector(memory.slip, memory.now_slip)
     memory.now_a[:] = 1.0
     memory.now_b[:, :] = 0.0
     memory.flags[SAMPLES] = 0.0
 
 
-@njit
+@njit_bare
 def restart(memory: Memory, model: ModelArrays, parameters: ParameterArrays, initial: Floats, keep_p: bool) -> None:
     """Forget the element forces (and p, unless kept) and start from the initial uncertainty.
 
@@ -138,7 +111,7 @@ def restart(memory: Memory, model: ModelArrays, parameters: ParameterArrays, ini
     start_interval(memory, model, parameters)
 
 
-@njit
+@njit_bare
 def _advance(memory: Memory, parameters: ParameterArrays, velocity: float, period: float, factor: float) -> None:
     """Predict one sample ahead (eq. 11a) and carry the interval's linearisation along."""
     n_z = memory.now.shape[0]
@@ -160,7 +133,7 @@ def _advance(memory: Memory, parameters: ParameterArrays, velocity: float, perio
     memory.flags[SAMPLES] = at + 1.0
 
 
-@njit
+@njit_bare
 def _keep_inside(memory: Memory, beta: float, parameters: ParameterArrays) -> bool:
     """Clip the newest estimate to its bounds (14d, 14e); return whether it is finite."""
     n_z = memory.now.shape[0]
@@ -177,7 +150,7 @@ def _keep_inside(memory: Memory, beta: float, parameters: ParameterArrays) -> bo
     return True
 
 
-@njit
+@njit_bare
 def _correct(memory: Memory, model: ModelArrays, parameters: ParameterArrays, process: Floats, initial: Floats,
              tuning: Tuning) -> tuple[int, float, float]:  # fmt: skip
     """Correct at the end of the running interval; return status, innovation [N] and its deviation [N]."""
@@ -216,7 +189,7 @@ def _correct(memory: Memory, model: ModelArrays, parameters: ParameterArrays, pr
     return status, innovation, math.sqrt(spread)
 
 
-@njit
+@njit_bare
 def _friction_variance(memory: Memory, parameters: ParameterArrays, process: Floats, share: float, velocity: float) -> float:
     """Variance of the estimated friction (eq. 13) at the newest sample [N^2]; p's uncertainty included."""
     n_z = memory.now.shape[0]
@@ -236,23 +209,10 @@ def _friction_variance(memory: Memory, parameters: ParameterArrays, process: Flo
     return max(total, 0.0)
 
 
-@njit
-def _lead_to_present(memory: Memory, lead_velocity: Floats, period: float, factor: float,
-                     present_velocity: float) -> float:  # fmt: skip
-    """Take the forces from the delayed instant to the present along the best velocities; return the friction there."""
-    memory.lead[:] = memory.now
-    memory.lead_slip[:] = memory.now_slip
-    for k in range(lead_velocity.shape[0]):
-        advance_forces(
-            memory.scalars, memory.elements, memory.lead, memory.lead_slip, lead_velocity[k], period, factor
-        )
-    return friction_force(memory.scalars, memory.elements, memory.lead, memory.lead_slip, present_velocity, factor)
-
-
-@njit
+@njit_bare
 def estimate_block(flat: Floats, model: ModelArrays, parameters: ParameterArrays, process: Floats, initial: Floats,
-                   tuning: Tuning, sample_period: float, steps: Steps, results: Results) -> None:  # fmt: skip
-    """Run the estimator over a block of samples.
+                   tuning: Tuning, motion: Floats, effort: Floats, factor: Floats, results: Floats) -> None:  # fmt: skip
+    """Run the estimator over a block of n samples.
 
     Args:
         flat: the estimator's memory (memory.py); overwritten.
@@ -261,53 +221,66 @@ def estimate_block(flat: Floats, model: ModelArrays, parameters: ParameterArrays
         process: variances of Q per interval, shape (n_z,).
         initial: initial variances of x, shape (n_z + n_p,).
         tuning: estimator settings.
-        sample_period: nominal sample period, of the lead velocities [s].
-        steps: the block's motion.
-        results: rows to write, one per sample.
+        motion: rows of block V, columns as in ``filters.motion``, shape (n, LEAD + 2 L).
+        effort: effort at each row's instant less the effects' forces [N], NaN where there is none, shape (n,).
+        factor: effects' factor on the Stribeck level [-], shape (n,).
+        results: written, columns as above, shape (n, RESULT_SIZE + 2 n_z + 2 n_p).
     """
     n_z = model.elements.shape[1]
     n_p = parameters.kinds.shape[0]
+    leads = (motion.shape[1] - LEAD) // 2
     memory, _length = views(flat, n_z, n_p, tuning.horizon, tuning.correction_every)
-    for s in range(steps.period.shape[0]):
+    for s in range(motion.shape[0]):
+        row = motion[s]
+        result = results[s]
         status = RUNNING
         if memory.flags[STARTED] == 0.0:
             restart(memory, model, parameters, initial, False)
-        if steps.is_restart[s] > 0.0:
+        if row[IS_RESTART] > 0.0:
             restart(memory, model, parameters, initial, True)
             status = RESTARTED
-        results.innovation[s] = math.nan
-        results.innovation_std[s] = math.nan
-        velocity, period = steps.travel_velocity[s], steps.period[s]
-        if not (abs(velocity) < 1e300 and abs(steps.velocity[s]) < 1e300 and period < 1e300):
-            status = WAS_NOT_FINITE
-        elif steps.is_ready[s] == 0.0:
+        result[INNOVATION] = math.nan
+        result[INNOVATION_STD] = math.nan
+        if row[IS_REJECTED] > 0.0:
+            status = SAMPLE_REJECTED
+        elif row[IS_READY] == 0.0:
             if status == RUNNING:
                 status = STARTING
+        elif not abs(row[STEP_VELOCITY]) + abs(row[VELOCITY_COLUMN]) + row[PERIOD] < 1e300:
+            status = WAS_NOT_FINITE
         else:
-            _advance(memory, parameters, velocity, max(period, 0.0), steps.factor[s])
+            _advance(memory, parameters, row[STEP_VELOCITY], max(row[PERIOD], 0.0), factor[s])
             if memory.flags[SAMPLES] >= tuning.correction_every:
-                memory.record[EFFORT] = steps.effort[s]
-                memory.record[VELOCITY] = steps.velocity[s]
-                memory.record[ACCELERATION] = steps.acceleration[s]
-                memory.record[FACTOR] = steps.factor[s]
-                is_finite = abs(steps.effort[s]) < 1e300 and abs(steps.acceleration[s]) < 1e300
+                memory.record[EFFORT] = effort[s]
+                memory.record[VELOCITY] = row[VELOCITY_COLUMN]
+                memory.record[ACCELERATION] = row[ACCELERATION_COLUMN]
+                memory.record[FACTOR] = factor[s]
+                is_finite = abs(effort[s]) + abs(row[ACCELERATION_COLUMN]) < 1e300
                 memory.record[IS_USED] = 1.0 if is_finite else 0.0
                 outcome, innovation, deviation = _correct(memory, model, parameters, process, initial, tuning)
-                if outcome != PREDICTING:
-                    results.innovation[s] = innovation
-                    results.innovation_std[s] = deviation
+                if is_finite:
+                    result[INNOVATION] = innovation
+                    result[INNOVATION_STD] = deviation
                 if status == RUNNING:
                     status = outcome
         share = memory.flags[SAMPLES] / tuning.correction_every
-        variance = _friction_variance(memory, parameters, process, share, steps.present_velocity[s])
-        results.friction[s] = _lead_to_present(
-            memory, steps.lead_velocity[s], sample_period, steps.factor[s], steps.present_velocity[s]
+        velocity = row[PRESENT_VELOCITY]
+        copy_vector(memory.now, memory.lead)
+        copy_vector(memory.now_slip, memory.lead_slip)
+        for k in range(leads if row[IS_READY] > 0.0 else 0):
+            advance_forces(
+                memory.scalars, memory.elements, memory.lead, memory.lead_slip,
+                row[LEAD + k], row[LEAD + leads + k], factor[s],
+            )  # fmt: skip
+        result[FRICTION] = friction_force(
+            memory.scalars, memory.elements, memory.lead, memory.lead_slip, velocity, factor[s]
         )
-        results.friction_std[s] = math.sqrt(variance)
-        results.status[s] = status
+        result[FRICTION_STD] = math.sqrt(_friction_variance(memory, parameters, process, share, velocity))
+        result[STATUS] = status
         for i in range(n_z):
-            results.element_force[s, i] = memory.lead[i]
-            results.slip[s, i] = memory.lead_slip[i]
+            result[RESULT_SIZE + i] = memory.lead[i]
+            result[RESULT_SIZE + n_z + i] = memory.lead_slip[i]
         for j in range(n_p):
-            results.parameters[s, j] = memory.x_hat[n_z + j] * parameters.scale[j]
-            results.parameter_std[s, j] = math.sqrt(max(memory.covariance[n_z + j, n_z + j], 0.0)) * parameters.scale[j]
+            at = RESULT_SIZE + 2 * n_z + j
+            result[at] = memory.x_hat[n_z + j] * parameters.scale[j]
+            result[at + n_p] = math.sqrt(max(memory.covariance[n_z + j, n_z + j], 0.0)) * parameters.scale[j]

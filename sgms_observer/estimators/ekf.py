@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from sgms_observer.estimators.interval import effort_slopes, predict_effort
 from sgms_observer.estimators.kalman import correct_scalar, propagate_covariance
-from sgms_observer.estimators.layout import Floats, Integers
+from sgms_observer.estimators.layout import Floats, Integers, copy_matrix
 from sgms_observer.estimators.memory import ACCELERATION, EFFORT, FACTOR, IS_USED, VELOCITY, Memory
-from sgms_observer.jit import njit
+from sgms_observer.jit import njit_bare
 
 
-@njit
+@njit_bare
 def linearise_measurement(memory: Memory, kinds: Integers, scale: Floats, p: Floats, force: Floats, slip: Floats,
                           record: Floats, row: Floats) -> float:  # fmt: skip
     """Evaluate a measurement and its derivatives at a node.
@@ -38,7 +38,7 @@ def linearise_measurement(memory: Memory, kinds: Integers, scale: Floats, p: Flo
     )
 
 
-@njit
+@njit_bare
 def predict_measurement(memory: Memory, kinds: Integers, scale: Floats, process: Floats, variance: float,
                         record: Floats, row: Floats, covariance: Floats) -> tuple[float, float]:  # fmt: skip
     """Predict to the end of the running interval (eq. 11) and compare with the measurement there.
@@ -56,7 +56,7 @@ def predict_measurement(memory: Memory, kinds: Integers, scale: Floats, process:
     Returns:
         innovation [N] and its variance S [N^2].
     """
-    covariance[:, :] = memory.covariance
+    copy_matrix(memory.covariance, covariance)
     propagate_covariance(covariance, memory.now_a, memory.now_b, process)
     n_z = memory.now.shape[0]
     innovation = linearise_measurement(
@@ -69,7 +69,7 @@ def predict_measurement(memory: Memory, kinds: Integers, scale: Floats, process:
     return innovation, spread
 
 
-@njit
+@njit_bare
 def ekf_correct(memory: Memory, walk: float, variance: float, is_used: bool, innovation: float,
                 row: Floats, covariance: Floats) -> None:  # fmt: skip
     """Correct at the end of the running interval (eq. 12) and store the new estimate.
@@ -84,7 +84,7 @@ def ekf_correct(memory: Memory, walk: float, variance: float, is_used: bool, inn
         covariance: P there.
     """
     n_z = memory.now.shape[0]
-    memory.covariance[:, :] = covariance
+    copy_matrix(covariance, memory.covariance)
     memory.work[:] = 0.0
     if is_used:
         correct_scalar(memory.work, memory.covariance, row, innovation, variance, memory.adjoint)

@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from sgms_observer.estimators.block import Results, Steps, Tuning, estimate_block
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.estimators.block import (
+    FRICTION,
+    FRICTION_STD,
+    INNOVATION,
+    INNOVATION_STD,
+    RESULT_SIZE,
+    STATUS,
+    Tuning,
+    estimate_block,
+)
 from sgms_observer.estimators.layout import (
     COULOMB,
     KAPPA,
@@ -15,6 +27,7 @@ from sgms_observer.estimators.layout import (
     parameter_arrays,
 )
 from sgms_observer.estimators.memory import EKF_NEXT, FLAGS_SIZE, STARTED, Memory, Sizes, allocate, views
+from sgms_observer.filters.motion import Motion
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.observer import EstimatorSettings
 
@@ -22,6 +35,62 @@ _MOST_ITERATIONS = 60
 _CONVERGED = 1e-9
 _REAL_TIME_TOLERANCE = 1e-12
 _SMALLEST_PROCESS_STD = 1e-6  # N; a model without any doubt makes the window's weights infinite
+
+
+@dataclass(frozen=True)
+class Results:
+    """What the estimator says of a block of n samples; row i belongs to sample i's own stamp.
+
+    Args:
+        table: columns as in ``block``, shape (n, RESULT_SIZE + 2 n_z + 2 n_p).
+        n_z: number of elements.
+        n_p: number of estimated parameters.
+    """
+
+    table: Floats
+    n_z: int
+    n_p: int
+
+    @property
+    def friction(self) -> Floats:
+        """Estimated friction [N]."""
+        return self.table[:, FRICTION]
+
+    @property
+    def friction_std(self) -> Floats:
+        """Its standard deviation, eq. 13 [N]."""
+        return self.table[:, FRICTION_STD]
+
+    @property
+    def innovation(self) -> Floats:
+        """Measured minus predicted effort [N]; NaN between corrections."""
+        return self.table[:, INNOVATION]
+
+    @property
+    def innovation_std(self) -> Floats:
+        """Its predicted standard deviation [N]; NaN between corrections."""
+        return self.table[:, INNOVATION_STD]
+
+    @property
+    def status(self) -> NDArray[np.uint8]:
+        """``Status`` codes."""
+        return self.table[:, STATUS].astype(np.uint8)
+
+    @property
+    def element_force(self) -> Floats:
+        """Element forces [N], shape (n, n_z)."""
+        return self.table[:, RESULT_SIZE : RESULT_SIZE + self.n_z]
+
+    @property
+    def parameters(self) -> Floats:
+        """Estimated parameters in SI units, kappa as a share of its nominal value, shape (n, n_p)."""
+        start = RESULT_SIZE + 2 * self.n_z
+        return self.table[:, start : start + self.n_p]
+
+    @property
+    def parameter_std(self) -> Floats:
+        """Their standard deviations, shape (n, n_p)."""
+        return self.table[:, RESULT_SIZE + 2 * self.n_z + self.n_p :]
 
 
 class Estimator:
@@ -32,19 +101,12 @@ class Estimator:
         friction: checked friction settings.
         mass: moving mass [kg].
         offset: known constant force [N].
-        sample_period: nominal sample period [s].
     """
 
     def __init__(
-        self,
-        settings: EstimatorSettings,
-        friction: FrictionSettings,
-        mass: float,
-        offset: float,
-        sample_period: float,
+        self, settings: EstimatorSettings, friction: FrictionSettings, mass: float, offset: float = 0.0
     ) -> None:
         self.settings = settings
-        self.sample_period = sample_period
         self.model = model_arrays(friction, mass, offset)
         self.parameters = parameter_arrays(settings, self.model)
         is_mhe = settings.kind == "mhe"
@@ -106,28 +168,19 @@ class Estimator:
         stiffness: Floats = factor[:, None] * self.model.elements[KAPPA][None, :]
         return stiffness
 
-    def step(self, steps: Steps) -> Results:
+    def step(self, motion: Motion, effort: Floats, factor: Floats) -> Results:
         """Take in a block of motion.
 
         Args:
-            steps: the block; n rows.
+            motion: n rows of block V.
+            effort: effort at each row's instant less the effects' forces [N], NaN where there is none, shape (n,).
+            factor: the effects' factor on the Stribeck level [-], shape (n,).
 
         Returns:
             Estimates, one row per sample.
         """
-        count = len(steps.period)
         n_z, n_p = self.sizes.n_z, self.sizes.n_p
-        results = Results(
-            friction=np.empty(count),
-            friction_std=np.empty(count),
-            element_force=np.empty((count, n_z)),
-            slip=np.empty((count, n_z)),
-            parameters=np.empty((count, n_p)),
-            parameter_std=np.empty((count, n_p)),
-            innovation=np.empty(count),
-            innovation_std=np.empty(count),
-            status=np.empty(count, dtype=np.int64),
-        )
+        table = np.empty((len(motion.table), RESULT_SIZE + 2 * n_z + 2 * n_p))
         estimate_block(
             self._flat,
             self.model,
@@ -135,8 +188,9 @@ class Estimator:
             self.process,
             self.initial,
             self.tuning,
-            self.sample_period,
-            steps,
-            results,
+            motion.table,
+            effort,
+            factor,
+            table,
         )
-        return results
+        return Results(table, n_z, n_p)

@@ -35,12 +35,12 @@ from sgms_observer.estimators.layout import (
 from sgms_observer.formulas import friction as formulas
 from sgms_observer.friction.gms import gms_rate, gms_step, gms_step_with_slopes
 from sgms_observer.friction.sgms import sgms_rate, sgms_step, sgms_step_with_slopes
-from sgms_observer.jit import njit
+from sgms_observer.jit import njit_bare
 
-stribeck_level = njit(formulas.stribeck_level)
+stribeck_level = njit_bare(formulas.stribeck_level)
 
 
-@njit
+@njit_bare
 def reset_gain(scalars: Floats, velocity: float) -> float:
     """Return the gain of the reset eta_B at this velocity (eq. 7 and notes trap 2)."""
     if scalars[RESET] == PAPER_RESET:
@@ -48,13 +48,13 @@ def reset_gain(scalars: Floats, velocity: float) -> float:
     return scalars[GAMMA]
 
 
-@njit
+@njit_bare
 def level_at(scalars: Floats, velocity: float, factor: float) -> float:
     """Return the Stribeck curve s(v) [N] times the effects' factor on it."""
     return factor * stribeck_level(velocity, scalars[STATIC], scalars[COULOMB], scalars[STRIBECK])
 
 
-@njit
+@njit_bare
 def simulate_interval(scalars: Floats, elements: Floats, kinds: Integers, p: Floats,
                       velocity: Floats, period: Floats, factor: Floats, count: int,
                       force_in: Floats, memory_in: Floats,
@@ -135,7 +135,7 @@ def simulate_interval(scalars: Floats, elements: Floats, kinds: Integers, p: Flo
                 b[i, j] /= p[j]  # from d/d log(parameter)
 
 
-@njit
+@njit_bare
 def advance_forces(scalars: Floats, elements: Floats, force: Floats, memory: Floats,
                    velocity: float, period: float, factor: float) -> None:  # fmt: skip
     """Advance all element forces by one step in place, without derivatives.
@@ -161,7 +161,7 @@ def advance_forces(scalars: Floats, elements: Floats, force: Floats, memory: Flo
             force[i] = sgms_step(force[i], velocity, period, kappa, nu * level, scalars[LAMBDA], scalars[ZETA], gain)
 
 
-@njit
+@njit_bare
 def predict_effort(scalars: Floats, elements: Floats, force: Floats, memory: Floats,
                    velocity: float, acceleration: float, factor: float) -> float:  # fmt: skip
     """Effort that the model expects: eq. 3 plus inertia and offset [N].
@@ -179,7 +179,7 @@ def predict_effort(scalars: Floats, elements: Floats, force: Floats, memory: Flo
     return friction_force(scalars, elements, force, memory, velocity, factor) + inertia + scalars[OFFSET]
 
 
-@njit
+@njit_bare
 def friction_force(scalars: Floats, elements: Floats, force: Floats, memory: Floats,
                    velocity: float, factor: float) -> float:  # fmt: skip
     """Friction force of eq. 3 [N]; arguments as ``predict_effort``."""
@@ -199,7 +199,7 @@ def friction_force(scalars: Floats, elements: Floats, force: Floats, memory: Flo
     return total
 
 
-@njit
+@njit_bare
 def effort_slopes(scalars: Floats, elements: Floats, kinds: Integers, scale: Floats, p: Floats, force: Floats,
                   memory: Floats, velocity: float, acceleration: float, factor: float, row: Floats) -> None:  # fmt: skip
     """Derivatives of ``predict_effort`` with respect to the element forces and p.

@@ -6,10 +6,10 @@ The transition of an interval is [[diag(a), b], [0, I]]; both EKF and MHE are bu
 from __future__ import annotations
 
 from sgms_observer.estimators.layout import Floats
-from sgms_observer.jit import njit
+from sgms_observer.jit import njit_bare
 
 
-@njit
+@njit_bare
 def propagate_covariance(covariance: Floats, a: Floats, b: Floats, process: Floats) -> None:
     """P <- Phi P Phi^T + Q in place (eq. 11b).
 
@@ -39,7 +39,7 @@ def propagate_covariance(covariance: Floats, a: Floats, b: Floats, process: Floa
             covariance[n_z + j, i] = covariance[i, n_z + j]
 
 
-@njit
+@njit_bare
 def propagate_deviation(deviation: Floats, a: Floats, b: Floats) -> None:
     """Advance a deviation of x through an interval in place: f <- a f + b p."""
     n_z, n_p = b.shape
@@ -50,7 +50,7 @@ def propagate_deviation(deviation: Floats, a: Floats, b: Floats) -> None:
         deviation[i] = total
 
 
-@njit
+@njit_bare
 def correct_scalar(deviation: Floats, covariance: Floats, row: Floats, residual: float, variance: float,
                    gain: Floats) -> tuple[float, float]:  # fmt: skip
     """Correct a deviation and its covariance with one scalar measurement in place (eq. 12).
@@ -93,7 +93,7 @@ def correct_scalar(deviation: Floats, covariance: Floats, row: Floats, residual:
     return innovation, spread
 
 
-@njit
+@njit_bare
 def smooth_back(adjoint: Floats, row: Floats, gain: Floats, innovation: float, spread: float) -> float:
     """Take the Bryson-Frazier adjoint back over one measurement in place.
 
@@ -119,7 +119,7 @@ def smooth_back(adjoint: Floats, row: Floats, gain: Floats, innovation: float, s
     return pull
 
 
-@njit
+@njit_bare
 def smooth_back_transition(adjoint: Floats, a: Floats, b: Floats) -> None:
     """Take the adjoint back through an interval in place: lambda <- Phi^T lambda."""
     n_z, n_p = b.shape
@@ -132,7 +132,7 @@ def smooth_back_transition(adjoint: Floats, a: Floats, b: Floats) -> None:
         adjoint[i] *= a[i]
 
 
-@njit
+@njit_bare
 def factor_covariance(covariance: Floats, lower: Floats) -> None:
     """Cholesky factor of a covariance; a direction without uncertainty gets a tiny one.
 
@@ -154,7 +154,7 @@ def factor_covariance(covariance: Floats, lower: Floats) -> None:
         lower[i, i] = max(total, floor) ** 0.5
 
 
-@njit
+@njit_bare
 def squared_distance(lower: Floats, deviation: Floats, work: Floats) -> float:
     """Return deviation^T P^-1 deviation from the Cholesky factor of P.
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.jit import njit
+from sgms_observer.jit import njit_bare
 from sgms_observer.settings.friction import MODELS, FrictionSettings
 from sgms_observer.settings.observer import ESTIMABLE, EstimatorSettings
 
@@ -104,7 +104,22 @@ def parameter_arrays(settings: EstimatorSettings, model: ModelArrays) -> Paramet
     return ParameterArrays(kinds, scale, start, lower, upper)
 
 
-@njit
+@njit_bare
+def copy_vector(source: Floats, target: Floats) -> None:
+    """Copy a vector entry by entry: a slice assignment would make room for a copy on the way."""
+    for i in range(source.shape[0]):
+        target[i] = source[i]
+
+
+@njit_bare
+def copy_matrix(source: Floats, target: Floats) -> None:
+    """Copy a matrix entry by entry, see ``copy_vector``."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@njit_bare
 def apply_parameters(scalars: Floats, elements: Floats, kinds: Integers, scale: Floats, p: Floats,
                      scalars_out: Floats, elements_out: Floats) -> None:  # fmt: skip
     """Write the model with the estimated parameters in place.
@@ -118,8 +133,8 @@ def apply_parameters(scalars: Floats, elements: Floats, kinds: Integers, scale: 
         scalars_out: the model with p applied.
         elements_out: the element rows with p applied.
     """
-    scalars_out[:] = scalars
-    elements_out[:, :] = elements
+    copy_vector(scalars, scalars_out)
+    copy_matrix(elements, elements_out)
     for j in range(kinds.shape[0]):
         kind = kinds[j]
         value = p[j] * scale[j]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sgms_observer.estimators.layout import MODEL_SIZE, Floats
-from sgms_observer.jit import njit
+from sgms_observer.jit import inlined
 
 # entries of Memory.flags
 COUNT, SAMPLES, EKF_NEXT, STARTED, FLAGS_SIZE = range(5)
@@ -120,27 +120,27 @@ class Memory(NamedTuple):
     unit: Floats
 
 
-@njit
+@inlined
 def _take1(flat: Floats, start: int, rows: int) -> tuple[Floats, int]:
     """Return a vector view and where the next view starts."""
     return flat[start : start + rows], start + rows
 
 
-@njit
+@inlined
 def _take2(flat: Floats, start: int, rows: int, columns: int) -> tuple[Floats, int]:
     """Return a matrix view and where the next view starts."""
     end = start + rows * columns
     return flat[start:end].reshape((rows, columns)), end
 
 
-@njit
+@inlined
 def _take3(flat: Floats, start: int, depth: int, rows: int, columns: int) -> tuple[Floats, int]:
     """Return a view of three dimensions and where the next view starts."""
     end = start + depth * rows * columns
     return flat[start:end].reshape((depth, rows, columns)), end
 
 
-@njit
+@inlined
 def views(flat: Floats, n: int, p: int, h: int, m: int) -> tuple[Memory, int]:
     """Return the views into the flat array, and the length they need.
 

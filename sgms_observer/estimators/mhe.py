@@ -17,9 +17,9 @@ from sgms_observer.estimators.kalman import (
     smooth_back_transition,
     squared_distance,
 )
-from sgms_observer.estimators.layout import NU, Floats, Integers, ParameterArrays, apply_parameters
+from sgms_observer.estimators.layout import NU, Floats, ParameterArrays, apply_parameters, copy_matrix, copy_vector
 from sgms_observer.estimators.memory import COUNT, FACTOR, IS_USED, LEVEL, VELOCITY, Memory
-from sgms_observer.jit import njit
+from sgms_observer.jit import njit_bare
 
 _MAX_ACTIVE_SET_PASSES = 12
 _MAX_HALVINGS = 6
@@ -29,7 +29,7 @@ _BOUND_TOLERANCE = 1e-9
 IMPROVED, CONVERGED, NO_DESCENT, NOT_FINITE = range(4)
 
 
-@njit
+@njit_bare
 def slide_window(memory: Memory, process: Floats, walk: float, variance: float) -> None:
     """Drop the oldest interval: one EKF recursion of the arrival cost through it (III-D2).
 
@@ -58,23 +58,23 @@ def slide_window(memory: Memory, process: Floats, walk: float, variance: float) 
             memory.prior_covariance[i, i] += walk
     count = int(memory.flags[COUNT])
     for k in range(count):
-        memory.forces[k] = memory.forces[k + 1]
-        memory.slips[k] = memory.slips[k + 1]
-        memory.measurements[k] = memory.measurements[k + 1]
-        memory.rows[k] = memory.rows[k + 1]
+        copy_vector(memory.forces[k + 1], memory.forces[k])
+        copy_vector(memory.slips[k + 1], memory.slips[k])
+        copy_vector(memory.measurements[k + 1], memory.measurements[k])
+        copy_vector(memory.rows[k + 1], memory.rows[k])
         memory.residuals[k] = memory.residuals[k + 1]
         if k > 0:
-            memory.velocity[k - 1] = memory.velocity[k]
-            memory.period[k - 1] = memory.period[k]
-            memory.factor[k - 1] = memory.factor[k]
-            memory.ends[k - 1] = memory.ends[k]
-            memory.end_slips[k - 1] = memory.end_slips[k]
-            memory.a[k - 1] = memory.a[k]
-            memory.b[k - 1] = memory.b[k]
+            copy_vector(memory.velocity[k], memory.velocity[k - 1])
+            copy_vector(memory.period[k], memory.period[k - 1])
+            copy_vector(memory.factor[k], memory.factor[k - 1])
+            copy_vector(memory.ends[k], memory.ends[k - 1])
+            copy_vector(memory.end_slips[k], memory.end_slips[k - 1])
+            copy_vector(memory.a[k], memory.a[k - 1])
+            copy_matrix(memory.b[k], memory.b[k - 1])
     memory.flags[COUNT] = count - 1
 
 
-@njit
+@njit_bare
 def append_interval(memory: Memory, parameters: ParameterArrays, record: Floats) -> None:
     """Add the running interval, which ends now, and the measurement at its end.
 
@@ -86,23 +86,23 @@ def append_interval(memory: Memory, parameters: ParameterArrays, record: Floats)
     count = int(memory.flags[COUNT])
     if count == 0:
         n_z = memory.now.shape[0]
-        memory.prior[:] = memory.x_hat
-        memory.prior_covariance[:, :] = memory.covariance
-        memory.forces[0] = memory.x_hat[:n_z]
-        memory.p[:] = memory.x_hat[n_z:]
-        memory.slips[0] = memory.slip
-        memory.measurements[0] = record
+        copy_vector(memory.x_hat, memory.prior)
+        copy_matrix(memory.covariance, memory.prior_covariance)
+        copy_vector(memory.x_hat[:n_z], memory.forces[0])
+        copy_vector(memory.x_hat[n_z:], memory.p)
+        copy_vector(memory.slip, memory.slips[0])
+        copy_vector(record, memory.measurements[0])
         memory.measurements[0, VELOCITY] = memory.now_velocity[0]
-    memory.velocity[count] = memory.now_velocity
-    memory.period[count] = memory.now_period
-    memory.factor[count] = memory.now_factor
-    memory.ends[count] = memory.now
-    memory.end_slips[count] = memory.now_slip
-    memory.a[count] = memory.now_a
-    memory.b[count] = memory.now_b
-    memory.forces[count + 1] = memory.now
-    memory.slips[count + 1] = memory.now_slip
-    memory.measurements[count + 1] = record
+    copy_vector(memory.now_velocity, memory.velocity[count])
+    copy_vector(memory.now_period, memory.period[count])
+    copy_vector(memory.now_factor, memory.factor[count])
+    copy_vector(memory.now, memory.ends[count])
+    copy_vector(memory.now_slip, memory.end_slips[count])
+    copy_vector(memory.now_a, memory.a[count])
+    copy_matrix(memory.now_b, memory.b[count])
+    copy_vector(memory.now, memory.forces[count + 1])
+    copy_vector(memory.now_slip, memory.slips[count + 1])
+    copy_vector(record, memory.measurements[count + 1])
     memory.residuals[count + 1] = linearise_measurement(
         memory, parameters.kinds, parameters.scale, memory.p, memory.now, memory.now_slip, record,
         memory.rows[count + 1],
@@ -110,7 +110,7 @@ def append_interval(memory: Memory, parameters: ParameterArrays, record: Floats)
     memory.flags[COUNT] = count + 1
 
 
-@njit
+@njit_bare
 def bound_of(memory: Memory, node: int, index: int, beta: float, parameters: ParameterArrays, side: float) -> float:
     """Return the bound (14d, 14e) of entry ``index`` of x at a node; ``side`` is -1 or +1."""
     n_z = memory.now.shape[0]
@@ -119,7 +119,7 @@ def bound_of(memory: Memory, node: int, index: int, beta: float, parameters: Par
     return side * beta * memory.elements[NU, index] * memory.measurements[node, LEVEL]
 
 
-@njit
+@njit_bare
 def _filter_and_smooth(memory: Memory, process: Floats, variance: float, beta: float, parameters: ParameterArrays) -> bool:
     """Solve the equality-constrained subproblem into ``memory.steps``; return whether the active set is right."""
     n_z = memory.now.shape[0]
@@ -132,10 +132,10 @@ def _filter_and_smooth(memory: Memory, process: Floats, variance: float, beta: f
         if k == 0:
             for i in range(d):
                 deviation[i] = memory.prior[i] - (memory.forces[0, i] if i < n_z else memory.p[i - n_z])
-            covariance[:, :] = memory.prior_covariance
+            copy_matrix(memory.prior_covariance, covariance)
         else:
-            deviation[:] = memory.deviations[k - 1]
-            covariance[:, :] = memory.covariances[k - 1]
+            copy_vector(memory.deviations[k - 1], deviation)
+            copy_matrix(memory.covariances[k - 1], covariance)
             propagate_deviation(deviation, memory.a[k - 1], memory.b[k - 1])
             propagate_covariance(covariance, memory.a[k - 1], memory.b[k - 1], process)
             for i in range(n_z):
@@ -178,7 +178,7 @@ def _filter_and_smooth(memory: Memory, process: Floats, variance: float, beta: f
     return is_right
 
 
-@njit
+@njit_bare
 def solve_subproblem(memory: Memory, process: Floats, variance: float, beta: float, parameters: ParameterArrays) -> None:
     """Solve the quadratic programme of one Gauss-Newton iteration into ``memory.steps``.
 
@@ -209,7 +209,7 @@ def solve_subproblem(memory: Memory, process: Floats, variance: float, beta: flo
             break
 
 
-@njit
+@njit_bare
 def _cost(memory: Memory, process: Floats, variance: float, forces: Floats, p: Floats, ends: Floats,
           residuals: Floats) -> float:  # fmt: skip
     """Cost of eq. 14 at a point whose intervals and residuals are at hand (twice the negative log-likelihood)."""
@@ -228,7 +228,7 @@ def _cost(memory: Memory, process: Floats, variance: float, forces: Floats, p: F
     return total
 
 
-@njit
+@njit_bare
 def _evaluate_trial(memory: Memory, nominal_scalars: Floats, nominal_elements: Floats,
                     parameters: ParameterArrays) -> None:  # fmt: skip
     """Simulate and linearise every interval at the trial point."""
@@ -250,24 +250,24 @@ def _evaluate_trial(memory: Memory, nominal_scalars: Floats, nominal_elements: F
         )  # fmt: skip
 
 
-@njit
+@njit_bare
 def _accept_trial(memory: Memory) -> None:
     """Make the trial point, with its linearisation, the window's estimate."""
     count = int(memory.flags[COUNT])
-    memory.p[:] = memory.trial_p
-    memory.forces[0] = memory.trial_forces[0]
+    copy_vector(memory.trial_p, memory.p)
+    copy_vector(memory.trial_forces[0], memory.forces[0])
     for k in range(count):
-        memory.forces[k + 1] = memory.trial_forces[k + 1]
-        memory.slips[k + 1] = memory.trial_end_slips[k]
-        memory.ends[k] = memory.trial_ends[k]
-        memory.end_slips[k] = memory.trial_end_slips[k]
-        memory.a[k] = memory.trial_a[k]
-        memory.b[k] = memory.trial_b[k]
-        memory.rows[k + 1] = memory.trial_rows[k + 1]
+        copy_vector(memory.trial_forces[k + 1], memory.forces[k + 1])
+        copy_vector(memory.trial_end_slips[k], memory.slips[k + 1])
+        copy_vector(memory.trial_ends[k], memory.ends[k])
+        copy_vector(memory.trial_end_slips[k], memory.end_slips[k])
+        copy_vector(memory.trial_a[k], memory.a[k])
+        copy_matrix(memory.trial_b[k], memory.b[k])
+        copy_vector(memory.trial_rows[k + 1], memory.rows[k + 1])
         memory.residuals[k + 1] = memory.trial_residuals[k + 1]
 
 
-@njit
+@njit_bare
 def _set_trial(memory: Memory, share: float, beta: float, parameters: ParameterArrays) -> float:
     """Go a share of the step, inside the bounds; return the largest move in units of the prior's deviations."""
     n_z = memory.now.shape[0]
@@ -286,7 +286,7 @@ def _set_trial(memory: Memory, share: float, beta: float, parameters: ParameterA
     return largest
 
 
-@njit
+@njit_bare
 def iterate(memory: Memory, nominal_scalars: Floats, nominal_elements: Floats, parameters: ParameterArrays,
             process: Floats, variance: float, beta: float, tolerance: float) -> int:  # fmt: skip
     """One Gauss-Newton iteration on the window as it stands.
@@ -338,7 +338,7 @@ def iterate(memory: Memory, nominal_scalars: Floats, nominal_elements: Floats, p
     return CONVERGED if largest <= tolerance else NO_DESCENT
 
 
-@njit
+@njit_bare
 def store_newest(memory: Memory) -> None:
     """Copy the newest node's estimate and its filtered covariance to x_hat, covariance and slip."""
     n_z = memory.now.shape[0]
@@ -348,10 +348,10 @@ def store_newest(memory: Memory) -> None:
         memory.slip[i] = memory.slips[count, i]
     for j in range(memory.p.shape[0]):
         memory.x_hat[n_z + j] = memory.p[j]
-    memory.covariance[:, :] = memory.covariances[count]
+    copy_matrix(memory.covariances[count], memory.covariance)
 
 
-@njit
+@njit_bare
 def mhe_correct(memory: Memory, nominal_scalars: Floats, nominal_elements: Floats, parameters: ParameterArrays,
                 process: Floats, walk: float, variance: float, beta: float, record: Floats, horizon: int,
                 iterations: int, tolerance: float) -> int:  # fmt: skip

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 
-from sgms_observer.jit import njit
+from sgms_observer.jit import njit_bare
 
 
-@njit
+@njit_bare
 def gms_step_with_slopes(
     force: float, mode: int, velocity: float, period: float, stiffness: float, fraction: float, stribeck: float, rate: float
 ) -> tuple[float, int, float, float, float]:
@@ -48,7 +48,7 @@ def gms_step_with_slopes(
     return steady + distance * decay, direction, decay, 0.0, slope
 
 
-@njit
+@njit_bare
 def gms_step(
     force: float, mode: int, velocity: float, period: float, stiffness: float, fraction: float, stribeck: float, rate: float
 ) -> tuple[float, int]:
@@ -65,7 +65,7 @@ def gms_step(
     return after, next_mode
 
 
-@njit
+@njit_bare
 def gms_rate(
     force: float, mode: int, velocity: float, stiffness: float, fraction: float, stribeck: float, rate: float
 ) -> tuple[float, float, float]:

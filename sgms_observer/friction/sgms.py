@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 
-from sgms_observer.jit import njit
+from sgms_observer.jit import njit_bare
 
 _SATURATED = 19.0  # 1 - tanh(19) is below the rounding error of 1
 _TOLERANCE = 1e-13
 _MAX_ITERATIONS = 80
 
 
-@njit
+@njit_bare
 def slip_fraction_with_slope(u: float, lam: float, zeta: float, gain: float) -> tuple[float, float, float]:
     """Slip fraction eta of eq. 5 with its derivatives.
 
@@ -50,7 +50,7 @@ def slip_fraction_with_slope(u: float, lam: float, zeta: float, gain: float) -> 
     return eta_a * eta_b, slope_a * eta_b + eta_a * slope_b * gain, eta_a * slope_b * u
 
 
-@njit
+@njit_bare
 def sgms_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -> tuple[float, float, float, float]:
     """Solve the backward-Euler step u1 = u0 + a (1 - eta(u1) u1) of eq. 4.
 
@@ -92,7 +92,7 @@ def sgms_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -
     return u, eta, 1.0 + travel * (eta + u * slope), travel * u * gain_slope
 
 
-@njit
+@njit_bare
 def sgms_step(
     force: float, velocity: float, period: float, stiffness: float, level: float, lam: float, zeta: float, gain: float
 ) -> float:
@@ -119,7 +119,7 @@ def sgms_step(
     return direction * level * u
 
 
-@njit
+@njit_bare
 def sgms_step_with_slopes(
     force: float, velocity: float, period: float, stiffness: float, level: float, lam: float, zeta: float, gain: float
 ) -> tuple[float, float, float, float, float]:
@@ -144,7 +144,7 @@ def sgms_step_with_slopes(
     )
 
 
-@njit
+@njit_bare
 def sgms_rate(
     force: float, velocity: float, level: float, lam: float, zeta: float, gain: float
 ) -> tuple[float, float, float, float]:

@@ -1,0 +1,136 @@
+"""The observer of one axis: samples in, estimates out. Node, replay and simulation all call ``AxisObserver.step``."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from sgms_observer.compensation.feedforward import Compensator, Preview
+from sgms_observer.effects.compiled import CompiledEffects
+from sgms_observer.estimators.estimator import Estimator
+from sgms_observer.estimators.interval import stribeck_level
+from sgms_observer.estimators.layout import COULOMB, STATIC, STRIBECK, Floats, ModelArrays
+from sgms_observer.filters.differentiator import Differentiator
+from sgms_observer.filters.motion import Motion
+from sgms_observer.jit import njit
+from sgms_observer.observer.samples import Estimates, Samples
+from sgms_observer.settings.axis import AxisSettings
+
+
+@njit
+def _levels(model: ModelArrays, velocity: Floats, out: Floats) -> None:
+    """Write the nominal Stribeck level at each velocity [N]."""
+    for i in range(velocity.shape[0]):
+        out[i] = stribeck_level(
+            velocity[i], model.scalars[STATIC], model.scalars[COULOMB], model.scalars[STRIBECK]
+        )
+
+
+class AxisObserver:
+    """Blocks V, Y, Z and F of the paper's Fig. 4 for one axis, and the compensation.
+
+    Args:
+        axis: checked settings of the axis.
+        sample_period: nominal time between two samples [s].
+
+    Raises:
+        ConfigurationError: if the settings do not fit the sample period.
+    """
+
+    def __init__(self, axis: AxisSettings, sample_period: float) -> None:
+        self.axis = axis
+        self.sample_period = sample_period
+        self.effects = CompiledEffects(axis.effects, sample_period)
+        self.differentiator = Differentiator(axis.filter, sample_period)
+        self.estimator = Estimator(axis.estimator, axis.friction, axis.mass + self.effects.added_mass)
+        self.compensator = Compensator(axis.compensation, self.estimator.model, self.estimator.parameters)
+        self.deadline_misses = 0
+        self._effects_state = self.effects.initial_state()
+        self._origin_ns: int | None = None
+
+    def reset(self) -> None:
+        """Forget every sample and everything learnt; the compensation moves to zero within its slew limit."""
+        self.differentiator.reset()
+        self.estimator.reset()
+        self.compensator.reset()
+        self._effects_state = self.effects.initial_state()
+        self._origin_ns = None
+        self.deadline_misses = 0
+
+    def step(self, samples: Samples) -> Estimates:
+        """Take in a block of samples.
+
+        Args:
+            samples: the block, n samples in the order of their stamps.
+
+        Returns:
+            Estimates, one row per sample; the same bits for any split of the samples into blocks.
+        """
+        start = time.perf_counter()
+        position = self.effects.corrected_position(samples.position)
+        effort = self.effects.arrived_effort(samples.effort, self._effects_state)
+        motion = self.differentiator.step(samples.stamp_ns, position, effort)
+        force, factor = self._effects_on(samples, motion)
+        results = self.estimator.step(motion, motion.effort - force, factor)
+        self._watch_deadline(time.perf_counter() - start, len(samples.stamp_ns))
+        status = results.status
+        compensation = self.compensator.step(
+            Preview(
+                period=np.ascontiguousarray(motion.period),
+                velocity=np.ascontiguousarray(motion.present_velocity),
+                element_force=np.ascontiguousarray(results.element_force),
+                parameters=np.ascontiguousarray(results.parameters),
+                friction_std=np.ascontiguousarray(results.friction_std),
+                reference_position=samples.reference_position,
+                reference_velocity=samples.reference_velocity,
+                effects_force=force,
+                effects_factor=factor,
+                status=status,
+            )
+        )
+        return Estimates(
+            stamp_ns=samples.stamp_ns,
+            position=motion.present_position,
+            velocity=motion.present_velocity,
+            acceleration=motion.present_acceleration,
+            friction=results.friction,
+            friction_std=results.friction_std,
+            element_force=results.element_force,
+            element_deflection=results.element_force / self.estimator.element_stiffness(results.parameters),
+            parameters=results.parameters,
+            parameter_std=results.parameter_std,
+            innovation=results.innovation,
+            innovation_std=results.innovation_std,
+            compensation=compensation,
+            status=status,
+        )
+
+    def _effects_on(self, samples: Samples, motion: Motion) -> tuple[Floats, Floats]:
+        """Return the effects' force [N] and factor on the Stribeck level at the rows' instants."""
+        count = len(samples.stamp_ns)
+        if not self.effects.has_force_or_level:
+            return np.zeros(count), np.ones(count)
+        if self._origin_ns is None and count:
+            self._origin_ns = int(samples.stamp_ns[0])
+        seconds = (samples.stamp_ns - (self._origin_ns or 0)) * 1e-9 - self.differentiator.delay
+        velocity = np.ascontiguousarray(motion.velocity)
+        level = np.empty(count)
+        _levels(self.estimator.model, velocity, level)
+        return self.effects.evaluate(
+            np.ascontiguousarray(motion.position),
+            velocity,
+            np.ascontiguousarray(motion.acceleration),
+            seconds,
+            np.ascontiguousarray(motion.effort),
+            np.ascontiguousarray(motion.period),
+            level,
+            self._effects_state,
+        )
+
+    def _watch_deadline(self, seconds: float, samples: int) -> None:
+        """Leave the next correction to the EKF when this live step took too long."""
+        deadline = self.axis.estimator.deadline
+        if deadline > 0.0 and samples == 1 and seconds > deadline:
+            self.deadline_misses += 1
+            self.estimator.miss_deadline()
