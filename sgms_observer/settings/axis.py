@@ -42,8 +42,12 @@ class Settings:
     axes: tuple[AxisSettings, ...] = (AxisSettings(),)
     sample_period: float = setting(1.0e-4, "nominal time between two samples", "s", above=0.0)
     publish_every: int = setting(
-        1, "samples from one published estimate to the next; the compensation follows every sample", "samples", minimum=1
+        1,
+        "samples from one published estimate to the next; the compensation follows every sample",
+        "samples",
+        minimum=1,
     )
     autostart: bool = setting(True, "configure and activate the node by itself")
     effect_files: tuple[str, ...] = setting((), "Python files with effects of the user's own")
     source: dict[str, Any] = field(default_factory=dict, compare=False)  # the YAML's tree as read, for writing it back
+    folder: str = field(default=".", compare=False)  # where relative file names in ``source`` start

@@ -211,8 +211,7 @@ def checked_group(
     if not isinstance(tree, Mapping):
         faults.add(path, f"{path} = {shown(tree)} must be a group of settings; write them below it, indented")
         return defaults
-    kind: Any = type(defaults)
-    settings, sections = declared_settings(kind), declared_sections(kind)
+    settings, sections = declared_settings(type(defaults)), declared_sections(type(defaults))
     prefix = f"{path}." if path else ""
     given: dict[str, Any] = {}
     for key, raw in tree.items():

@@ -151,16 +151,15 @@ def filter_consistency(path: str, filter_: FilterSettings, period: float, faults
             f"{path}.cutoff = {shown(filter_.cutoff)} Hz must be < {shown(nyquist)} Hz, half the sample rate; "
             f"lower it or shorten sample_period",
         )
-    needed = (filter_.degree + 2) * period
-    if (
-        filter_.kind == "savgol"
-        and filter_.window < needed * (1 - 1e-9)
-        and not faults.has(f"{path}.window", f"{path}.degree")
-    ):
+    intervals = 2 * (
+        filter_.degree // 2 + 1
+    )  # the shortest window that still smooths; a window by default stretches to it
+    is_short = filter_.window < intervals * period * (1 - 1e-9) and filter_.window != FilterSettings().window
+    if filter_.kind == "savgol" and is_short and not faults.has(f"{path}.window", f"{path}.degree"):
         faults.add(
             f"{path}.window",
-            f"{path}.window = {shown(filter_.window)} s must be >= {shown(needed)} s, degree + 2 = "
-            f"{filter_.degree + 2} samples of sample_period = {shown(period)} s; lengthen it or lower degree",
+            f"{path}.window = {shown(filter_.window)} s must be >= {shown(intervals * period)} s, {intervals} times "
+            f"sample_period, for degree = {filter_.degree}; lengthen it or lower degree",
         )
     if filter_.maximum_gap < 2 * period and not faults.has(f"{path}.maximum_gap"):
         faults.add(

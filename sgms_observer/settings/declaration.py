@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import MISSING, dataclass, fields
-from functools import cache
 from typing import Any, get_type_hints
 
 #: YAML types of a setting, under ROS's names for them.
@@ -18,6 +17,10 @@ _KINDS: dict[Any, str] = {
     tuple[float, ...]: DOUBLES,
     tuple[str, ...]: STRINGS,
 }
+
+
+_settings: dict[type, dict[str, Declared]] = {}
+_sections: dict[type, dict[str, tuple[type, str]]] = {}
 
 
 @dataclass(frozen=True)
@@ -52,32 +55,36 @@ class Declared:
         return self.kind in (DOUBLES, STRINGS)
 
 
-@cache
 def declared_settings(kind: type) -> dict[str, Declared]:
     """Return the settings of one group, by name, in the order of their declaration.
 
     Args:
         kind: a dataclass whose fields were made with ``setting`` and ``section``.
     """
+    if kind in _settings:
+        return _settings[kind]
     hints = get_type_hints(kind)
-    found = {}
+    found: dict[str, Declared] = {}
     for entry in fields(kind):
         if "unit" in entry.metadata:
             found[entry.name] = Declared(
                 name=entry.name, kind=_KINDS[hints[entry.name]], default=entry.default, **entry.metadata
             )
+    _settings[kind] = found
     return found
 
 
-@cache
 def declared_sections(kind: type) -> dict[str, tuple[type, str]]:
     """Return the groups inside a group, by name: their dataclass and their description.
 
     Args:
         kind: a dataclass whose fields were made with ``setting`` and ``section``.
     """
+    if kind in _sections:
+        return _sections[kind]
     found: dict[str, tuple[type, str]] = {}
     for entry in fields(kind):
         if entry.metadata.get("section") and entry.default_factory is not MISSING:
             found[entry.name] = (entry.default_factory, entry.metadata["description"])  # type: ignore[assignment]
+    _sections[kind] = found
     return found

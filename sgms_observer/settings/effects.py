@@ -33,6 +33,9 @@ Catalogue = Mapping[str, Sequence[EffectParameter]]
 #: Gives the catalogue extended by the effects in the user's own files.
 CatalogueSource = Callable[[Sequence[str]], Catalogue]
 
+#: Stands alone in ``names`` for none at all, where an empty list is not possible: ROS hands on no empty lists.
+NO_EFFECT = "none"
+
 NAMES = Declared("names", STRINGS, (), "effects of the catalogue that act on this axis")
 
 
@@ -68,6 +71,7 @@ def checked_effects(path: str, tree: Any, catalogue: Catalogue | None, faults: F
         faults.add(path, f"{path} = {shown(tree)} must be a group of settings; write names: [...] below it, indented")
         return ()
     names = checked_value(f"{path}.names", NAMES, tree.get("names"), faults) or ()
+    names = () if names == (NO_EFFECT,) else names
     found = []
     for index, name in enumerate(names):
         if name not in catalogue:

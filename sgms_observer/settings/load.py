@@ -17,7 +17,14 @@ from sgms_observer.settings.declaration import STRINGS, Declared, declared_secti
 from sgms_observer.settings.effects import Catalogue, CatalogueSource, checked_effects
 from sgms_observer.settings.faults import Faults, shown
 from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.parameter_file import NODE_NAMES, expanded, parameter_tree, read_document, sections
+from sgms_observer.settings.parameter_file import (
+    NODE_NAMES,
+    our_sections,
+    parameter_tree,
+    read_document,
+    repeated_keys,
+    sections,
+)
 from sgms_observer.settings.stage import StageSettings
 
 AXES = Declared(
@@ -93,10 +100,13 @@ def settings_from_tree(
     parameters = parameter_tree(tree, source_name, node_names)
     source = dict(tree) if any(sections(tree)) else {"/**": {"ros__parameters": dict(tree)}}
     faults = Faults()
+    for _, _, own in our_sections(tree, node_names):
+        for name, line in repeated_keys(own):
+            faults.add(name, f"{name} in line {line} of {source_name} must be given once; remove one of the two")
     settings = _read(parameters, Path(folder), catalogue, faults)
     if faults.sentences:
         raise ConfigurationError(faults.sentences)
-    return replace(settings, source=source)
+    return replace(settings, source=source, folder=str(folder))
 
 
 def default_settings(axes: Sequence[str] = ("x",)) -> Settings:
@@ -133,7 +143,7 @@ def _axis_names(tree: Mapping[Any, Any], faults: Faults) -> tuple[str, ...]:
         if not _AXIS_NAME.fullmatch(name):
             faults.add(
                 "axes",
-                f"axes = {shown(name)} must start with a letter and hold letters, digits, - and _ only; rename the axis",
+                f"axes = {shown(name)} must be a word of letters, digits, - and _; rename the axis",
             )
         elif name in taken:
             faults.add("axes", f"axes = {shown(name)} must not be the name of a setting; rename the axis")
@@ -158,7 +168,8 @@ def _unknown_at_the_top(tree: Mapping[Any, Any], names: Sequence[str], faults: F
         ):
             faults.add(
                 key,
-                f"{key} has settings of an axis but axes = {shown(list(names))} must name it; add {key} to axes or remove it",
+                f"{key} has settings of an axis but axes = {shown(list(names))} must name it; "
+                f"add {key} to axes or remove it",
             )
         else:
             elsewhere = {name: f"{axis}.{name}" for axis in names[:1] for name in of_an_axis}
@@ -268,8 +279,5 @@ def _places() -> dict[str, str]:
 
 def _elsewhere(axis: str) -> dict[str, str]:
     """Return the full name of every setting of an axis, by its short name."""
-    return {
-        **{key: f"{axis}{place}" for key, place in _places().items()},
-        "sample_period": "sample_period",
-        "axes": "axes",
-    }
+    shared = {key: key for key in (*declared_settings(Settings), "axes")}
+    return {**{key: f"{axis}{place}" for key, place in _places().items()}, **shared}

@@ -7,39 +7,15 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from sgms_observer.errors import ConfigurationError
+from sgms_observer.settings.yaml_text import Group, parse
 
 #: Nodes of this package: a section of one of them is laid over ``/**``.
 NODE_NAMES = ("stage_node", "observer_node")
 
+_PARAMETERS = "ros__parameters"
 _DEEPEST_NAMESPACE = 8
 _LARGEST_FILE = 50_000_000
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
-
-def parse(text: str, source_name: str) -> Any:
-    """Return the tree of a YAML text, as ``yaml.safe_load`` reads it.
-
-    Args:
-        text: the file's text.
-        source_name: name of the file for the sentence.
-
-    Raises:
-        ConfigurationError: the text is not YAML.
-    """
-    try:
-        return yaml.load(text, Loader=_Loader)  # a safe loader, in C where PyYAML has it
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        where = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        reason = " ".join(str(error.problem or error.context or "cannot be read").split())
-    except (yaml.YAMLError, ValueError, ArithmeticError, LookupError, TypeError, AttributeError) as error:
-        where, reason = "", (str(error).splitlines() or ["cannot be read"])[0]
-    except RecursionError:
-        where, reason = "", "it is nested too deeply"
-    raise ConfigurationError([f"{source_name}{where} is not YAML: {reason}; correct the line (indent with spaces)"])
 
 
 def read_document(path: str | Path) -> dict[str, Any]:
@@ -68,22 +44,21 @@ def read_document(path: str | Path) -> dict[str, Any]:
     return document
 
 
-def sections(document: Mapping[Any, Any], prefix: str = "", depth: int = 0) -> Iterator[tuple[str, Any]]:
-    """Yield every node's name and parameters, whatever way the namespaces are nested.
+def sections(document: Mapping[Any, Any], keys: tuple[str, ...] = ()) -> Iterator[tuple[str, tuple[str, ...], Any]]:
+    """Yield every node's full name, the keys that lead to its parameters, and the parameters.
 
     Args:
-        document: the tree of a file.
-        prefix: namespace so far.
-        depth: how many namespaces deep.
+        document: the tree of a file; namespaces may be nested or written with slashes.
+        keys: keys so far.
     """
     for key, value in document.items():
-        if not isinstance(key, str) or not isinstance(value, Mapping) or depth > _DEEPEST_NAMESPACE:
+        if not isinstance(key, str) or not isinstance(value, Mapping) or len(keys) > _DEEPEST_NAMESPACE:
             continue
-        name = f"{prefix}/{key.strip('/')}"
-        if "ros__parameters" in value:
-            yield name, value["ros__parameters"]
+        if _PARAMETERS in value:
+            place = (*keys, key, _PARAMETERS)
+            yield "/" + "/".join(name.strip("/") for name in place[:-1]), place, value[_PARAMETERS]
         else:
-            yield from sections(value, name, depth + 1)
+            yield from sections(value, (*keys, key))
 
 
 def is_for_node(section_name: str, node_names: tuple[str, ...]) -> bool:
@@ -144,6 +119,38 @@ def expanded(tree: Any, _seen: dict[int, Any] | None = None) -> Any:
     return result
 
 
+def repeated_keys(tree: Any, prefix: str = "", _seen: set[int] | None = None) -> Iterator[tuple[str, int]]:
+    """Yield the full name and line of every key that a file gives twice in one group, of which only the last counts.
+
+    Args:
+        tree: parameters as ``yaml_text.parse`` returned them.
+        prefix: full name of the group, with a dot.
+    """
+    seen = set() if _seen is None else _seen
+    if not isinstance(tree, Mapping) or id(tree) in seen:
+        return
+    seen.add(id(tree))
+    if isinstance(tree, Group):
+        yield from ((f"{prefix}{key}", line) for key, line in tree.repeated)
+    for key, value in tree.items():
+        yield from repeated_keys(value, f"{prefix}{key}.", seen)
+
+
+def our_sections(
+    document: Mapping[Any, Any], node_names: tuple[str, ...] = NODE_NAMES
+) -> list[tuple[str, tuple[str, ...], Any]]:
+    """Return the sections that speak to these nodes, the one that overrules the others last.
+
+    Args:
+        document: the tree of a file.
+        node_names: wildcard sections come first, then those of each of these nodes.
+    """
+    found = list(sections(document))
+    wild = [entry for entry in found if "*" in entry[0] and is_for_node(entry[0], node_names)]
+    named = [entry for node in node_names for entry in found if "*" not in entry[0] and is_for_node(entry[0], (node,))]
+    return wild + named
+
+
 def parameter_tree(
     document: Mapping[Any, Any], source_name: str, node_names: tuple[str, ...] = NODE_NAMES
 ) -> dict[Any, Any]:
@@ -160,16 +167,15 @@ def parameter_tree(
     found = list(sections(document))
     if not found:
         return dict(expanded(document))
-    wild = [entry for entry in found if "*" in entry[0] and is_for_node(entry[0], node_names)]
-    named = [entry for node in node_names for entry in found if "*" not in entry[0] and is_for_node(entry[0], (node,))]
-    if not wild and not named:
-        theirs = ", ".join(name for name, _ in found[:4])
-        ours = node_names[-1].rsplit("/", 1)[-1]
+    ours = our_sections(document, node_names)
+    if not ours:
+        theirs = ", ".join(name for name, *_ in found[:4])
+        node = node_names[-1].rsplit("/", 1)[-1]
         raise ConfigurationError(
-            [f"{source_name} has parameters for {theirs} only; put those of {ours} below /**: ros__parameters:"]
+            [f"{source_name} has parameters for {theirs} only; put those of {node} below /**: ros__parameters:"]
         )
     merged: dict[Any, Any] = {}
-    for name, parameters in [*wild, *named]:
+    for name, _, parameters in ours:
         if parameters is None:
             continue
         if not isinstance(parameters, Mapping):

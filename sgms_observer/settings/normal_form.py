@@ -1,0 +1,122 @@
+"""A parameter tree in the one form that every parser reads alike: what is meant, written as its declared type."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from sgms_observer.settings.axis import AxisSettings, Settings
+from sgms_observer.settings.check import checked_value
+from sgms_observer.settings.declaration import DOUBLE, Declared, declared_sections, declared_settings
+from sgms_observer.settings.effects import NAMES, NO_EFFECT
+from sgms_observer.settings.faults import Faults
+from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.load import AXES
+
+#: Any number: what every parameter of an effect is.
+_EFFECT_VALUE = Declared("value", DOUBLE, 0.0, "a parameter of an effect")
+
+
+def normal_parameters(tree: Mapping[Any, Any], file_name: Callable[[str], str] = str) -> dict[Any, Any]:
+    """Return a tree of parameters with every known value written as its declared type.
+
+    Numbers meant as doubles become doubles, single values of lists become lists, and texts are plain texts again.
+    What is no setting, or cannot be meant, stays as it is for the check to speak about.
+
+    Args:
+        tree: the parameters of a node, ``{"axes": [...], "x": {...}}``.
+        file_name: rewrites each file name in it, for a tree that moves to another folder.
+    """
+    settings = {**declared_settings(Settings), "axes": AXES}
+    result: dict[Any, Any] = {}
+    axes = checked_value("axes", AXES, tree.get("axes", ["x"]), Faults()) or ()
+    for key, value in tree.items():
+        if isinstance(key, str) and key in settings:
+            result[key] = _normal_value(settings[key], value)
+        elif isinstance(key, str) and key in axes:
+            result[key] = _normal_axis(value, file_name)
+        else:
+            result[key] = value
+    if isinstance(result.get("effect_files"), list):
+        result["effect_files"] = [file_name(name) for name in result["effect_files"]]
+    return result
+
+
+def _normal_value(declared: Declared, raw: Any) -> Any:
+    """Return one value as its declared type, or as it is."""
+    if raw is None:
+        return [] if declared.is_list else "" if declared.default == "" else raw
+    loose = Declared(declared.name, declared.kind, declared.default, declared.description)  # types only, no bounds
+    value = checked_value(declared.name, loose, raw, Faults())
+    if value is None:
+        return raw
+    if isinstance(value, tuple):
+        return [str(entry) if isinstance(entry, str) else entry for entry in value]
+    return str(value) if isinstance(value, str) else value
+
+
+def _normal_group(kind: type, tree: Any, apart: Mapping[str, Callable[[Any], Any]] | None = None) -> Any:
+    """Return a group of settings in normal form; ``apart`` rewrites the keys that no dataclass field declares."""
+    if not isinstance(tree, Mapping):
+        return {} if tree is None else tree
+    settings, groups = declared_settings(kind), declared_sections(kind)
+    result = {}
+    for key, value in tree.items():
+        if isinstance(key, str) and apart and key in apart:
+            result[key] = apart[key](value)
+        elif isinstance(key, str) and key in settings:
+            result[key] = _normal_value(settings[key], value)
+        elif isinstance(key, str) and key in groups:
+            result[key] = _normal_group(groups[key][0], value)
+        else:
+            result[key] = value
+    return result
+
+
+def _normal_axis(tree: Any, file_name: Callable[[str], str]) -> Any:
+    """Return one axis in normal form."""
+
+    def normal_stage(stage: Any) -> Any:
+        own = {"friction": lambda value: _normal_group(FrictionSettings, value), "effects": _normal_stage_effects}
+        result = _normal_group(declared_sections(AxisSettings)["stage"][0], stage, own)
+        reference = result.get("reference") if isinstance(result, Mapping) else None
+        if isinstance(reference, dict) and isinstance(reference.get("file"), str) and reference["file"]:
+            reference["file"] = file_name(reference["file"])
+        return result
+
+    return _normal_group(AxisSettings, tree, {"effects": _normal_effects, "stage": normal_stage})
+
+
+def _normal_effects(tree: Any) -> Any:
+    """Return the effects of an axis in normal form."""
+    if not isinstance(tree, Mapping):
+        return {} if tree is None else tree
+    result: dict[Any, Any] = {}
+    for key, value in tree.items():
+        if key == "names":
+            result[key] = _normal_value(NAMES, value)
+        elif isinstance(value, Mapping):
+            result[key] = {name: _normal_value(_EFFECT_VALUE, number) for name, number in value.items()}
+        else:
+            result[key] = {} if value is None else value
+    return result
+
+
+def _normal_stage_effects(tree: Any) -> Any:
+    """Return the true effects; none at all is a word, because an empty list does not reach a node."""
+    result = _normal_effects(tree)
+    if tree is not None and isinstance(result, dict) and not result.get("names"):
+        result["names"] = [NO_EFFECT]
+    return result
+
+
+def without_empty(tree: Any) -> Any:
+    """Return a tree without empty lists and empty groups, which rcl hands on as parameters of no type.
+
+    Args:
+        tree: parameters in normal form; an empty list means what leaving it out means.
+    """
+    if not isinstance(tree, Mapping):
+        return tree
+    kept = {key: without_empty(value) for key, value in tree.items()}
+    return {key: value for key, value in kept.items() if not (isinstance(value, (dict, list)) and not value)}

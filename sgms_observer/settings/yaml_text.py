@@ -1,0 +1,169 @@
+"""YAML text to a tree and back, so that PyYAML and rcl understand the same by it.
+
+rcl and PyYAML disagree about plain words: ``1e-4`` is text for PyYAML and a number for rcl, ``y`` the reverse of a
+sort (text, and true), ``010``, ``12:30`` and ``2024-01-01`` are three more. Reading keeps such words as text and marks
+them, so that a setting can take what is meant and a stranger's section goes back into a file as it came out.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+
+from sgms_observer.errors import ConfigurationError
+
+
+class PlainText(str):
+    """Text that stood in the YAML without quotes."""
+
+    __slots__ = ()
+
+
+class Group(dict[Any, Any]):
+    """A mapping that remembers which of its keys the file gives twice, as (key, line)."""
+
+    repeated: tuple[tuple[str, int], ...] = ()
+
+
+_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_INT = "tag:yaml.org,2002:int"
+_FLOAT = "tag:yaml.org,2002:float"
+_TIMESTAMP = "tag:yaml.org,2002:timestamp"
+
+
+class _Reader(_SafeLoader):  # type: ignore[misc]
+    """The safe loader, with numbers as both parsers read them and without dates."""
+
+    yaml_implicit_resolvers = {  # noqa: RUF012 - PyYAML's own way to declare them
+        first: [(tag, pattern) for tag, pattern in found if tag not in (_INT, _FLOAT, _TIMESTAMP)]
+        for first, found in _SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+
+def _construct_group(loader: Any, node: Any) -> Any:
+    """Yield a mapping, then fill it; PyYAML fills it late so that a tree may contain itself."""
+    group = Group()
+    yield group
+    seen: set[str] = set()
+    repeated = []
+    for key, _ in node.value:
+        if isinstance(key, yaml.ScalarNode) and key.value in seen and key.value != "<<":
+            repeated.append((key.value, key.start_mark.line + 1))
+        seen.add(key.value if isinstance(key, yaml.ScalarNode) else "")
+    group.repeated = tuple(repeated)
+    group.update(loader.construct_mapping(node))
+
+
+def _construct_text(loader: Any, node: Any) -> str:
+    """Return a text, marked if it stood without quotes."""
+    text: str = loader.construct_scalar(node)
+    return text if node.style else PlainText(text)
+
+
+_Reader.add_implicit_resolver(_INT, re.compile(r"[-+]?(0|[1-9][0-9]*|0x[0-9a-fA-F]+)$"), list("-+0123456789"))
+_Reader.add_implicit_resolver(
+    _FLOAT,
+    re.compile(r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?$|[-+]?\.(inf|Inf|INF)$|\.(nan|NaN|NAN)$"),
+    list("-+0123456789."),
+)
+_Reader.add_constructor("tag:yaml.org,2002:map", _construct_group)
+_Reader.add_constructor("tag:yaml.org,2002:str", _construct_text)
+
+
+def parse(text: str, source_name: str) -> Any:
+    """Return the tree of a YAML text.
+
+    Args:
+        text: the file's text.
+        source_name: name of the file for the sentence.
+
+    Raises:
+        ConfigurationError: the text is not YAML; one sentence.
+    """
+    try:
+        return yaml.load(text, Loader=_Reader)  # a safe loader: it makes no objects
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        where = f", line {mark.line + 1}, column {mark.column + 1}," if mark else ""
+        reason = " ".join(str(error.problem or error.context or "it cannot be read").split())
+    except (yaml.YAMLError, ValueError, ArithmeticError, LookupError, TypeError, AttributeError) as error:
+        where, reason = "", " ".join(str(error).split()) or "it cannot be read"
+    except RecursionError:
+        where, reason = "", "it is nested too deeply"
+    raise ConfigurationError([f"{source_name}{where} is not YAML: {reason[:200]}; correct the line"])
+
+
+#: Words that one of the parsers takes for something else than text.
+_RESERVED = re.compile(r"(y|n|yes|no|true|false|on|off|null|none|nan|inf|infinity)$", re.IGNORECASE)
+_SAFE_PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./*-]*$")
+
+
+class _Writer(yaml.SafeDumper):  # type: ignore[misc]
+    """Lists on one line, groups indented, numbers and words that neither parser mistakes."""
+
+    yaml_implicit_resolvers = _Reader.yaml_implicit_resolvers
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write a repeated value twice: rcl knows no aliases."""
+        return True
+
+
+def _represent_float(writer: yaml.SafeDumper, value: float) -> yaml.ScalarNode:
+    """Return a number with a point, as short as it is exact."""
+    text = repr(float(value))
+    if text in ("inf", "-inf", "nan"):
+        text = f"{text[:-3]}.{text[-3:]}"
+    elif "e" in text and "." not in text:
+        text = text.replace("e", ".0e")
+    return writer.represent_scalar(_FLOAT, text)
+
+
+def _represent_text(writer: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
+    """Return text with quotes wherever one of the parsers would take it for something else."""
+    is_plain = _SAFE_PLAIN.match(value) and not _RESERVED.match(value)
+    return writer.represent_scalar("tag:yaml.org,2002:str", value, style=None if is_plain else '"')
+
+
+def _represent_plain(writer: yaml.SafeDumper, value: PlainText) -> yaml.ScalarNode:
+    """Return text as it stood in the file that it was read from."""
+    return writer.represent_scalar("tag:yaml.org,2002:str", str(value))
+
+
+def _represent_list(writer: yaml.SafeDumper, value: Any) -> yaml.SequenceNode:
+    """Return a list on one line."""
+    return writer.represent_sequence("tag:yaml.org,2002:seq", list(value), flow_style=True)
+
+
+def _represent_group(writer: yaml.SafeDumper, value: Mapping[Any, Any]) -> yaml.MappingNode:
+    """Return a group in its own order; ``y`` is an axis, and as a key both parsers take it for text."""
+    items = [(PlainText(key) if key in ("y", "Y", "n", "N") else key, entry) for key, entry in value.items()]
+    return writer.represent_mapping("tag:yaml.org,2002:map", items, flow_style=False)
+
+
+_Writer.add_representer(float, _represent_float)
+_Writer.add_representer(str, _represent_text)
+_Writer.add_representer(PlainText, _represent_plain)
+_Writer.add_representer(list, _represent_list)
+_Writer.add_representer(tuple, _represent_list)
+_Writer.add_representer(dict, _represent_group)
+_Writer.add_representer(Group, _represent_group)
+
+
+def text_of(tree: Any) -> str:
+    """Return a tree as YAML text that rcl and ``parse`` read alike.
+
+    Args:
+        tree: mappings, lists, numbers and texts.
+
+    Raises:
+        ConfigurationError: it contains itself or what YAML has no word for.
+    """
+    try:
+        return str(yaml.dump(tree, Dumper=_Writer, sort_keys=False, width=sys.maxsize, allow_unicode=True))
+    except (RecursionError, yaml.YAMLError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise ConfigurationError([f"the parameters cannot be written as YAML: {reason}; make them plain"]) from None
