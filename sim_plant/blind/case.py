@@ -1,0 +1,209 @@
+"""One blind case: bags and a YAML in a folder, the truth sealed elsewhere."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from sgms_observer.bags.writer import BagWriter
+from sim_plant.blind import menu, sizing
+from sim_plant.blind.hidden import Hidden
+from sim_plant.blind.motion import HELD_OUT, PERIOD, Motion, held_out_motion, rich_motion
+from sim_plant.blind.owner_file import write_owner_file
+from sim_plant.blind.recording import Track, coloured_noise, record
+from sim_plant.blind.reduction import NominalModel, nominal_model
+from sim_plant.blind.seal import seal
+from sim_plant.blind.stage import draw_stage
+
+Floats = NDArray[np.float64]
+START_NS = 1_700_000_000_000_000_000
+JOINT_STATE = "sensor_msgs/msg/JointState"
+OTHER_AXIS_SHARE = 0.08
+"""Share of the seeds that record a second axis though nothing comes from it."""
+
+
+@dataclass(frozen=True)
+class CasePaths:
+    """Where one case lies.
+
+    Attributes:
+        folder: everything the workflow may see.
+        bag: recording to learn from.
+        config: YAML of the nominal model.
+        holdouts: recordings of kinds the first does not contain.
+        truth_file: the sealed truth, outside of ``folder``.
+    """
+
+    folder: Path
+    bag: Path
+    config: Path
+    holdouts: tuple[Path, ...]
+    truth_file: Path
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All recordings of one case before they are written.
+
+    Attributes:
+        hidden: what is hidden (with nothing in it for a null case).
+        nominal: the owner's model by axis.
+        motions: first the one to learn from.
+        tracks: recordings of each motion by axis.
+        sizes: strengths used per effect.
+        truths: comparable figures per effect.
+    """
+
+    hidden: Hidden
+    nominal: dict[str, NominalModel]
+    motions: tuple[Motion, ...]
+    tracks: tuple[dict[str, Track], ...]
+    truths: dict[str, dict[str, float]]
+
+
+def chance(seed: int, *purpose: int) -> Generator:
+    """Return the source of chance of one purpose of one seed; what is hidden does not disturb the others."""
+    return np.random.default_rng([seed, *purpose])
+
+
+def recording_noise(seed: int, index: int, count: int) -> Floats:
+    """Return the force noise of recording ``index``, unit rms; its colour belongs to the seed."""
+    colour = chance(seed, 10)
+    corner, white = float(np.exp(colour.uniform(np.log(10.0), np.log(150.0)))), float(colour.uniform(0.1, 0.6))
+    return coloured_noise(count, corner, white, chance(seed, 11, index))
+
+
+def make_scene(seed: int, effect: str, size: float, duration: float = 30.0, mass_tolerance: float = 0.05) -> Scene:
+    """Draw, size and record a case.
+
+    Args:
+        seed: everything but the effect follows from it: the same seed with ``nothing`` is the case's twin.
+        effect: a name of the menu, two joined by ``+``, or ``nothing``.
+        size: share of the Coulomb force, of each effect (see ``sizing``).
+        duration: of the main recording [s].
+        mass_tolerance: largest relative error of the owner's mass.
+    """
+    stage = draw_stage(chance(seed, 1))
+    parts = menu.names(effect)
+    has_other = any(menu.KINDS[part].needs_other_axis for part in parts) or chance(seed, 2).random() < OTHER_AXIS_SHARE
+    kinds = list(chance(seed, 3).permutation(HELD_OUT)[:2])
+    motions = (
+        rich_motion(stage, chance(seed, 4), duration),
+        *(held_out_motion(str(kind), stage, chance(seed, 5, i)) for i, kind in enumerate(kinds)),
+    )
+    others: list[Track | None] = [None] * len(motions)
+    nominal: dict[str, NominalModel] = {}
+    if has_other:
+        second = replace(draw_stage(chance(seed, 6)), model=stage.model)
+        for i, motion in enumerate(motions):
+            count, mate = motion.position.size, rich_motion(second, chance(seed, 7, i), motion.position.size * PERIOD)
+            others[i] = record(Hidden(second, second), mate, recording_noise(seed + 1, i, count), chance(seed, 8, i))
+        nominal["y"] = nominal_model(second, chance(seed, 9), mass_tolerance=mass_tolerance)
+
+    def run(hidden: Hidden, i: int) -> Track:
+        noise = recording_noise(seed, i, motions[i].position.size)
+        return record(hidden, motions[i], noise, chance(seed, 12, i), others[i])
+
+    def main_run(hidden: Hidden) -> Track:
+        return run(hidden, 0)
+
+    found: list[Hidden] = []
+    for i, part in enumerate(parts):
+        kind = menu.KINDS[part]
+        if size < kind.smallest:
+            raise ValueError(f"{part} of {size:g} lies inside the owner's tolerance; use at least {kind.smallest:g}")
+        make = kind.draw(
+            found[0].known if found else stage, motions[0], chance(seed, 20 + i, list(menu.KINDS).index(part))
+        )
+        found.append(sizing.sized(kind, make, size, main_run))
+    hidden = Hidden(stage, stage) if not found else found[0] if len(found) == 1 else menu.together(*found)
+    nominal = {"x": nominal_model(hidden.known, chance(seed, 13), mass_tolerance=mass_tolerance)} | nominal
+    tracks = []
+    for i in range(len(motions)):
+        tracks.append({"x": run(hidden, i)} | ({"y": other} if (other := others[i]) is not None else {}))
+    return Scene(
+        hidden, nominal, motions, tuple(tracks), {part: one.truth for part, one in zip(parts, found, strict=True)}
+    )
+
+
+def write_bag(path: Path, tracks: dict[str, Track], start_ns: int) -> None:
+    """Write position, control_effort and reference of all axes."""
+    first = next(iter(tracks.values()))
+    stamps = start_ns + np.round(first.time * 1.0e9).astype(np.int64)
+
+    def columns(of: Callable[[Track], Floats]) -> Floats:
+        return np.stack([of(track) for track in tracks.values()], axis=1)
+
+    with BagWriter(path) as bag:
+        names = list(tracks)
+        bag.write_joint_states("position", stamps, names, position=columns(lambda track: track.position))
+        bag.write_joint_states("control_effort", stamps, names, effort=columns(lambda track: track.effort))
+        bag.write_joint_states(
+            "reference",
+            stamps,
+            names,
+            position=columns(lambda track: track.reference),
+            velocity=columns(lambda track: track.reference_velocity),
+        )
+
+
+def make_case(
+    seed: int, effect: str, size: float, out: Path | str, duration: float = 30.0, mass_tolerance: float = 0.05
+) -> CasePaths:
+    """Make a case and seal its truth.
+
+    Args:
+        seed: see ``make_scene``.
+        effect: a name of the menu, two joined by ``+``, or ``nothing``.
+        size: share of the Coulomb force.
+        out: the case goes to ``out/cases``, the truth to ``out/truth``; names do not tell the effect.
+        duration: of the main recording [s].
+        mass_tolerance: largest relative error of the owner's mass.
+
+    Raises:
+        ValueError: for an unknown effect, or one too small to be a discrepancy.
+    """
+    name = "c" + hashlib.sha256(f"{seed}/{effect}/{size:.6f}".encode()).hexdigest()[:12]
+    paths = paths_of(name, Path(out))
+    scene = make_scene(seed, effect, size, duration, mass_tolerance)
+    paths.folder.mkdir(parents=True)
+    for i, (path, tracks) in enumerate(zip((paths.bag, *paths.holdouts), scene.tracks, strict=True)):
+        write_bag(path, tracks, START_NS + i * 60_000_000_000)
+    write_owner_file(paths.config, scene.nominal)
+    seal(describe(scene, seed, effect, size), paths.truth_file, paths.folder)
+    return paths
+
+
+def paths_of(name: str, out: Path) -> CasePaths:
+    """Return the paths of the case ``name`` under ``out``."""
+    folder = out / "cases" / name
+    holdouts = (folder / "holdout_1", folder / "holdout_2")
+    return CasePaths(folder, folder / "bag", folder / "config.yaml", holdouts, out / "truth" / f"{name}.json")
+
+
+def describe(scene: Scene, seed: int, effect: str, size: float) -> dict[str, Any]:
+    """Return the truth of a case as it is sealed."""
+    coulomb = scene.hidden.known.coulomb_force
+    tracks = [track["x"] for track in scene.tracks]
+    return {
+        "schema": 1,
+        "salt": chance(seed, 99, int(size * 1.0e6)).bytes(16).hex(),
+        "seed": seed,
+        "effect": effect,
+        "effects": list(menu.names(effect)),
+        "is_inside": all(menu.KINDS[part].is_inside for part in menu.names(effect)),
+        "size": size,
+        "peak": [sizing.measured_size(track, coulomb) for track in tracks],
+        "rms": [sizing.rms_size(track, coulomb) for track in tracks],
+        "kinds": [motion.kind for motion in scene.motions],
+        "parameters": scene.truths,
+        "stage": asdict(scene.hidden.true),
+        "nominal": {axis: asdict(model) for axis, model in scene.nominal.items()},
+    }

@@ -1,0 +1,120 @@
+"""One recording of the blind plant: coloured force noise, an encoder of 10 nm, effort and position at 1 kHz."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+from scipy.signal import butter, filtfilt, lfilter
+
+from sim_plant.blind import kernel, slots
+from sim_plant.blind.hidden import Around, Hidden
+from sim_plant.blind.motion import PERIOD, Motion
+
+Floats = NDArray[np.float64]
+NOISE_SHARE = 0.01
+"""Rms of the force noise as a share of the Coulomb force."""
+FORCE_BAND = 100.0
+"""Hz; an encoder error counts as a force only below this."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """One axis of one recording, one entry per sample.
+
+    Attributes:
+        position: measured [m].
+        effort: commanded by the controller and held until the next sample [N].
+        reference: set-point [m].
+        reference_velocity: its velocity [m/s].
+        true_position: without encoder [m]; sealed.
+        true_velocity: sealed [m/s].
+        true_acceleration: mean until the next sample; sealed [m/s^2].
+        hidden_force: force a perfect nominal model would miss, mean until the next sample; sealed [N].
+    """
+
+    position: Floats
+    effort: Floats
+    reference: Floats
+    reference_velocity: Floats
+    true_position: Floats
+    true_velocity: Floats
+    true_acceleration: Floats
+    hidden_force: Floats
+
+    @property
+    def time(self) -> Floats:
+        """Return the sample times [s]."""
+        return np.asarray(PERIOD * np.arange(self.position.size), dtype=np.float64)
+
+
+def coloured_noise(count: int, corner: float, white_share: float, rng: Generator) -> Floats:
+    """Return noise of unit rms: first-order below ``corner`` [Hz], with a white part.
+
+    Args:
+        count: number of samples at 1 kHz.
+        corner: corner frequency [Hz].
+        white_share: share of the variance that is white.
+        rng: source of chance.
+    """
+    keep = np.exp(-2.0 * np.pi * corner * PERIOD)
+    red = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(count))
+    white = rng.standard_normal(count)
+    return np.asarray(np.sqrt(1.0 - white_share) * red + np.sqrt(white_share) * white, dtype=np.float64)
+
+
+def record(
+    hidden: Hidden, motion: Motion, noise: Floats, rng: Generator, other: Track | None = None, steps: int = kernel.STEPS
+) -> Track:
+    """Run the plant once.
+
+    Args:
+        hidden: the stage and what is hidden in it.
+        motion: reference.
+        noise: force noise of unit rms, one entry per sample.
+        rng: chance of effects that have no law.
+        other: the second axis's recording, for a coupling.
+        steps: integration steps per sample (100 is 10 us).
+    """
+    around = Around(
+        motion.time, rng, other.true_position if other else None, other.true_acceleration if other else None
+    )
+    stage, count = hidden.true, motion.position.size
+    flat = np.ones(count)
+    hidden_series = hidden.force(around) if hidden.force else np.zeros(count)
+    level = hidden.level(around) if hidden.level else flat
+    viscous = hidden.viscous(around) if hidden.viscous else flat
+    vector = hidden.vector()
+    out = kernel.run(
+        motion.position,
+        motion.velocity,
+        motion.acceleration,
+        PERIOD,
+        stage.mass,
+        stage.springs,
+        np.array(stage.shares),
+        stage.curve,
+        hidden.known.gains,
+        vector,
+        hidden_series + NOISE_SHARE * stage.coulomb_force * noise,
+        level,
+        viscous,
+        steps,
+    )
+    force = out[:, kernel.HIDDEN] + hidden_series
+    if vector[slots.ENCODER_A] != 0.0 or vector[slots.RESOLUTION] != slots.NOMINAL_RESOLUTION:
+        error = out[:, kernel.SHOWN] - out[:, kernel.TRUE_X]
+        bend = np.gradient(np.gradient(error, PERIOD), PERIOD)
+        force = force - stage.mass * filtfilt(*butter(2, 2.0 * PERIOD * FORCE_BAND), bend)
+    return Track(
+        position=out[:, kernel.SHOWN],
+        effort=out[:, kernel.EFFORT],
+        reference=motion.position,
+        reference_velocity=motion.velocity,
+        true_position=out[:, kernel.TRUE_X],
+        true_velocity=out[:, kernel.TRUE_V],
+        true_acceleration=out[:, kernel.TRUE_A],
+        hidden_force=force,
+    )

@@ -1,0 +1,86 @@
+"""What the owner of a stage knows: a four-element model of its contact, every figure off by up to five per cent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from sim_plant.blind.stage import TrueStage
+
+Floats = NDArray[np.float64]
+ELEMENTS = 4
+
+
+@dataclass(frozen=True)
+class NominalModel:
+    """The owner's model, SI units, as it goes into the YAML."""
+
+    model: str
+    mass: float
+    stiffness: tuple[float, ...]
+    fraction: tuple[float, ...]
+    viscous: float
+    static_force: float
+    coulomb_force: float
+    knee: float
+    attraction: float
+
+
+def virgin_curve(deflection: Floats, shares: Floats, reaches: Floats) -> Floats:
+    """Return the share of the sliding level reached after ``deflection`` [m] from rest."""
+    return np.asarray(np.minimum(deflection[:, None] / reaches[None, :], 1.0).dot(shares))
+
+
+def reduce_contact(shares: Floats, reaches: Floats, count: int = ELEMENTS) -> tuple[Floats, Floats]:
+    """Return shares and reaches [m] of the ``count`` elements whose virgin curve is closest."""
+    grid = np.geomspace(0.3 * reaches.min(), 1.1 * reaches.max(), 200)
+    goal = virgin_curve(grid, shares, reaches)
+
+    def unpack(x: Floats) -> tuple[Floats, Floats]:
+        weights = np.exp(x[:count] - np.max(x[:count]))
+        return weights / weights.sum(), np.exp(x[count:])
+
+    def misfit(x: Floats) -> Floats:
+        return virgin_curve(grid, *unpack(x)) - goal
+
+    start = np.concatenate((np.zeros(count), np.log(np.quantile(reaches, (np.arange(count) + 0.5) / count))))
+    found = unpack(np.asarray(least_squares(misfit, start).x))
+    order = np.argsort(found[1])
+    return found[0][order], found[1][order]
+
+
+def nominal_model(
+    stage: TrueStage, rng: Generator, tolerance: float = 0.05, mass_tolerance: float | None = None
+) -> NominalModel:
+    """Return what the owner believes: the best four elements, each figure off by up to ``tolerance``.
+
+    Args:
+        stage: the truth without anything hidden.
+        rng: source of chance.
+        tolerance: largest relative error of a friction figure.
+        mass_tolerance: largest relative error of the mass; None for the same.
+    """
+    shares, reaches = reduce_contact(np.array(stage.shares), np.array(stage.reaches))
+    mass_share = tolerance if mass_tolerance is None else mass_tolerance
+
+    def off(value: float, largest: float = tolerance) -> float:
+        return float(value * (1.0 + largest * rng.uniform(-1.0, 1.0)))
+
+    stiffness = [off(one) for one in shares * stage.coulomb_force / reaches]
+    fraction = np.array([off(one) for one in shares])
+    coulomb = off(stage.coulomb_force)
+    return NominalModel(
+        model=stage.model,
+        mass=off(stage.mass, mass_share),
+        stiffness=tuple(stiffness),
+        fraction=tuple(float(one) for one in fraction / fraction.sum()),
+        viscous=off(stage.viscous),
+        static_force=max(off(stage.static_force), coulomb * 1.001),
+        coulomb_force=coulomb,
+        knee=off(stage.knee),
+        attraction=off(stage.attraction),
+    )
