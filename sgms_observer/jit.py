@@ -1,72 +1,112 @@
 """The one door to numba: compiled kernels where numba is installed, the same Python code where it is not.
 
-Kernels are cached on disk under a key made of every compiled source file, so that a changed formula can
-never be served from a stale cache (numba itself only watches the file a kernel is written in).
+Kernels are cached on disk, each under a key made of its module and of every module of ours that it imports, so that a
+changed formula can never be served from a stale cache (numba itself only watches the file a kernel is written in).
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
-_PACKAGES = ("sgms_observer", "sim_plant")
-_KEPT_CACHES = 6
-
-
-def _compiled_sources() -> list[Path]:
-    """Return every file whose code can end up inside a compiled kernel, in a fixed order."""
-    root = Path(__file__).resolve().parent.parent
-    files = [path for name in _PACKAGES for path in sorted((root / name).rglob("*.py"))]
-    return [path for path in files if path.parent.name == "formulas" or "njit" in path.read_text(encoding="utf-8")]
-
-
-def _cache_directory() -> Path:
-    """Return the folder for this version of the kernels, and forget all but the newest few others."""
-    digest = hashlib.sha256()
-    for path in _compiled_sources():
-        digest.update(path.read_bytes())
-    home = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "sgms_observer"
-    folder = home / digest.hexdigest()[:16]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        stale = sorted(home.iterdir(), key=lambda entry: entry.stat().st_mtime)[:-_KEPT_CACHES]
-        for entry in stale:
-            if entry != folder:
-                shutil.rmtree(entry, ignore_errors=True)
-    except OSError:
-        pass
-    return folder
-
-
-def is_cache_warm() -> bool:
-    """Return whether compiled kernels of exactly this version are already on disk."""
-    return HAS_NUMBA and any(CACHE_DIRECTORY.rglob("*.nbi"))
-
+_ROOT = Path(__file__).resolve().parent.parent
+_CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "sgms_observer"
+_KEPT_KEYS = 64
+_IMPORT = re.compile(r"^\s*(?:from|import)\s+((?:sgms_observer|sim_plant)[\w.]*)(?:\s+import\s+\(?([^)#]*))?", re.MULTILINE)
 
 try:
     import numba
 
     HAS_NUMBA = not os.environ.get("SGMS_OBSERVER_NO_NUMBA")
-    CACHE_DIRECTORY = _cache_directory()
-    if HAS_NUMBA and "NUMBA_CACHE_DIR" not in os.environ:
-        numba.config.CACHE_DIR = str(CACHE_DIRECTORY)  # type: ignore[attr-defined]
 except ImportError:
     HAS_NUMBA = False
-    CACHE_DIRECTORY = Path()
+
+
+def _file_of(module: str) -> Path | None:
+    """Return the source file of one of our modules, or None for a name that is not a module."""
+    base = _ROOT.joinpath(*module.split("."))
+    for path in (base.with_suffix(".py"), base / "__init__.py"):
+        if path.is_file():
+            return path
+    return None
+
+
+@cache
+def _imports(module: str) -> frozenset[str]:
+    """Return the modules of ours that a module names in its import statements."""
+    path = _file_of(module)
+    if path is None:
+        return frozenset()
+    names = set()
+    for source, imported in _IMPORT.findall(path.read_text(encoding="utf-8")):
+        names.add(source)
+        names.update(f"{source}.{word}" for word in re.findall(r"\w+", imported))
+    return frozenset(name for name in names if _file_of(name))
+
+
+@cache
+def _key_of(module: str) -> str:
+    """Return a key that changes whenever the module, or one it imports, does."""
+    seen: set[str] = set()
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        if name not in seen:
+            seen.add(name)
+            waiting.extend(_imports(name))
+    digest = hashlib.sha256()
+    for name in sorted(seen):
+        path = _file_of(name)
+        digest.update(path.read_bytes() if path else b"")
+    return digest.hexdigest()[:16]
+
+
+@cache
+def _forget_old_keys() -> None:
+    """Remove all but the newest cache folders, once per process."""
+    try:
+        folders = sorted(_CACHE.iterdir(), key=lambda entry: entry.stat().st_mtime)
+    except OSError:
+        return
+    for folder in folders[:-_KEPT_KEYS]:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def is_cache_warm(module: str) -> bool:
+    """Return whether kernels of exactly this version of a module are already on disk.
+
+    Args:
+        module: full name, for example ``"sgms_observer.estimators.block"``.
+    """
+    return HAS_NUMBA and any((_CACHE / _key_of(module)).rglob("*.nbi"))
+
+
+def _compile(function: Kernel, **options: Any) -> Kernel:
+    """Compile with numba: no fast-math, hence the same bits everywhere; cached on disk under the module's key."""
+    if not HAS_NUMBA:
+        return function
+    _forget_old_keys()
+    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    if not before:
+        numba.config.CACHE_DIR = str(_CACHE / _key_of(function.__module__))  # type: ignore[attr-defined]
+    try:
+        compiled: Kernel = numba.njit(function, cache=True, error_model="numpy", nogil=True, **options)
+    finally:
+        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+    return compiled
 
 
 def njit(function: Kernel) -> Kernel:
-    """Compile ``function`` with numba (no fast-math: same bits everywhere), or return it as it is."""
-    if not HAS_NUMBA:
-        return function
-    compiled: Kernel = numba.njit(function, cache=True, error_model="numpy", nogil=True)
-    return compiled
+    """Compile ``function`` with numba, or return it as it is."""
+    return _compile(function)
 
 
 def njit_bare(function: Kernel) -> Kernel:
@@ -75,10 +115,7 @@ def njit_bare(function: Kernel) -> Kernel:
     Counting references to the fifty arrays of an estimator's memory costs ten times what a prediction does. Only
     kernels may call the result with arrays, or Python where it neither allocates nor returns any.
     """
-    if not HAS_NUMBA:
-        return function
-    compiled: Kernel = numba.njit(function, cache=True, error_model="numpy", nogil=True, _nrt=False)
-    return compiled
+    return _compile(function, _nrt=False)
 
 
 def inlined(function: Kernel) -> Kernel:
