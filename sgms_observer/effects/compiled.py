@@ -38,7 +38,11 @@ class CompiledEffects:
     def __init__(self, settings: Sequence[EffectSettings], sample_period: float) -> None:
         entries = [effect(item.name) for item in settings]
         values = [item.values or entry.defaults for item, entry in zip(settings, entries, strict=True)]
-        faults = [fault for entry, value in zip(entries, values, strict=True) for fault in entry.check(tuple(value), "effects")]
+        faults = [
+            fault
+            for entry, value in zip(entries, values, strict=True)
+            for fault in entry.check(tuple(value), "effects")
+        ]
         if faults:
             raise ConfigurationError(faults)
         users = [entry for entry in entries if not is_built_in(entry.name)]
@@ -53,12 +57,16 @@ class CompiledEffects:
         )
         self.parameters = np.array([value for group in values for value in group], dtype=np.float64)
         self.p_at = np.concatenate([[0], np.cumsum([len(group) for group in values])]).astype(np.int64)
-        states = [self._initial(entry.name, entry.initial_state, value) for entry, value in zip(entries, values, strict=True)]
+        states = [
+            self._initial(entry.name, entry.initial_state, value) for entry, value in zip(entries, values, strict=True)
+        ]
         self._initial_state = np.array([value for group in states for value in group], dtype=np.float64)
         self.s_at = np.concatenate([[0], np.cumsum([len(group) for group in states])]).astype(np.int64)
         self.user = compile_user_effects(users)
         places = {entry.place for entry in entries}
-        self.has_force_or_level = bool(places & {Place.ADDED_FORCE, Place.LEVEL_FACTOR}) or "flexible_mode" in self.names
+        self.has_force_or_level = (
+            bool(places & {Place.ADDED_FORCE, Place.LEVEL_FACTOR}) or "flexible_mode" in self.names
+        )
         self.has_effort_path = Place.EFFORT_PATH in places
         self.has_position = Place.MEASURED_POSITION in places
 

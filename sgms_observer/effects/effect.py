@@ -55,7 +55,10 @@ class EffectParameter:
         """
         if not self.minimum <= self.default <= self.maximum:
             raise ConfigurationError(
-                [f"effect parameter {self.name}: default {self.default} is outside {self.minimum}..{self.maximum}; widen the range"]
+                [
+                    f"effect parameter {self.name}: default {self.default} is outside {self.minimum}..{self.maximum};"
+                    " widen the range"
+                ]
             )
 
 
@@ -106,7 +109,8 @@ class Effect:
             strange = [name for name in inspect.signature(formula).parameters if name not in (*INPUTS, "s", "p")]
             if strange and self.place is not Place.EFFORT_PATH:
                 faults.append(
-                    f"effect {self.name}: formula argument {strange[0]!r} is unknown; use some of {', '.join(INPUTS)}, s, p"
+                    f"effect {self.name}: formula argument {strange[0]!r} is unknown;"
+                    f" use some of {', '.join(INPUTS)}, s, p"
                 )
         if (self.advance is None) != (not self.initial_state):
             faults.append(f"effect {self.name}: give both advance and initial_state, or neither")
@@ -131,12 +135,14 @@ class Effect:
         raise ConfigurationError([f"effect {self.name} has no parameter {name}; it has {names}"])
 
     def check(self, values: tuple[float, ...], where: str) -> list[str]:
-        """Return one sentence per value that breaks its range; ``where`` is the YAML path, for instance ``x.effects``."""
+        """Return one sentence per value that breaks its range; ``where`` is the YAML path, e.g. ``x.effects``."""
         if len(values) != len(self.parameters):
-            return [f"{where}.{self.name} has {len(values)} values, the catalogue has {len(self.parameters)}; name them all"]
+            return [
+                f"{where}.{self.name} has {len(values)} values, the catalogue has {len(self.parameters)}; name them all"
+            ]
         return [
-            f"{where}.{self.name}.{parameter.name} = {value:g} {parameter.unit} must be between {parameter.minimum:g} and"
-            f" {parameter.maximum:g} {parameter.unit}; correct it"
+            f"{where}.{self.name}.{parameter.name} = {value:g} {parameter.unit} must be between"
+            f" {parameter.minimum:g} and {parameter.maximum:g} {parameter.unit}; correct it"
             for parameter, value in zip(self.parameters, values, strict=True)
             if not parameter.minimum <= value <= parameter.maximum
         ]

@@ -15,16 +15,20 @@ FORCE_EFFECTS = (
         Place.ADDED_FORCE,
         (
             EffectParameter("amplitude", "N", 0.0, -1.0e4, 1.0e4, "amplitude of the first harmonic", is_strength=True),
-            EffectParameter("pitch", "m", 0.01, 1.0e-6, 10.0, "period in position, for instance the magnet or screw pitch"),
+            EffectParameter(
+                "pitch", "m", 0.01, 1.0e-6, 10.0, "period in position, for instance the magnet or screw pitch"
+            ),
             _PHASE,
-            EffectParameter("second_amplitude", "N", 0.0, -1.0e4, 1.0e4, "amplitude of the second harmonic", is_strength=True),
+            EffectParameter(
+                "second_amplitude", "N", 0.0, -1.0e4, 1.0e4, "amplitude of the second harmonic", is_strength=True
+            ),
             EffectParameter("second_phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, "angle of the second harmonic"),
         ),
         "F = A sin(2 pi q / pitch + phase) + A2 sin(4 pi q / pitch + phase2)",
         "periodic over position, the same in both directions",
         "slow travel over several pitches, both ways",
         ("position_periodic_friction", "spring", "periodic_disturbance"),
-        "Otten et al. 1997, Linear motor motion control using a learning feedforward controller, IEEE/ASME T. Mechatronics 2(3)",
+        "Otten et al. 1997, Linear motor motion control using a learning feedforward controller, T. Mechatronics 2(3)",
         formula.cogging,
     ),
     Effect(
@@ -44,7 +48,11 @@ FORCE_EFFECTS = (
     Effect(
         "offset",
         Place.ADDED_FORCE,
-        (EffectParameter("force", "N", 0.0, -1.0e4, 1.0e4, "constant force the actuator has to supply", is_strength=True),),
+        (
+            EffectParameter(
+                "force", "N", 0.0, -1.0e4, 1.0e4, "constant force the actuator has to supply", is_strength=True
+            ),
+        ),
         "F = F0",
         "the same force everywhere and in both directions, at rest as well",
         "motion both ways with rests",
@@ -57,8 +65,13 @@ FORCE_EFFECTS = (
         Place.ADDED_FORCE,
         (
             EffectParameter(
-                "coefficient", "N s/m", 0.0, -1.0e4, 1.0e4,
-                "half the difference of the viscous coefficients; at most the viscous coefficient itself", is_strength=True,
+                "coefficient",
+                "N s/m",
+                0.0,
+                -1.0e4,
+                1.0e4,
+                "half the difference of the viscous coefficients; at most the viscous coefficient itself",
+                is_strength=True,
             ),
         ),
         "F = c |v|",
@@ -86,7 +99,11 @@ FORCE_EFFECTS = (
     Effect(
         "quadratic_drag",
         Place.ADDED_FORCE,
-        (EffectParameter("coefficient", "N s^2/m^2", 0.0, -1.0e5, 1.0e5, "drag over the square of the speed", is_strength=True),),
+        (
+            EffectParameter(
+                "coefficient", "N s^2/m^2", 0.0, -1.0e5, 1.0e5, "drag over the square of the speed", is_strength=True
+            ),
+        ),
         "F = c v |v|",
         "odd in velocity, growing with its square",
         "speeds over a decade, with the highest the axis reaches",
@@ -127,8 +144,12 @@ FORCE_EFFECTS = (
         "cross_axis_coupling",
         Place.ADDED_FORCE,
         (
-            EffectParameter("inertia", "kg", 0.0, -1.0e4, 1.0e4, "force per acceleration of the other axis", is_strength=True),
-            EffectParameter("viscous", "N s/m", 0.0, -1.0e4, 1.0e4, "force per velocity of the other axis", is_strength=True),
+            EffectParameter(
+                "inertia", "kg", 0.0, -1.0e4, 1.0e4, "force per acceleration of the other axis", is_strength=True
+            ),
+            EffectParameter(
+                "viscous", "N s/m", 0.0, -1.0e4, 1.0e4, "force per velocity of the other axis", is_strength=True
+            ),
         ),
         "F = m12 a2 + d12 v2",
         "follows the motion of another axis",
@@ -168,7 +189,9 @@ FORCE_EFFECTS = (
         "flexible_mode",
         Place.PLANT,
         (
-            EffectParameter("mass", "kg", 0.0, 0.0, 1.0e4, "share of the moving mass behind the spring", is_strength=True),
+            EffectParameter(
+                "mass", "kg", 0.0, 0.0, 1.0e4, "share of the moving mass behind the spring", is_strength=True
+            ),
             EffectParameter("frequency", "Hz", 50.0, 0.1, 5.0e3, "frequency of that mass with the carriage held"),
             EffectParameter("damping_ratio", "-", 0.02, 1.0e-4, 0.99, "its damping"),
         ),

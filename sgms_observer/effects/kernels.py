@@ -31,47 +31,67 @@ ACTUATOR_GAIN, ACTUATOR_SATURATION = KIND["actuator_gain"], KIND["actuator_satur
 ACTUATOR_DEAD_ZONE, ACTUATOR_DELAY = KIND["actuator_dead_zone"], KIND["actuator_delay"]
 ENCODER_INTERPOLATION_ERROR, QUANTISATION = KIND["encoder_interpolation_error"], KIND["quantisation"]
 
-_cogging = njit(effects_force.cogging)
-_spring = njit(effects_force.spring)
-_offset = njit(effects_force.offset)
-_asymmetric_viscous = njit(effects_force.asymmetric_viscous)
-_nonlinear_viscous = njit(effects_force.nonlinear_viscous)
-_quadratic_drag = njit(effects_force.quadratic_drag)
-_eddy_current = njit(effects_force.eddy_current)
-_periodic_disturbance = njit(effects_force.periodic_disturbance)
-_cross_axis_coupling = njit(effects_force.cross_axis_coupling)
-_presliding = njit(effects_force.presliding)
-_presliding_next = njit(effects_force.presliding_next)
-_flexible_mode = njit(effects_force.flexible_mode)
-_flexible_mode_next = njit(effects_force.flexible_mode_next)
-_position_periodic_friction = njit(effects_level.position_periodic_friction)
-_position_dependent_friction = njit(effects_level.position_dependent_friction)
-_asymmetric_coulomb = njit(effects_level.asymmetric_coulomb)
-_stribeck = njit(effects_level.stribeck)
-_load_dependent_friction = njit(effects_level.load_dependent_friction)
-_thermal_drift = njit(effects_level.thermal_drift)
-_thermal_drift_next = njit(effects_level.thermal_drift_next)
-_wear_step = njit(effects_level.wear_step)
-_wear_step_next = njit(effects_level.wear_step_next)
-_dwell_breakaway = njit(effects_level.dwell_breakaway)
-_dwell_breakaway_next = njit(effects_level.dwell_breakaway_next)
-_frictional_lag = njit(effects_level.frictional_lag)
-_frictional_lag_next = njit(effects_level.frictional_lag_next)
-_backlash = njit(effects_level.backlash)
-_backlash_next = njit(effects_level.backlash_next)
-_actuator_gain = njit(effects_path.actuator_gain)
-_actuator_saturation = njit(effects_path.actuator_saturation)
-_actuator_dead_zone = njit(effects_path.actuator_dead_zone)
-_actuator_delay = njit(effects_path.actuator_delay)
-_encoder_interpolation_error = njit(effects_path.encoder_interpolation_error)
-_encoder_interpolation_correction = njit(effects_path.encoder_interpolation_correction)
-_quantisation = njit(effects_path.quantisation)
+
+def _formula(function: Any) -> Any:
+    """Compile a formula, which carries no types of its own."""
+    return njit(function)
+
+
+_cogging = _formula(effects_force.cogging)
+_spring = _formula(effects_force.spring)
+_offset = _formula(effects_force.offset)
+_asymmetric_viscous = _formula(effects_force.asymmetric_viscous)
+_nonlinear_viscous = _formula(effects_force.nonlinear_viscous)
+_quadratic_drag = _formula(effects_force.quadratic_drag)
+_eddy_current = _formula(effects_force.eddy_current)
+_periodic_disturbance = _formula(effects_force.periodic_disturbance)
+_cross_axis_coupling = _formula(effects_force.cross_axis_coupling)
+_presliding = _formula(effects_force.presliding)
+_presliding_next = _formula(effects_force.presliding_next)
+_flexible_mode = _formula(effects_force.flexible_mode)
+_flexible_mode_next = _formula(effects_force.flexible_mode_next)
+_position_periodic_friction = _formula(effects_level.position_periodic_friction)
+_position_dependent_friction = _formula(effects_level.position_dependent_friction)
+_asymmetric_coulomb = _formula(effects_level.asymmetric_coulomb)
+_stribeck = _formula(effects_level.stribeck)
+_load_dependent_friction = _formula(effects_level.load_dependent_friction)
+_thermal_drift = _formula(effects_level.thermal_drift)
+_thermal_drift_next = _formula(effects_level.thermal_drift_next)
+_wear_step = _formula(effects_level.wear_step)
+_wear_step_next = _formula(effects_level.wear_step_next)
+_dwell_breakaway = _formula(effects_level.dwell_breakaway)
+_dwell_breakaway_next = _formula(effects_level.dwell_breakaway_next)
+_frictional_lag = _formula(effects_level.frictional_lag)
+_frictional_lag_next = _formula(effects_level.frictional_lag_next)
+_backlash = _formula(effects_level.backlash)
+_backlash_next = _formula(effects_level.backlash_next)
+_actuator_gain = _formula(effects_path.actuator_gain)
+_actuator_saturation = _formula(effects_path.actuator_saturation)
+_actuator_dead_zone = _formula(effects_path.actuator_dead_zone)
+_actuator_delay = _formula(effects_path.actuator_delay)
+_encoder_interpolation_error = _formula(effects_path.encoder_interpolation_error)
+_encoder_interpolation_correction = _formula(effects_path.encoder_interpolation_correction)
+_quantisation = _formula(effects_path.quantisation)
 
 
 @njit
 def effects_step(
-    kinds: Any, p_at: Any, s_at: Any, parameters: Any, state: Any, user: Any,
-    q: float, v: float, a: float, t: float, u: float, h: float, level: float, v2: float, a2: float, out: Any,
+    kinds: Any,
+    p_at: Any,
+    s_at: Any,
+    parameters: Any,
+    state: Any,
+    user: Any,
+    q: float,
+    v: float,
+    a: float,
+    t: float,
+    u: float,
+    h: float,
+    level: float,
+    v2: float,
+    a2: float,
+    out: Any,
 ) -> None:
     """Advance every effect by one step and write added force [N] and level factor [-] into ``out[0:2]``.
 
@@ -81,7 +101,7 @@ def effects_step(
         s_at: first state of each effect in ``state``, and the end, int64.
         parameters: flat parameter values.
         state: flat states; changed in place.
-        user: compiled user effects.
+        user: compiled user effects, or None.
         q, v, a: position [m], velocity [m/s] and acceleration [m/s^2] at the end of the step.
         t: time since the first sample [s].
         u: effort [N].
@@ -99,21 +119,22 @@ def effects_step(
         p = parameters[p_at[i] : p_at[i + 1]]
         s = state[s_at[i] : s_at[i + 1]]
         if kind >= FIRST_USER_KIND:
-            out[2] = 0.0
-            out[3] = 1.0
-            inputs = out[4:13]
-            inputs[0] = q
-            inputs[1] = v
-            inputs[2] = a
-            inputs[3] = t
-            inputs[4] = u
-            inputs[5] = h
-            inputs[6] = level
-            inputs[7] = v2
-            inputs[8] = a2
-            user(kind - FIRST_USER_KIND, inputs, s, p, out[2:4])
-            force += out[2]
-            factor *= out[3]
+            if user is not None:
+                out[2] = 0.0
+                out[3] = 1.0
+                inputs = out[4:13]
+                inputs[0] = q
+                inputs[1] = v
+                inputs[2] = a
+                inputs[3] = t
+                inputs[4] = u
+                inputs[5] = h
+                inputs[6] = level
+                inputs[7] = v2
+                inputs[8] = a2
+                user(kind - FIRST_USER_KIND, inputs, s, p, out[2:4])
+                force += out[2]
+                factor *= out[3]
         elif kind == COGGING:
             force += _cogging(q, p)
         elif kind == SPRING:
@@ -230,14 +251,44 @@ def corrected_position(kinds: Any, p_at: Any, parameters: Any, q: float) -> floa
 
 @njit
 def effects_block(
-    kinds: Any, p_at: Any, s_at: Any, parameters: Any, state: Any, user: Any,
-    q: Any, v: Any, a: Any, t: Any, u: Any, h: Any, level: Any, v2: Any, a2: Any, scratch: Any, force: Any, factor: Any,
+    kinds: Any,
+    p_at: Any,
+    s_at: Any,
+    parameters: Any,
+    state: Any,
+    user: Any,
+    q: Any,
+    v: Any,
+    a: Any,
+    t: Any,
+    u: Any,
+    h: Any,
+    level: Any,
+    v2: Any,
+    a2: Any,
+    scratch: Any,
+    force: Any,
+    factor: Any,
 ) -> None:
     """``effects_step`` over a block; writes ``force`` and ``factor``. Arrays of one length, as in ``effects_step``."""
     for k in range(q.shape[0]):
         effects_step(
-            kinds, p_at, s_at, parameters, state, user,
-            q[k], v[k], a[k], t[k], u[k], h[k], level[k], v2[k], a2[k], scratch,
+            kinds,
+            p_at,
+            s_at,
+            parameters,
+            state,
+            user,
+            q[k],
+            v[k],
+            a[k],
+            t[k],
+            u[k],
+            h[k],
+            level[k],
+            v2[k],
+            a2[k],
+            scratch,
         )
         force[k] = scratch[0]
         factor[k] = scratch[1]

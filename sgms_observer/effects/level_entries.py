@@ -19,7 +19,9 @@ LEVEL_EFFECTS = (
         Place.LEVEL_FACTOR,
         (
             _share("amplitude as a share of the level", -0.95, 0.95),
-            EffectParameter("pitch", "m", 0.01, 1.0e-6, 10.0, "period in position, for instance of the balls or the screw"),
+            EffectParameter(
+                "pitch", "m", 0.01, 1.0e-6, 10.0, "period in position, for instance of the balls or the screw"
+            ),
             EffectParameter("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, "angle at position zero"),
         ),
         "s -> s (1 + A sin(2 pi q / pitch + phase))",
@@ -72,7 +74,11 @@ LEVEL_EFFECTS = (
     Effect(
         "load_dependent_friction",
         Place.LEVEL_FACTOR,
-        (EffectParameter("coefficient", "s^2/m", 0.0, -1.0, 10.0, "share of the level per acceleration", is_strength=True),),
+        (
+            EffectParameter(
+                "coefficient", "s^2/m", 0.0, -1.0, 10.0, "share of the level per acceleration", is_strength=True
+            ),
+        ),
         "s -> s (1 + c |a|)",
         "more friction while accelerating, in the direction of motion",
         "several accelerations at equal speed, both ways",
@@ -135,10 +141,17 @@ LEVEL_EFFECTS = (
         Place.LEVEL_FACTOR,
         (
             EffectParameter(
-                "attraction_rate", "N/s", 1.0e6, 1.0e-2, 1.0e9,
-                "rate C at which the sliding force follows the Stribeck curve; infinite for none", is_strength=True,
+                "attraction_rate",
+                "N/s",
+                1.0e6,
+                1.0e-2,
+                1.0e9,
+                "rate C at which the sliding force follows the Stribeck curve; infinite for none",
+                is_strength=True,
             ),
-            EffectParameter("distance", "m", 1.0e-5, 1.0e-9, 1.0, "travel after a reversal over which the contact still sticks"),
+            EffectParameter(
+                "distance", "m", 1.0e-5, 1.0e-9, 1.0, "travel after a reversal over which the contact still sticks"
+            ),
         ),
         "s -> L, dL/dt = C (1 - L / s) while sliding",
         "friction that lags changes of speed: a loop over velocity while sliding",

@@ -44,7 +44,11 @@ PATH_EFFECTS = (
     Effect(
         "actuator_delay",
         Place.EFFORT_PATH,
-        (EffectParameter("delay", "s", 0.0, 0.0, 0.02, "time from the published effort to the force", is_strength=True),),
+        (
+            EffectParameter(
+                "delay", "s", 0.0, 0.0, 0.02, "time from the published effort to the force", is_strength=True
+            ),
+        ),
         "u(t) -> u(t - d)",
         "follows the effort's rate of change",
         "a chirp or hard jerks",
@@ -70,7 +74,11 @@ PATH_EFFECTS = (
     Effect(
         "quantisation",
         Place.MEASURED_POSITION,
-        (EffectParameter("resolution", "m", 1.0e-12, 1.0e-12, 1.0e-1, "step of the measured position", is_strength=True),),
+        (
+            EffectParameter(
+                "resolution", "m", 1.0e-12, 1.0e-12, 1.0e-1, "step of the measured position", is_strength=True
+            ),
+        ),
         "q -> r floor(q / r + 1/2)",
         "the measured positions lie on a grid",
         "any; the grid is read off the position itself",

@@ -10,7 +10,7 @@ import math
 
 
 def cogging(q, p):
-    """Force periodic in position, equal in both directions [N]; p: amplitude, pitch, phase, second_amplitude, second_phase."""
+    """Force periodic in position, equal both ways [N]; p: amplitude, pitch, phase, second_amplitude, second_phase."""
     angle = 2.0 * math.pi * q / p[1]
     return p[0] * math.sin(angle + p[2]) + p[3] * math.sin(2.0 * angle + p[4])
 
@@ -31,7 +31,7 @@ def asymmetric_viscous(v, p):
 
 
 def nonlinear_viscous(v, p):
-    """Power law of the speed, below 1 for shear-thinning [N]; p: force at reference_velocity, exponent, reference_velocity."""
+    """Power law of the speed, below 1 for shear-thinning [N]; p: force, exponent, reference_velocity."""
     ratio = v / p[2]
     return p[0] * ratio * (ratio * ratio + 1.0e-8) ** (0.5 * (p[1] - 1.0))
 

@@ -38,7 +38,7 @@ def load_dependent_friction(a, p):
 
 
 def thermal_drift(s, p):
-    """Warm-up: the level goes to 1 + share as a first-order process [-]; p: share, time_constant. State: progress 0..1."""
+    """Warm-up, a first-order process [-]; p: share, time_constant. State: progress 0..1."""
     return 1.0 + p[0] * s[0]
 
 
@@ -58,7 +58,7 @@ def wear_step_next(v, h, s, p):
 
 
 def dwell_breakaway(s, p):
-    """Static friction that rises while at rest [-]; p: share, dwell_time, memory_distance. State: age of contact 0..1."""
+    """Static friction that rises at rest [-]; p: share, dwell_time, memory_distance. State: age of contact 0..1."""
     return 1.0 + p[0] * s[0]
 
 
@@ -93,7 +93,7 @@ def frictional_lag_next(v, h, level, s, p):
 
 
 def backlash(s, p):
-    """Play: the load's share of the friction is missing inside the gap [-]; p: gap, share. State: place in the gap -1..1."""
+    """Play: the load's friction is missing inside the gap [-]; p: gap, share. State: place in the gap -1..1."""
     square = s[0] * s[0]
     return 1.0 - p[1] * (1.0 - square * square * square * square)
 

@@ -1,0 +1,65 @@
+"""``docs/catalogue.md``, written from the catalogue: ``python -m sgms_observer.effects.page docs/catalogue.md``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from sgms_observer.effects.catalogue import BUILT_IN
+from sgms_observer.effects.effect import Effect, EffectParameter, Place
+
+_HEAD = """# The catalogue of effects
+
+Written by `python -m sgms_observer.effects.page docs/catalogue.md`; do not edit. Name any of these in the YAML's
+`x.effects.names`; the balance of forces is then
+
+    arrived effort = (mass + added mass) * acceleration + friction(factor * s(v)) + added force
+
+with q position [m], v velocity [m/s], a acceleration [m/s^2], t time since the first sample [s], s the Stribeck
+level [N]. A strength at its default means: no effect. Bounds are checked at start.
+
+Effects of your own: a Python file with `EFFECTS = [Effect(...)]` (see `sgms_observer/effects/effect.py`), named in
+`effect_files` of the YAML, or given by an installed package's entry point in the group `sgms_observer.effects`.
+Formulas are plain functions over `math`, arguments by name out of q, v, a, t, u, h, level, v2, a2, s, p.
+
+How each place is used: an **added force** and a **level factor** act in the stage, the observer (the sum is taken
+off the measured friction, the factor scales the model's Stribeck curve), replay and compensation. The **effort's path**
+turns the published effort into the one that arrives, before anything else uses it. A **measured position** effect is
+put on the true position by the simulated stage and taken off the measured one by the observer. **Plant** effects
+change the mass (`added_mass`); a flexible mode also carries the attached mass's deflection as state, driven by the
+carriage's acceleration.
+"""
+
+
+def catalogue_page() -> str:
+    """Return the page as Markdown."""
+    parts = [_HEAD]
+    for place in Place:
+        parts.append(f"\n## {place.value[0].upper()}{place.value[1:]}\n")
+        parts.extend(_section(entry) for entry in BUILT_IN if entry.place is place)
+    return "\n".join(parts)
+
+
+def _row(parameter: EffectParameter) -> str:
+    """Return the table's row of one parameter."""
+    bounds = f"{parameter.minimum:g} .. {parameter.maximum:g}"
+    kind = " (strength)" if parameter.is_strength else ""
+    return (
+        f"| `{parameter.name}` | {parameter.unit} | {parameter.default:g} | {bounds} | {parameter.description}{kind} |"
+    )
+
+
+def _section(entry: Effect) -> str:
+    """Return the section of one effect."""
+    rows = "\n".join(_row(parameter) for parameter in entry.parameters)
+    confused = ", ".join(entry.confusable_with)
+    return (
+        f"### {entry.name}\n\n`{entry.equation}`\n\n"
+        f"Shows as: {entry.signature}. Needs: {entry.excitation}. Easily taken for: {confused}.\n\n"
+        "| parameter | unit | default | bounds | meaning |\n|---|---|---|---|---|\n"
+        f"{rows}\n\nSource: {entry.reference}.\n"
+    )
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).write_text(catalogue_page(), encoding="utf-8")
