@@ -44,7 +44,7 @@ class Plan:
         self.samples = np.zeros((2, SAMPLES_PER_PLAN))
 
     def advance(self) -> None:
-        """Replace ``ticks`` (reference and encoder noise) and ``samples`` (force noise, disturbance) by the next block."""
+        """Replace ``ticks`` (reference, encoder noise) and ``samples`` (force noise, disturbance) by the next block."""
         count = SAMPLES_PER_PLAN * self._ticks_per_sample
         time = self._tick * np.arange(self._next_block * count, (self._next_block + 1) * count, dtype=np.float64)
         self._next_block += 1

@@ -75,6 +75,5 @@ def join_records(records: Sequence[StageRecord]) -> StageRecord:
     """
     if len(records) == 1:
         return records[0]
-    return StageRecord(
-        **{field.name: np.concatenate([getattr(record, field.name) for record in records]) for field in fields(StageRecord)}
-    )
+    names = [field.name for field in fields(StageRecord)]
+    return StageRecord(**{name: np.concatenate([getattr(record, name) for record in records]) for name in names})

@@ -128,7 +128,7 @@ class SimulatedStage:
         Args:
             count: number of samples, at least 1.
             compensation: feedforward to add to the controller's output [N]: one value for all samples, or one per
-                sample, shape (count,). A value that is not finite, or where ``accept_compensation`` is off, counts as 0.
+                sample, shape (count,). Values that are not finite count as 0; all do without ``accept_compensation``.
             other_velocity: velocity of the axis this one is coupled to [m/s].
             other_acceleration: its acceleration [m/s^2].
 
@@ -173,7 +173,7 @@ class SimulatedStage:
         )  # fmt: skip
         index = np.arange(self._done, self._done + count)
         self._done += count
-        time = index * self.sample_period
+        time = (index * self.sample_period).astype(np.float64)
         reference = self._plan.ticks[:3, inside * ticks : (inside + count) * ticks : ticks]
         return StageRecord(
             stamp_ns=self.start_ns + np.rint(index * (self.sample_period * 1e9)).astype(np.int64),

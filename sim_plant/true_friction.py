@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -16,9 +17,9 @@ from sgms_observer.settings.friction import FrictionSettings
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-stribeck_level = njit(formulas.stribeck_level)
-reset_gain_paper = njit(formulas.reset_gain_paper)
-reset_gain_rate_independent = njit(formulas.reset_gain_rate_independent)
+stribeck_level: Callable[..., float] = njit(formulas.stribeck_level)
+reset_gain_paper: Callable[..., float] = njit(formulas.reset_gain_paper)
+reset_gain_rate_independent: Callable[..., float] = njit(formulas.reset_gain_rate_independent)
 
 
 class TrueFriction(NamedTuple):
