@@ -1,0 +1,273 @@
+"""Reads recordings as the observer wants them: samples per axis, or one topic's JointStates as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.bags.blocks import JointStates, MessageBlock, decode_joint_states
+from sgms_observer.bags.message_types import JOINT_STATE
+from sgms_observer.bags.source import BagReader
+from sgms_observer.errors import RecordingError
+from sgms_observer.observer.block_pairing import Messages, push_block
+from sgms_observer.observer.pairing import Pairing, PairingCounts
+from sgms_observer.observer.samples import Samples
+
+INPUTS = ("position", "control_effort", "reference")
+_SINGLE_TOPIC = "joint_states"
+
+
+def find_topic(bag: BagReader, name: str) -> str | None:
+    """Find a JointState topic by its name, with or without namespace.
+
+    Args:
+        bag: the recording.
+        name: such as ``position``, which ``/position`` matches, or else the only ``/.../position``.
+
+    Returns:
+        The topic's full name, or None if there is none.
+
+    Raises:
+        RecordingError: the name fits several topics, or one of another type.
+    """
+    bare = name.lstrip("/")
+    exact = "/" + bare
+    found = [topic for topic in bag.topics if topic in (exact, name)]
+    if not found and not name.startswith("/"):
+        found = [topic for topic in bag.topics if topic.endswith(exact)]
+    if len(found) > 1:
+        raise RecordingError(
+            f"{bag.path} holds several topics called {name}: {', '.join(found)}; name one of them in full"
+        )
+    if found and bag.topics[found[0]] != JOINT_STATE:
+        raise RecordingError(
+            f"{found[0]} in {bag.path} is {bag.topics[found[0]] or 'of unknown type'}; {JOINT_STATE} is needed"
+        )
+    return found[0] if found else None
+
+
+class BagSamples:
+    """The samples of some axes of a recording: an iterator over (axis, block of samples).
+
+    Args:
+        path: the bag.
+        axes: entries of ``name`` that are wanted.
+        sample_period: nominal time between two samples [s]; None takes the median of the recording's start.
+        topics: names of ``position``, ``control_effort`` and ``reference`` where they differ; position and
+            control_effort may be the same topic, and are if the bag has ``joint_states`` and no ``position``.
+        needs_effort: refuse a recording without efforts.
+
+    Attributes:
+        span_ns: times of the first and the last message of the recording [ns].
+
+    Raises:
+        RecordingError: the bag cannot be read or lacks a topic; the iteration raises it if an axis is not in it.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        axes: Sequence[str],
+        sample_period: float | None = None,
+        *,
+        topics: Mapping[str, str] | None = None,
+        needs_effort: bool = True,
+    ) -> None:
+        self._bag = BagReader(path)
+        try:
+            self._topics = self._resolve(dict(topics or {}), needs_effort)
+        except BaseException:
+            self._bag.close()
+            raise
+        self.span_ns = self._bag.span_ns
+        self._axes = tuple(axes)
+        self._period = sample_period
+        self._pairings: dict[str, Pairing] = {}
+        self._seen: dict[str, int] = {}  # names in the position topic
+        self._malformed = 0
+
+    @property
+    def counts(self) -> dict[str, PairingCounts]:
+        """Return what became of the messages of each axis so far."""
+        return {axis: pairing.counts for axis, pairing in self._pairings.items()}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Return sentences about what could not be read or paired; complete after the iteration."""
+        sentences = list(self._bag.warnings)
+        if self._malformed:
+            sentences.append(f"{self._malformed} messages of {self._bag.path} are no JointState; they were not used")
+        for axis, pairing in self._pairings.items():
+            sentences += [f"{axis}: {sentence}" for sentence in pairing.counts.sentences()]
+        return tuple(sentences)
+
+    def __iter__(self) -> Iterator[tuple[str, Samples]]:
+        """Yield axis and samples, in order of time for each axis."""
+        wanted = tuple(dict.fromkeys(topic for topic in self._topics.values() if topic))
+        with self._bag:
+            for block in self._bag.blocks(wanted):
+                decoded = {topic: self._decode(block, topic) for topic in wanted}
+                if not self._pairings and not self._start(decoded):
+                    continue
+                for axis, pairing in self._pairings.items():
+                    inputs = [_select(decoded.get(self._topics[name] or "", []), axis, name) for name in INPUTS]
+                    push_block(pairing, *inputs)
+                    while (samples := pairing.pop()) is not None:
+                        yield axis, samples
+            for axis, pairing in self._pairings.items():
+                pairing.flush()
+                while (samples := pairing.pop()) is not None:
+                    yield axis, samples
+            self._check_axes()
+
+    def _resolve(self, names: dict[str, str], needs_effort: bool) -> dict[str, str | None]:
+        """Return the bag's topic for each input."""
+        unknown = set(names) - set(INPUTS)
+        if unknown:
+            raise RecordingError(
+                f"{', '.join(sorted(unknown))} is no input of the observer; rename {', '.join(INPUTS)} only"
+            )
+        bag = self._bag
+        found = {name: find_topic(bag, names.get(name, name)) for name in INPUTS}
+        if not names and found["position"] is None and (single := find_topic(bag, _SINGLE_TOPIC)):
+            found["position"] = found["control_effort"] = single
+        needed = INPUTS[:2] if needs_effort else INPUTS[:1]
+        for name in needed:
+            if found[name] is None:
+                held = ", ".join(sorted(bag.topics)) or "no topic at all"
+                raise RecordingError(f"{bag.path} has no topic {names.get(name, name)}; it holds {held}")
+        return found
+
+    def _decode(self, block: MessageBlock, topic: str) -> list[JointStates]:
+        groups, bad = decode_joint_states(block, block.of_topic(topic))
+        self._malformed += bad
+        if topic == self._topics["position"]:
+            for group in groups:
+                for name in group.names:
+                    self._seen[name] = self._seen.get(name, 0) + group.row.size
+        return groups
+
+    def _start(self, decoded: Mapping[str, list[JointStates]]) -> bool:
+        """Make the pairings once the sample period is known; return whether it is."""
+        period = self._period
+        if period is None:
+            stamps = [
+                group.stamp_ns
+                for group in decoded[self._topics["position"] or ""]
+                if set(self._axes) & set(group.names)
+            ]
+            steps = np.diff(np.sort(np.concatenate(stamps))) if stamps else np.empty(0)
+            steps = steps[steps > 0]
+            if steps.size == 0:
+                return False
+            period = float(np.median(steps)) * 1e-9
+        self._pairings = {axis: Pairing(period) for axis in self._axes}
+        return True
+
+    def _check_axes(self) -> None:
+        """Raise if an axis had no sample at all."""
+        for axis in self._axes:
+            if axis in self._pairings and self._pairings[axis].counts.samples:
+                continue
+            topic = self._topics["position"]
+            if axis in self._seen:
+                raise RecordingError(
+                    f"{topic} in {self._bag.path} has no usable position of axis {axis}; record it again"
+                )
+            held = ", ".join(list(self._seen)[:10]) or "no joint"
+            raise RecordingError(
+                f"{topic} in {self._bag.path} holds {held}, not axis {axis}; name the axis as the bag does"
+            )
+
+
+def read_samples(
+    path: str | Path,
+    axis: str,
+    sample_period: float | None = None,
+    *,
+    topics: Mapping[str, str] | None = None,
+    needs_effort: bool = True,
+) -> Iterator[Samples]:
+    """Read the samples of one axis, with bounded memory.
+
+    Args:
+        path: the bag.
+        axis: its entry in ``name``.
+        sample_period: nominal time between two samples [s]; None takes the median of the recording's start.
+        topics: names of ``position``, ``control_effort`` and ``reference`` where they differ.
+        needs_effort: refuse a recording without efforts.
+
+    Yields:
+        Blocks of samples; effort and reference are NaN where they are missing.
+
+    Raises:
+        RecordingError: the bag cannot be read, or lacks a topic or the axis.
+    """
+    for _, samples in BagSamples(path, (axis,), sample_period, topics=topics, needs_effort=needs_effort):
+        yield samples
+
+
+def read_joint_states(path: str | Path, topic: str) -> JointStates:
+    """Read one whole topic into memory.
+
+    Args:
+        path: the bag.
+        topic: its name, with or without namespace.
+
+    Returns:
+        All messages in order; the names of all of them, with NaN where a message lacks one.
+
+    Raises:
+        RecordingError: the bag cannot be read, or lacks the topic.
+    """
+    with BagReader(path) as bag:
+        name = find_topic(bag, topic)
+        if name is None:
+            raise RecordingError(f"{path} has no topic {topic}; it holds {', '.join(sorted(bag.topics)) or 'none'}")
+        groups: list[JointStates] = []
+        total = 0
+        for block in bag.blocks((name,)):
+            found, _ = decode_joint_states(block, np.arange(len(block)))
+            groups += [
+                JointStates(part.names, part.stamp_ns, part.position, part.velocity, part.effort, part.row + total)
+                for part in found
+            ]
+            total += len(block)
+    names = tuple(dict.fromkeys(joint for group in groups for joint in group.names))
+    row = np.concatenate([group.row for group in groups]) if groups else np.empty(0, np.intp)
+    order = np.argsort(row, kind="stable")
+    stamps = np.concatenate([group.stamp_ns for group in groups])[order] if groups else np.empty(0, np.int64)
+
+    def columns(field: str) -> NDArray[np.float64]:
+        table = np.full((row.size, len(names)), np.nan)
+        first = 0
+        for group in groups:
+            rows = slice(first, first + group.row.size)
+            for column, joint in enumerate(group.names):
+                table[rows, names.index(joint)] = getattr(group, field)[:, column]
+            first += group.row.size
+        return table[order]
+
+    return JointStates(names, stamps, columns("position"), columns("velocity"), columns("effort"), row[order])
+
+
+def _select(groups: list[JointStates], axis: str, name: str) -> Messages:
+    """Return one axis's part of one topic, in order of arrival."""
+    parts = []
+    for group in groups:
+        if axis in group.names:
+            column = group.names.index(axis)
+            first = group.effort if name == "control_effort" else group.position
+            parts.append((group.stamp_ns, group.row, first[:, column], group.velocity[:, column]))
+    if not parts:
+        return Messages.none()
+    stamps, rows, first, second = (
+        parts[0] if len(parts) == 1 else [np.concatenate(columns) for columns in zip(*parts, strict=True)]
+    )
+    if len(parts) > 1:
+        order = np.argsort(rows, kind="stable")
+        stamps, rows, first, second = stamps[order], rows[order], first[order], second[order]
+    return Messages(stamps, rows.astype(np.int64), first, second)

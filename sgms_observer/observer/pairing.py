@@ -1,0 +1,268 @@
+"""Position, effort and reference of one axis brought together by their stamps, whatever order they arrive in.
+
+A sample is complete when each awaited stream has delivered a stamp as late as the position's. Live messages are pushed
+one by one; recordings are pushed in blocks, which gives the same samples faster (``block_pairing``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sgms_observer.observer.samples import Samples
+
+CLOCK_RESET_NS = 1_000_000_000  # stamps that jump back further are a restarted clock, not a late message
+_ROWS = 4096
+_NEVER = -(2**63)
+_NAN = math.nan
+
+
+@dataclass
+class PairingCounts:
+    """What became of the messages of one axis, in messages.
+
+    Attributes:
+        samples: samples handed on.
+        missing_efforts: samples handed on without an effort.
+        unmatched_efforts: efforts without a position at the same time.
+        unmatched_references: references without a position at the same time.
+        late: messages that came after one with a later stamp.
+        duplicates: messages that repeated the stamp before them.
+        invalid: messages whose number was NaN or infinite.
+        clock_resets: times the position's stamps jumped back by more than a second.
+        stream_resets: the same of effort or reference.
+    """
+
+    samples: int = 0
+    missing_efforts: int = 0
+    unmatched_efforts: int = 0
+    unmatched_references: int = 0
+    late: int = 0
+    duplicates: int = 0
+    invalid: int = 0
+    clock_resets: int = 0
+    stream_resets: int = 0
+
+    def sentences(self) -> tuple[str, ...]:
+        """Return one sentence for each kind of trouble that occurred."""
+        found = (
+            (self.missing_efforts, "positions had no control_effort of the same time; friction was predicted there"),
+            (
+                self.unmatched_efforts,
+                "control_efforts had no position of the same time; stamp both with the sample time",
+            ),
+            (self.unmatched_references, "references had no position of the same time; they were not used"),
+            (self.late, "messages came after a later one of their topic and were dropped; check for two publishers"),
+            (self.duplicates, "messages repeated the stamp before them and were dropped; check for two publishers"),
+            (self.invalid, "messages held NaN or infinity and were dropped; check the sensor or drive"),
+            (
+                self.clock_resets,
+                "times the position's stamps jumped back by more than a second; the observer restarted",
+            ),
+            (self.stream_resets, "times the stamps of control_effort or reference jumped back by more than a second"),
+        )
+        return tuple(f"{count} {text}" for count, text in found if count)
+
+
+@dataclass
+class Stream:
+    """One topic's messages that wait for the other topics: a queue of (stamp, values ...), stamps increasing."""
+
+    last_ns: int = _NEVER
+    queue: deque[tuple[int, float, float]] = field(default_factory=deque)
+    is_awaited: bool = True
+
+
+class Pairing:
+    """Merges the streams of one axis; the result does not depend on how they interleave.
+
+    Stamps count as equal within a quarter of a sample period. A position whose effort is known to be missing (a later
+    one is there) is handed on with effort NaN. A stream that stays silent is waited for ``hold`` only: then it counts as
+    absent until it speaks again, so that nothing stalls and no queue grows.
+
+    Args:
+        sample_period: nominal time between two samples [s].
+        tolerance: largest difference of two stamps of one sample, as a share of the sample period.
+        hold: how long a sample waits for a silent effort [s]; a fifth of it for a silent reference.
+    """
+
+    def __init__(self, sample_period: float, *, tolerance: float = 0.25, hold: float = 0.1) -> None:
+        self.tolerance_ns = round(tolerance * sample_period * 1e9)
+        self.limit = min(4096, max(16, round(hold / sample_period)))
+        self.reference_limit = max(8, self.limit // 5)
+        self.counts = PairingCounts()
+        self.position = Stream()
+        self.effort = Stream()
+        self.reference = Stream(is_awaited=False)
+        self.ready: deque[Samples] = deque()
+        self._first = self._next = 0
+        self._allocate()
+
+    def push_position(self, stamp_ns: int, position: float) -> None:
+        """Take in a measured position [m] (or rad) with its stamp [ns]."""
+        stream = self.position
+        if not math.isfinite(position):
+            self.counts.invalid += 1
+            return
+        if stamp_ns <= stream.last_ns:
+            if stream.last_ns - stamp_ns <= CLOCK_RESET_NS:
+                self._drop(stamp_ns, stream)
+                return
+            self._restart(stamp_ns)
+        stream.last_ns = stamp_ns
+        stream.queue.append((stamp_ns, position, _NAN))
+        self._join()
+        waiting = len(stream.queue)
+        if waiting > self.reference_limit:
+            if (
+                self.reference.is_awaited
+                and not self.reference.queue
+                and (self.effort.queue or not self.effort.is_awaited)
+            ):
+                self.reference.is_awaited = False
+                self._join()
+            if len(stream.queue) > self.limit:
+                self._give_up()
+
+    def push_effort(self, stamp_ns: int, effort: float) -> None:
+        """Take in an effort of the actuator [N] (or N m) with its stamp [ns]."""
+        if math.isfinite(effort):
+            self.counts.unmatched_efforts += self._push(self.effort, stamp_ns, effort, _NAN)
+        else:
+            self.counts.invalid += 1
+
+    def push_reference(self, stamp_ns: int, position: float, velocity: float) -> None:
+        """Take in a set-point [m] and its velocity [m/s], NaN if unknown, with its stamp [ns]."""
+        if math.isfinite(position) and not math.isinf(velocity):
+            self.counts.unmatched_references += self._push(self.reference, stamp_ns, position, velocity)
+        else:
+            self.counts.invalid += 1
+
+    def pop(self) -> Samples | None:
+        """Return complete samples that were not returned yet, or None.
+
+        Stamps increase inside a block. A block that starts before the end of the one before it follows a reset of the
+        clock. Call until it returns None.
+        """
+        if self.ready:
+            return self.ready.popleft()
+        return self._take() if self._first != self._next else None
+
+    def flush(self) -> None:
+        """Hand on every position that still waits: nothing more will come."""
+        awaited = self.effort.is_awaited, self.reference.is_awaited
+        self.effort.is_awaited = self.reference.is_awaited = False
+        self._join()
+        self.effort.is_awaited, self.reference.is_awaited = awaited
+
+    def cut(self) -> None:
+        """End the block of samples that ``pop`` will return."""
+        if self._first != self._next:
+            self.ready.append(self._take())
+
+    def _take(self) -> Samples:
+        """Return the rows filled since the last time, as views that are never written again."""
+        first, last = self._first, self._next
+        stamps, values = self._stamps, self._values
+        self._first = last
+        if last == _ROWS:
+            self._allocate()
+        return Samples(
+            stamps[first:last],
+            values[0, first:last],
+            values[1, first:last],
+            values[2, first:last],
+            values[3, first:last],
+        )
+
+    def _allocate(self) -> None:
+        """Start new arrays; the old ones belong to those who got blocks of them."""
+        self._stamps = np.empty(_ROWS, np.int64)
+        self._values = np.empty((4, _ROWS))
+        self._first = self._next = 0
+
+    def _drop(self, stamp_ns: int, stream: Stream) -> None:
+        if stamp_ns == stream.last_ns:
+            self.counts.duplicates += 1
+        else:
+            self.counts.late += 1
+
+    def _push(self, stream: Stream, stamp_ns: int, first: float, second: float) -> int:
+        """Take in an effort or reference; return how many of its stream were given up without a position."""
+        given_up = 0
+        if stamp_ns <= stream.last_ns:
+            if stream.last_ns - stamp_ns <= CLOCK_RESET_NS:
+                self._drop(stamp_ns, stream)
+                return 0
+            self.counts.stream_resets += 1
+            given_up = len(stream.queue)
+            stream.queue.clear()
+        stream.last_ns = stamp_ns
+        stream.is_awaited = True
+        stream.queue.append((stamp_ns, first, second))
+        if self.position.queue:
+            self._join()
+        if len(stream.queue) > self.limit:
+            stream.queue.popleft()
+            given_up += 1
+        return given_up
+
+    def _restart(self, stamp_ns: int) -> None:
+        """The clock was reset: hand on what is there and forget what belongs to the time before."""
+        self.counts.clock_resets += 1
+        self.flush()
+        self.cut()
+        for stream in (self.effort, self.reference):
+            kept = [item for item in stream.queue if item[0] <= stamp_ns + CLOCK_RESET_NS]
+            given_up = len(stream.queue) - len(kept)
+            if stream is self.effort:
+                self.counts.unmatched_efforts += given_up
+            else:
+                self.counts.unmatched_references += given_up
+            stream.queue = deque(kept)
+            if stream.last_ns > stamp_ns + CLOCK_RESET_NS:
+                stream.last_ns = kept[-1][0] if kept else _NEVER
+
+    def _give_up(self) -> None:
+        """The oldest position waited long enough: whoever is silent counts as absent."""
+        for stream in (self.effort, self.reference):
+            if not stream.queue:
+                stream.is_awaited = False
+        self._join()
+
+    def _join(self) -> None:
+        """Hand on every position for which all awaited streams have spoken."""
+        positions, efforts, references = self.position.queue, self.effort.queue, self.reference.queue
+        tolerance = self.tolerance_ns
+        while positions:
+            stamp, position, _ = positions[0]
+            earliest = stamp - tolerance
+            while efforts and efforts[0][0] < earliest:
+                efforts.popleft()
+                self.counts.unmatched_efforts += 1
+            while references and references[0][0] < earliest:
+                references.popleft()
+                self.counts.unmatched_references += 1
+            if (self.effort.is_awaited and not efforts) or (self.reference.is_awaited and not references):
+                return
+            row = self._next
+            values = self._values
+            self._stamps[row] = stamp
+            values[0, row] = position
+            if efforts and efforts[0][0] <= stamp + tolerance:
+                values[1, row] = efforts.popleft()[1]
+            else:
+                values[1, row] = _NAN
+                self.counts.missing_efforts += 1
+            if references and references[0][0] <= stamp + tolerance:
+                _, values[2, row], values[3, row] = references.popleft()
+            else:
+                values[2, row] = values[3, row] = _NAN
+            positions.popleft()
+            self.counts.samples += 1
+            self._next = row + 1
+            if self._next == _ROWS:
+                self.cut()
