@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -100,13 +100,27 @@ def settings_from_tree(
     parameters = parameter_tree(tree, source_name, node_names)
     source = dict(tree) if any(sections(tree)) else {"/**": {"ros__parameters": dict(tree)}}
     faults = Faults()
-    for _, _, own in our_sections(tree, node_names):
-        for name, line in repeated_keys(own):
-            faults.add(name, f"{name} in line {line} of {source_name} must be given once; remove one of the two")
+    for name, sentence in repeated_faults(tree, source_name, node_names):
+        faults.add(name, sentence)
     settings = _read(parameters, Path(folder), catalogue, faults)
     if faults.sentences:
         raise ConfigurationError(faults.sentences)
     return replace(settings, source=source, folder=str(folder))
+
+
+def repeated_faults(
+    document: Mapping[Any, Any], source_name: str, node_names: tuple[str, ...]
+) -> Iterator[tuple[str, str]]:
+    """Yield the parameters that the sections of these nodes give twice, each with its sentence.
+
+    Args:
+        document: the tree of a file.
+        source_name: name of the file.
+        node_names: whose sections count.
+    """
+    for _, _, own in our_sections(document, node_names):
+        for name, line in repeated_keys(own):
+            yield name, f"{name} in line {line} of {source_name} must be given once; remove one of the two"
 
 
 def default_settings(axes: Sequence[str] = ("x",)) -> Settings:
@@ -130,6 +144,15 @@ def _read(tree: dict[Any, Any], folder: Path, source: CatalogueSource, faults: F
     catalogue = _catalogue(source, settings.effect_files, faults)
     axes = tuple(_axis(name, tree.get(name), settings.sample_period, folder, catalogue, faults) for name in names)
     return replace(settings, axes=axes)
+
+
+def usable_axes(raw: Any) -> tuple[str, ...]:
+    """Return those names of ``axes`` that an axis can have.
+
+    Args:
+        raw: the list as read.
+    """
+    return _axis_names({"axes": raw}, Faults())
 
 
 def _axis_names(tree: Mapping[Any, Any], faults: Faults) -> tuple[str, ...]:

@@ -111,7 +111,7 @@ def _normal_stage_effects(tree: Any) -> Any:
 
 
 def without_empty(tree: Any) -> Any:
-    """Return a tree without empty lists and empty groups, which rcl hands on as parameters of no type.
+    """Return a tree without nulls, empty lists and empty groups, which rcl hands on as parameters of no type.
 
     Args:
         tree: parameters in normal form; an empty list means what leaving it out means.
@@ -119,4 +119,4 @@ def without_empty(tree: Any) -> Any:
     if not isinstance(tree, Mapping):
         return tree
     kept = {key: without_empty(value) for key, value in tree.items()}
-    return {key: value for key, value in kept.items() if not (isinstance(value, (dict, list)) and not value)}
+    return {key: value for key, value in kept.items() if value is not None and value != [] and value != {}}

@@ -25,7 +25,7 @@ def read_document(path: str | Path) -> dict[str, Any]:
         path: the YAML file.
 
     Raises:
-        ConfigurationError: the file is missing, not text, not YAML or not a mapping; one sentence.
+        ConfigurationError: the file is missing, not text, not YAML or has no section for parameters; one sentence.
     """
     try:
         if Path(path).stat().st_size > _LARGEST_FILE:
@@ -37,9 +37,9 @@ def read_document(path: str | Path) -> dict[str, Any]:
         reason = getattr(error, "strerror", None) or "not a possible file name"
         raise ConfigurationError([f"{path} cannot be read: {reason}; check the path of the parameter file"]) from None
     document = parse(text, str(path))
-    if not isinstance(document, dict):
+    if not isinstance(document, dict) or not any(sections(document)):
         raise ConfigurationError(
-            [f"{path} holds no parameters; start with /**: ros__parameters: as in config/table.yaml"]
+            [f"{path} has no ros__parameters; put all parameters below /**: ros__parameters: as in config/table.yaml"]
         )
     return document
 

@@ -1,0 +1,179 @@
+"""The settings as ROS parameters: what a node declares, and the way back to a tree. No ROS in here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.settings.axis import AxisSettings, Settings
+from sgms_observer.settings.check import checked_value
+from sgms_observer.settings.declaration import Declared, declared_sections, declared_settings
+from sgms_observer.settings.effects import NAMES, Catalogue, CatalogueSource, declared_parameter
+from sgms_observer.settings.faults import Faults
+from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.load import AXES, installed_catalogue, usable_axes
+from sgms_observer.settings.parameter_file import expanded
+
+
+@dataclass(frozen=True)
+class ParameterDeclaration:
+    """One parameter of a node.
+
+    Attributes:
+        name: full name, ``x.friction.static_force``.
+        type: ``double``, ``integer``, ``bool``, ``string``, ``double_array`` or ``string_array``.
+        default: value when nobody gives one; a list for an array.
+        unit: SI unit, or ``-``.
+        description: one sentence for people, with the unit.
+        minimum: smallest allowed value, itself allowed; None for no bound.
+        maximum: largest allowed value, itself allowed; None for no bound.
+        choices: the allowed words; None for any.
+        read_only: whether it is fixed once the node runs.
+    """
+
+    name: str
+    type: str
+    default: Any
+    unit: str
+    description: str
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] | None = None
+    read_only: bool = True
+
+
+#: Declares one parameter and returns the value that it has then.
+Declare = Callable[[ParameterDeclaration], Any]
+
+
+def _declaration(name: str, declared: Declared, default: Any = None) -> ParameterDeclaration:
+    """Return a setting as a parameter of a node."""
+    value = declared.default if default is None else default
+    minimum = declared.minimum if declared.above is None else math.nextafter(declared.above, math.inf)
+    unit = "" if declared.unit == "-" else f" [{declared.unit}]"
+    choices = f" ({', '.join(declared.choices)})" if declared.choices else ""
+    return ParameterDeclaration(
+        name=name,
+        type=declared.kind,
+        default=list(value) if isinstance(value, tuple) else value,
+        unit=declared.unit,
+        description=f"{declared.description}{unit}{choices}",
+        minimum=None if minimum is None or math.isinf(minimum) else minimum,
+        maximum=None if declared.maximum is None or math.isinf(declared.maximum) else declared.maximum,
+        choices=declared.choices,
+    )
+
+
+def declare_all(declare: Declare, catalogue: CatalogueSource = installed_catalogue) -> dict[str, Any]:
+    """Declare every parameter of a node, each as soon as what it depends on is known, and return the tree of values.
+
+    The axes decide which groups there are, the effects' names which parameters they have, the axis's friction what the
+    true friction is by default. ``settings_from_tree`` turns the result into checked settings and says its sentences.
+
+    Args:
+        declare: declares one parameter and returns its value (None stands for the default).
+        catalogue: gives the known effects.
+    """
+    values: dict[str, Any] = {}
+
+    def own(declaration: ParameterDeclaration) -> Any:
+        value = _plain(declare(declaration))
+        value = declaration.default if value is None else value
+        if value != declaration.default:
+            values[declaration.name] = value
+        return value
+
+    names = usable_axes(own(_declaration("axes", AXES)))
+    shared = {key: own(_declaration(key, entry)) for key, entry in declared_settings(Settings).items()}
+    known = _known_effects(catalogue, shared["effect_files"])
+    for name in names:
+        _declare_axis(name, own, known)
+    if "axes" not in values:
+        values["axes"] = list(AXES.default)
+    return tree_from_parameters(values)
+
+
+def _known_effects(catalogue: CatalogueSource, files: Any) -> Catalogue:
+    """Return the known effects; a file that cannot be used is left to the check, which has a sentence for it."""
+    try:
+        return catalogue(
+            checked_value("effect_files", declared_settings(Settings)["effect_files"], files, Faults()) or ()
+        )
+    except ConfigurationError:
+        return {}
+
+
+def _declare_axis(axis: str, own: Declare, known: Catalogue) -> None:
+    """Declare everything about one axis."""
+    friction: dict[str, Any] = {}
+    for declaration in _group(axis, AxisSettings):
+        if declaration.name == f"{axis}.friction.element_damping":
+            declaration = replace(
+                declaration, default=[0.0] * len(friction[f"{axis}.friction.element_stiffness"] or ())
+            )
+        value = own(declaration)
+        if declaration.name.startswith(f"{axis}.friction."):
+            friction[declaration.name] = value
+    _declare_effects(f"{axis}.effects", own, known)
+    for declaration in _group(f"{axis}.stage.friction", FrictionSettings):
+        own(replace(declaration, default=friction[declaration.name.replace(".stage.", ".", 1)]))
+    _declare_effects(f"{axis}.stage.effects", own, known)
+
+
+def _group(path: str, kind: type) -> Iterable[ParameterDeclaration]:
+    """Yield the parameters of a group and of the groups in it."""
+    for key, declared in declared_settings(kind).items():
+        yield _declaration(f"{path}.{key}", declared)
+    for key, (nested, _) in declared_sections(kind).items():
+        yield from _group(f"{path}.{key}", nested)
+
+
+def _declare_effects(path: str, own: Declare, known: Catalogue) -> None:
+    """Declare the names of effects, then the parameters of those that are named."""
+    names = own(_declaration(f"{path}.names", NAMES))
+    for name in dict.fromkeys(names if isinstance(names, (list, tuple)) else ()):
+        for parameter in known.get(name, ()):
+            own(_declaration(f"{path}.{name}.{parameter.name}", declared_parameter(parameter)))
+
+
+def _plain(value: Any) -> Any:
+    """Return a parameter's value with lists in place of arrays and tuples."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return list(value) if isinstance(value, tuple) else value
+
+
+def tree_from_parameters(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters as the tree that ``settings_from_tree`` takes.
+
+    Args:
+        values: full name to value; None, which ROS has for a parameter without a type, counts as not given.
+    """
+    tree: dict[str, Any] = expanded({name: _plain(value) for name, value in values.items() if value is not None})
+    return tree
+
+
+def flatten(
+    axes: Sequence[str] = ("x",),
+    effects: Mapping[str, Sequence[str]] | None = None,
+    catalogue: CatalogueSource = installed_catalogue,
+) -> list[ParameterDeclaration]:
+    """Return the parameters that a node declares when nobody gives a value.
+
+    Args:
+        axes: names of the axes.
+        effects: axis to the names of its effects.
+        catalogue: gives the known effects.
+    """
+    found: list[ParameterDeclaration] = []
+    named = {f"{axis}.effects.names": list(names) for axis, names in (effects or {}).items()}
+
+    def note(declaration: ParameterDeclaration) -> Any:
+        found.append(declaration)
+        return list(axes) if declaration.name == "axes" else named.get(declaration.name)
+
+    declare_all(note, catalogue)
+    return found
