@@ -24,7 +24,7 @@ PAPER_RESET, RATE_INDEPENDENT_RESET = range(2)
 KAPPA, NU, SIGMA = range(3)
 
 P_KAPPA, P_VISCOUS, P_COULOMB, P_STATIC, P_STRIBECK, P_MASS, P_OFFSET = range(7)
-_SLOT = (-1, VISCOUS, COULOMB, STATIC, STRIBECK, MASS, OFFSET)
+SLOT = (-1, VISCOUS, COULOMB, STATIC, STRIBECK, MASS, OFFSET)
 
 
 class ModelArrays(NamedTuple):
@@ -100,7 +100,7 @@ def parameter_arrays(settings: EstimatorSettings, model: ModelArrays) -> Paramet
             start[j] = model.scalars[OFFSET] / settings.offset_scale
             lower[j], upper[j] = start[j] - 10.0, start[j] + 10.0
         elif kind != P_KAPPA:
-            scale[j] = max(float(model.scalars[_SLOT[kind]]), 1e-12)
+            scale[j] = max(float(model.scalars[SLOT[kind]]), 1e-12)
     return ParameterArrays(kinds, scale, start, lower, upper)
 
 
