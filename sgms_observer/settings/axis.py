@@ -40,7 +40,7 @@ class Settings:
     """A whole parameter file: the axes and what they share."""
 
     axes: tuple[AxisSettings, ...] = (AxisSettings(),)
-    sample_period: float = setting(1.0e-4, "nominal time between two samples", "s", above=0.0)
+    sample_period: float = setting(1.0e-4, "nominal time between two samples", "s", minimum=1.0e-6, maximum=1.0)
     publish_every: int = setting(
         1,
         "samples from one published estimate to the next; the compensation follows every sample",

@@ -13,7 +13,6 @@ from sgms_observer.settings.declaration import (
     DOUBLE,
     DOUBLES,
     INTEGER,
-    STRING,
     Declared,
     declared_sections,
     declared_settings,
@@ -72,21 +71,17 @@ def _expectation(declared: Declared) -> str:
     unit = f" in {declared.unit}" if declared.unit != "-" else ""
     if declared.choices:
         return f"must be {alternatives(declared.choices)}; choose one"
-    return {
-        DOUBLE: f"must be a finite number{unit}; write it like {_example(declared)}",
-        DOUBLES: f"must be a finite number{unit}; write it like {_example(declared)}",
-        INTEGER: f"must be a whole number; write it like {_example(declared)}",
-        BOOL: "must be true or false; write one of the two",
-        STRING: "must be text; put it in quotes",
-    }.get(declared.kind, "must be text; put it in quotes")
+    if declared.kind in (DOUBLE, DOUBLES):
+        return f"must be a finite number{unit}; write it like {_example(declared)}"
+    if declared.kind == INTEGER:
+        return f"must be a whole number; write it like {declared.default}"
+    return "must be true or false; write one of the two" if declared.kind == BOOL else "must be text; put it in quotes"
 
 
 def _example(declared: Declared) -> str:
-    """Return a value that would be right."""
-    value = declared.default
-    if isinstance(value, tuple):
-        value = value[0] if value else 1.0
-    return shown(value) if declared.kind == INTEGER or shown(value) != f"{value:.0f}" else f"{value:.1f}"
+    """Return a number that would be right, with its point."""
+    default = declared.default if not declared.is_list else declared.default[0] if declared.default else 1.0
+    return f"{default:.1f}" if float(default).is_integer() else shown(float(default))
 
 
 def range_rule(value: float, declared: Declared) -> str | None:

@@ -14,6 +14,9 @@ from sgms_observer.settings.stage import ReferenceSettings, StageSettings
 #: Largest distance of the sum of the element fractions from one; printed tables round to two or three digits.
 FRACTION_TOLERANCE = 1e-3
 
+#: Longest window of the filter [samples]: longer ones are slips of the unit.
+LONGEST_WINDOW = 10_000
+
 
 def friction_consistency(
     path: str, friction: FrictionSettings, given: Sequence[str], faults: Faults, inherited_from: str = ""
@@ -160,6 +163,12 @@ def filter_consistency(path: str, filter_: FilterSettings, period: float, faults
             f"{path}.window",
             f"{path}.window = {shown(filter_.window)} s must be >= {shown(intervals * period)} s, {intervals} times "
             f"sample_period, for degree = {filter_.degree}; lengthen it or lower degree",
+        )
+    if filter_.kind == "savgol" and filter_.window > LONGEST_WINDOW * period and not faults.has(f"{path}.window"):
+        faults.add(
+            f"{path}.window",
+            f"{path}.window = {shown(filter_.window)} s must be <= {shown(LONGEST_WINDOW * period)} s, "
+            f"{LONGEST_WINDOW} times sample_period; shorten it",
         )
     if filter_.maximum_gap < 2 * period and not faults.has(f"{path}.maximum_gap"):
         faults.add(

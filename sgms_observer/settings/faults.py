@@ -47,7 +47,10 @@ def shown(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         inside = ", ".join("[...]" if isinstance(entry, (list, tuple)) else shown(entry) for entry in value[:6])
         return f"[{inside}{', ...' if len(value) > 6 else ''}]"
-    return _SHORT.repr(value).replace("\n", " ")
+    try:
+        return _SHORT.repr(value).replace("\n", " ")
+    except ValueError:  # Python refuses to write out integers of thousands of digits
+        return "(a number of thousands of digits)"
 
 
 def alternatives(words: Iterable[str]) -> str:
