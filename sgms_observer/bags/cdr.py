@@ -223,26 +223,28 @@ class JointStateEncoder:
 
     Attributes:
         template: a message with all numbers zero.
-        starts: first byte of each array that is not empty [bytes].
+        starts: first byte of the array of each chosen field [bytes].
     """
 
     def __init__(self, names: Sequence[str], fields: Sequence[str], frame_id: str = "") -> None:
         template = bytearray(b"\x00\x01\x00\x00" + bytes(8))
-        _append_string(template, frame_id)
-        _append_uint32(template, len(names))
+        append_string(template, frame_id)
+        append_uint32(template, len(names))
         for name in names:
-            _append_string(template, name)
+            append_string(template, name)
         starts = []
         for field in ("position", "velocity", "effort"):
             count = len(names) if field in fields else 0
-            _append_uint32(template, count)
+            append_uint32(template, count)
             if count:
                 template.extend(bytes(aligned(len(template), 8) - len(template)))
+            if field in fields:
                 starts.append(len(template))
-                template.extend(bytes(8 * count))
+            template.extend(bytes(8 * count))
         self.template = bytes(template)
         self.starts = tuple(starts)
         self._buffer = template
+        self._count = len(names)
         self._pack_stamp = struct.Struct("<iI").pack_into
         self._pack_field = struct.Struct(f"<{len(names)}d").pack_into
 
@@ -255,24 +257,32 @@ class JointStateEncoder:
                 position, velocity, effort.
 
         Raises:
-            DataError: the stamp does not fit a ROS time.
+            DataError: the stamp does not fit a ROS time, or a field does not fit the names.
         """
         seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
         if not -_SEC_LIMIT <= seconds < _SEC_LIMIT:
             raise DataError(f"the stamp {stamp_ns} ns does not fit a ROS time; give a time within 68 years of 1970")
         buffer = self._buffer
         self._pack_stamp(buffer, _HEADER, seconds, nanoseconds)
-        for start, values in zip(self.starts, fields, strict=True):
-            self._pack_field(buffer, start, *values)
+        try:
+            for start, values in zip(self.starts, fields, strict=True):
+                self._pack_field(buffer, start, *values)
+        except (struct.error, ValueError):
+            raise DataError(
+                f"{[len(values) for values in fields]} numbers do not fill {len(self.starts)} fields of {self._count} axes;"
+                " give each field one number per axis"
+            ) from None
         return bytes(buffer)
 
 
-def _append_uint32(buffer: bytearray, value: int) -> None:
+def append_uint32(buffer: bytearray, value: int) -> None:
+    """Append an unsigned integer at the next multiple of four."""
     buffer.extend(bytes(aligned(len(buffer), 4) - len(buffer)))
     buffer.extend(struct.pack("<I", value))
 
 
-def _append_string(buffer: bytearray, text: str) -> None:
+def append_string(buffer: bytearray, text: str) -> None:
+    """Append a string with its length in front."""
     data = text.encode() + b"\0"
-    _append_uint32(buffer, len(data))
+    append_uint32(buffer, len(data))
     buffer.extend(data)

@@ -81,7 +81,7 @@ class Pairing:
 
     Stamps count as equal within a quarter of a sample period. A position whose effort is known to be missing (a later
     one is there) is handed on with effort NaN. A stream that stays silent is waited for ``hold`` only: then it counts as
-    absent until it speaks again, so that nothing stalls and no queue grows.
+    absent until it speaks, so that nothing stalls and no queue grows.
 
     Args:
         sample_period: nominal time between two samples [s].
@@ -130,14 +130,16 @@ class Pairing:
     def push_effort(self, stamp_ns: int, effort: float) -> None:
         """Take in an effort of the actuator [N] (or N m) with its stamp [ns]."""
         if math.isfinite(effort):
-            self.counts.unmatched_efforts += self._push(self.effort, stamp_ns, effort, _NAN)
+            given_up = self._push(self.effort, stamp_ns, effort, _NAN)
+            self.counts.unmatched_efforts += given_up
         else:
             self.counts.invalid += 1
 
     def push_reference(self, stamp_ns: int, position: float, velocity: float) -> None:
         """Take in a set-point [m] and its velocity [m/s], NaN if unknown, with its stamp [ns]."""
         if math.isfinite(position) and not math.isinf(velocity):
-            self.counts.unmatched_references += self._push(self.reference, stamp_ns, position, velocity)
+            given_up = self._push(self.reference, stamp_ns, position, velocity)
+            self.counts.unmatched_references += given_up
         else:
             self.counts.invalid += 1
 

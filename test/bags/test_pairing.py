@@ -1,0 +1,268 @@
+"""Pairing by stamp: the same samples whatever the interleaving, one by one or in blocks; bounded and recovering."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sgms_observer.observer.block_pairing import Messages, push_block
+from sgms_observer.observer.pairing import Pairing
+from sgms_observer.observer.samples import Samples
+
+PERIOD = 1.0e-3
+STEP = 1_000_000
+NAN = math.nan
+
+Event = tuple[int, int, float, float]  # stream, stamp, first value, second value
+
+
+def drain(pairing: Pairing) -> list[Samples]:
+    """Pop everything that is ready."""
+    blocks = []
+    while (samples := pairing.pop()) is not None:
+        blocks.append(samples)
+    return blocks
+
+
+def rows(blocks: list[Samples]) -> list[tuple]:
+    """Return the samples as tuples that compare NaN as equal."""
+    table = []
+    for block in blocks:
+        assert np.all(np.diff(block.stamp_ns) > 0)
+        columns = (block.stamp_ns, block.position, block.effort, block.reference_position, block.reference_velocity)
+        table += [tuple(None if value != value else value for value in row) for row in zip(*columns, strict=True)]
+    return table
+
+
+def push(pairing: Pairing, events: list[Event]) -> None:
+    """Push one by one."""
+    for stream, stamp, first, second in events:
+        if stream == 0:
+            pairing.push_position(stamp, first)
+        elif stream == 1:
+            pairing.push_effort(stamp, first)
+        else:
+            pairing.push_reference(stamp, first, second)
+
+
+def messages(events: list[Event], stream: int) -> Messages:
+    """Return one stream of a list of events as a block."""
+    mine = [(stamp, order, first, second) for order, (kind, stamp, first, second) in enumerate(events) if kind == stream]
+    columns = list(zip(*mine, strict=True)) or [(), (), (), ()]
+    return Messages(
+        np.array(columns[0], np.int64), np.array(columns[1], np.int64), np.array(columns[2], float), np.array(columns[3], float)
+    )
+
+
+@st.composite
+def stream_events(draw: st.DrawFn, stream: int, most: int = 40) -> list[Event]:
+    """Draw one topic's messages: mostly regular; some missing, late, repeated, not finite, jittering or leaping."""
+    events = []
+    for index in draw(st.lists(st.integers(0, most), max_size=most, unique=True).map(sorted)):
+        stamp = index * STEP + draw(st.sampled_from([0, 0, 0, 1000, -1000, STEP // 4, STEP // 2]))
+        value = draw(st.sampled_from([float(index)] * 8 + [NAN, math.inf]))
+        events.append((stream, stamp, value, float(-index)))
+        if draw(st.integers(0, 9)) == 0:
+            events.append((stream, stamp - draw(st.sampled_from([0, STEP, 3 * STEP])), 1.0, 2.0))
+    return events
+
+
+@st.composite
+def interleaved(draw: st.DrawFn, streams: list[list[Event]]) -> list[Event]:
+    """Draw an order of arrival that keeps each topic's own order."""
+    left = [list(stream) for stream in streams if stream]
+    order = []
+    while left:
+        chosen = left[draw(st.integers(0, len(left) - 1))]
+        order.append(chosen.pop(0))
+        left = [stream for stream in left if stream]
+    return order
+
+
+@st.composite
+def two_orders(draw: st.DrawFn) -> tuple[list[Event], list[Event]]:
+    """Draw the same messages in two orders of arrival; the reference, if any, is known from the start."""
+    streams = [draw(stream_events(0)), draw(stream_events(1)), draw(st.one_of(st.just([]), stream_events(2)))]
+    return draw(interleaved(streams)), draw(interleaved(streams))
+
+
+def fresh(events: list[Event]) -> Pairing:
+    """Return a pairing that awaits the reference if one is in the events, and holds more than the events."""
+    pairing = Pairing(PERIOD)
+    pairing.reference.is_awaited = any(stream == 2 for stream, *_ in events)
+    pairing.limit = pairing.reference_limit = 1000
+    return pairing
+
+
+@settings(max_examples=500, deadline=None)
+@given(two_orders())
+def test_the_order_of_arrival_does_not_matter(orders: tuple[list[Event], list[Event]]) -> None:
+    results = []
+    for order in orders:
+        pairing = fresh(order)
+        push(pairing, order)
+        found = drain(pairing)
+        pairing.flush()
+        results.append((rows(found + drain(pairing)), asdict(pairing.counts)))
+    assert results[0] == results[1]
+
+
+@settings(max_examples=1000, deadline=None)
+@given(data=st.data(), limit=st.sampled_from([3, 8, 1000]), knows_reference=st.booleans())
+def test_blocks_give_what_single_messages_give(data: st.DataObject, limit: int, knows_reference: bool) -> None:
+    streams = [data.draw(stream_events(stream)) for stream in range(3)]
+    if data.draw(st.booleans()):
+        streams[2] = []
+    events = data.draw(interleaved(streams))
+    if data.draw(st.integers(0, 4)) == 0:  # a clock that is reset in the middle
+        events = [(stream, stamp + 10_000 * STEP, first, second) for stream, stamp, first, second in events] + events
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(events)), max_size=4)))
+    single, blocks = Pairing(PERIOD), Pairing(PERIOD)
+    for pairing in (single, blocks):
+        pairing.limit, pairing.reference_limit = limit, max(2, limit // 2)
+        pairing.reference.is_awaited = knows_reference
+    found_single, found_blocks = [], []
+    for first, last in zip([0, *cuts], [*cuts, len(events)], strict=True):
+        part = events[first:last]
+        push(single, part)
+        push_block(blocks, *[messages(part, stream) for stream in range(3)])
+        found_single += drain(single)
+        found_blocks += drain(blocks)
+        assert rows(found_single) == rows(found_blocks)
+        assert single.counts == blocks.counts
+    for one, other in ((single.position, blocks.position), (single.effort, blocks.effort)):
+        waiting = [[item[:2] for item in stream.queue] for stream in (one, other)]
+        assert (one.last_ns, waiting[0], one.is_awaited) == (other.last_ns, waiting[1], other.is_awaited)
+
+
+def test_whole_blocks_take_the_fast_way() -> None:
+    """Regular recordings must not fall back to pushing one by one, or replay is slow."""
+    pairing = Pairing(PERIOD)
+    pairing.push_position = None  # type: ignore[method-assign,assignment]
+    stamps = np.arange(100_000, dtype=np.int64) * STEP
+    order = np.arange(stamps.size, dtype=np.int64)
+    values = np.sin(stamps * 1e-9)
+    block = Messages(stamps, 2 * order, values, values)
+    efforts = Messages(stamps + 10, 2 * order + 1, values, values)
+    push_block(pairing, block, efforts, Messages.none())
+    (samples,) = drain(pairing)
+    assert samples.stamp_ns.size == stamps.size
+    np.testing.assert_array_equal(samples.effort, values)
+    assert np.isnan(samples.reference_position).all()
+
+
+def test_efforts_are_paired_by_stamp_not_by_number() -> None:
+    pairing = Pairing(PERIOD)
+    push(pairing, [(0, i * STEP, float(i), NAN) for i in range(6)])
+    push(pairing, [(1, i * STEP + STEP // 5, 10.0 + i, NAN) for i in (0, 1, 3, 5)])
+    assert rows(drain(pairing)) == [
+        (0, 0.0, 10.0, None, None),
+        (STEP, 1.0, 11.0, None, None),
+        (2 * STEP, 2.0, None, None, None),
+        (3 * STEP, 3.0, 13.0, None, None),
+        (4 * STEP, 4.0, None, None, None),
+        (5 * STEP, 5.0, 15.0, None, None),
+    ]
+    assert pairing.counts.missing_efforts == 2
+
+
+def test_an_effort_that_falls_silent_stalls_nothing_and_comes_back() -> None:
+    pairing = Pairing(PERIOD)
+    for i in range(3000):
+        pairing.push_position(i * STEP, float(i))
+        if not 1000 <= i < 2000:
+            pairing.push_effort(i * STEP, 1.0)
+        assert len(pairing.position.queue) <= pairing.limit
+    samples = rows(drain(pairing))
+    assert [row[0] for row in samples] == [i * STEP for i in range(3000)]
+    missing = [row[0] // STEP for row in samples if row[2] is None]
+    assert missing[:1000] == list(range(1000, 2000))
+    assert len(missing) - 1000 <= 1, "the effort is back, so samples must have it"
+
+
+def test_no_queue_grows_when_the_position_falls_silent() -> None:
+    pairing = Pairing(PERIOD)
+    for i in range(10_000):
+        pairing.push_effort(i * STEP, 1.0)
+        pairing.push_reference(i * STEP, 1.0, 1.0)
+    assert len(pairing.effort.queue) <= pairing.limit
+    assert len(pairing.reference.queue) <= pairing.limit
+    assert pairing.counts.unmatched_efforts == 10_000 - len(pairing.effort.queue)
+    for i in range(10_000, 10_100):
+        push(pairing, [(0, i * STEP, 1.0, NAN), (1, i * STEP, 2.0, NAN), (2, i * STEP, 3.0, 4.0)])
+    assert rows(drain(pairing))[-1] == (10_099 * STEP, 1.0, 2.0, 3.0, 4.0)
+
+
+def test_a_reference_that_stops_is_waited_for_briefly() -> None:
+    pairing = Pairing(1.0e-4)
+    for i in range(2000):
+        pairing.push_reference(i, 1.0, 0.0) if i == 0 else None
+        pairing.push_position(i * 100_000, 1.0)
+        pairing.push_effort(i * 100_000, 1.0)
+    assert pairing.counts.samples == 2000
+    assert pairing.reference.is_awaited is False
+
+
+def test_a_reset_clock_starts_a_new_block_and_pairs_again() -> None:
+    pairing = Pairing(PERIOD)
+    start = 10**18
+    for base in (start, 0, start):
+        for i in range(100):
+            push(pairing, [(0, base + i * STEP, 1.0, NAN), (1, base + i * STEP, 2.0, NAN)])
+    blocks = drain(pairing)
+    assert [int(block.stamp_ns[0]) for block in blocks] == [start, 0] or len(blocks) == 3
+    samples = rows(blocks)
+    assert len(samples) == 300
+    assert sum(row[2] is None for row in samples) <= 1
+    assert pairing.counts.clock_resets == 1
+
+
+def test_one_wild_stamp_costs_a_few_samples_only() -> None:
+    for stream in (0, 1):
+        pairing = Pairing(PERIOD)
+        for i in range(1000):
+            if i == 500:
+                push(pairing, [(stream, 10**18, 1.0, NAN)])
+            push(pairing, [(0, i * STEP, 1.0, NAN), (1, i * STEP, 2.0, NAN)])
+        samples = rows(drain(pairing))
+        good = [row for row in samples if row[0] < 10**18 and row[2] is not None]
+        assert len(good) >= 995, f"stream {stream}: {len(good)}"
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.lists(
+        st.tuples(
+            st.integers(0, 2),
+            st.one_of(st.integers(0, 50).map(lambda i: i * STEP), st.integers(-(2**61), 2**61)),
+            st.floats(),
+            st.floats(),
+        ),
+        max_size=200,
+    )
+)
+def test_anything_may_arrive(events: list[Event]) -> None:
+    pairing = Pairing(PERIOD)
+    push(pairing, events)
+    pairing.flush()
+    blocks = drain(pairing)
+    assert sum(block.stamp_ns.size for block in blocks) == pairing.counts.samples
+    for block in blocks:
+        assert np.all(np.diff(block.stamp_ns) > 0)
+        assert np.isfinite(block.position).all()
+        assert not np.isinf(block.effort).any()
+    assert all(sentence[0].isdigit() for sentence in pairing.counts.sentences())
+
+
+def test_blocks_that_were_handed_out_never_change() -> None:
+    pairing = Pairing(PERIOD)
+    kept = []
+    for i in range(20_000):
+        push(pairing, [(0, i * STEP, float(i), NAN), (1, i * STEP, float(i), NAN)])
+        kept += drain(pairing)
+    table = rows(kept)
+    assert [row[1] for row in table] == [float(i) for i in range(20_000)]
