@@ -1,0 +1,191 @@
+"""``sgms simulate``: the simulated stage without a ROS graph, into a bag."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sgms_observer.bags.writer import BagWriter
+    from sgms_observer.observer.samples import Estimates
+    from sgms_observer.settings.axis import Settings
+    from sim_plant.record import StageRecord
+    from sim_plant.table import SimulatedTable
+
+    TableStep = Callable[[int], tuple[tuple[StageRecord, ...], tuple[Estimates, ...]]]
+
+NAME = "simulate"
+HELP = "run the simulated stage of a parameter file, faster than real time, into a bag"
+
+START_NS = 1_000_000_000
+"""Stamp of the first sample [ns]: fixed, so that the same command gives the same bag; not 0, which means no stamp."""
+
+_SAMPLES_PER_BLOCK = 1024
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments.
+
+    Args:
+        parser: the command's own parser.
+    """
+    parser.add_argument("--config", required=True, metavar="F", help="parameter file (YAML): the axes and their stage")
+    parser.add_argument("--out", required=True, metavar="BAG", help="folder of the new bag")
+    parser.add_argument(
+        "--duration", type=_seconds, default=10.0, metavar="S", help="time to simulate [s] (default: 10)"
+    )
+    parser.add_argument(
+        "--seed", type=_seed, metavar="N", help="seed of every random number, instead of each axis's stage.seed"
+    )
+    parser.add_argument(
+        "--observe",
+        action="store_true",
+        help="run the observer in the loop as well: its compensation moves the stage, its topics go into the bag",
+    )
+    parser.add_argument(
+        "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the bag (default: mcap)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do the job.
+
+    Args:
+        args: what the user gave.
+
+    Returns:
+        The exit code, 0 only on success.
+    """
+    from sgms_observer.bags.writer import BagWriter
+    from sgms_observer.cli.progress import Progress
+    from sgms_observer.settings.load import load_settings
+    from sim_plant.table import SimulatedTable
+
+    settings = load_settings(args.config)
+    table = SimulatedTable(settings, START_NS, args.seed)
+    step: TableStep = _observed(settings, table) if args.observe else lambda count: (table.step(count), ())
+    count = max(1, round(args.duration / settings.sample_period))
+    seeds = ", ".join(f"{stage.axis.name}: {stage.axis.stage.seed}" for stage in table.stages)
+    duration = count * settings.sample_period
+    print(f"simulating {count} samples of {', '.join(table.names)}, {duration:g} s; seeds {seeds}")
+    errors = _Errors(table.names)
+    start = time.perf_counter()
+    with BagWriter(args.out, args.storage) as bag, Progress("simulate", count) as progress:
+        done = 0
+        while done < count:
+            records, estimates = step(min(_SAMPLES_PER_BLOCK, count - done))
+            _write_records(bag, table.names, records)
+            if estimates:
+                _write_estimates(bag, table.names, estimates, done, settings.publish_every)
+            errors.add(records, estimates)
+            done += len(records[0])
+            progress.show(done)
+    seconds = time.perf_counter() - start
+    for line in errors.lines():
+        print(line)
+    messages = sum(bag.counts.values())
+    print(f"{args.out}: {messages} messages in {seconds:.1f} s, {duration / seconds:.1f} times real time")
+    return 0
+
+
+def _observed(settings: Settings, table: SimulatedTable) -> TableStep:
+    """Return the step of the table with one observer per axis in the loop."""
+    from sgms_observer.observer.axis_observer import AxisObserver
+    from sim_plant.closed_loop import ClosedLoop
+
+    observers = [AxisObserver(axis, settings.sample_period).step for axis in settings.axes]
+    has_feedback = any(axis.compensation.enabled and axis.stage.accept_compensation for axis in settings.axes)
+    return ClosedLoop(table, observers, has_feedback).step
+
+
+def _write_records(bag: BagWriter, names: Sequence[str], records: Sequence[StageRecord]) -> None:
+    """Write what a real stage publishes, and the truth."""
+    import numpy as np
+
+    def columns(field: str) -> np.typing.NDArray[np.float64]:
+        return np.column_stack([getattr(record, field) for record in records])
+
+    stamp_ns = records[0].stamp_ns
+    # The reference first: a reader pairs position and effort as soon as it has both, and waits for no reference
+    # that it has never heard of.
+    bag.write_joint_states(
+        "reference", stamp_ns, names, position=columns("reference_position"), velocity=columns("reference_velocity")
+    )
+    bag.write_joint_states("position", stamp_ns, names, position=columns("measured_position"))
+    bag.write_joint_states("control_effort", stamp_ns, names, effort=columns("control_effort"))
+    bag.write_joint_states(
+        "friction_true", stamp_ns, names,
+        position=columns("position"), velocity=columns("velocity"), effort=columns("friction"),
+    )  # fmt: skip
+
+
+def _write_estimates(
+    bag: BagWriter, names: Sequence[str], estimates: Sequence[Estimates], first: int, publish_every: int
+) -> None:
+    """Write every ``publish_every``-th estimate of the run; ``first`` is the number of the block's first sample."""
+    from dataclasses import fields, replace
+
+    from sgms_observer.bags.estimate_topics import write_estimates
+
+    if publish_every > 1:
+        kept = slice(-first % publish_every, None, publish_every)
+        estimates = [
+            replace(block, **{field.name: getattr(block, field.name)[kept] for field in fields(block)})
+            for block in estimates
+        ]
+    write_estimates(bag, names, estimates)
+
+
+class _Errors:
+    """Root mean squares of the tracking error and, with an observer, of the friction error."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = names
+        self._count = 0
+        self._tracking = [0.0] * len(names)
+        self._friction: list[float] | None = None
+
+    def add(self, records: Sequence[StageRecord], estimates: Sequence[Estimates]) -> None:
+        """Take in one block of every axis."""
+        self._count += len(records[0])
+        for i, record in enumerate(records):
+            self._tracking[i] += float(((record.position - record.reference_position) ** 2).sum())
+        if estimates:
+            self._friction = self._friction or [0.0] * len(self._names)
+            for i, (record, estimate) in enumerate(zip(records, estimates, strict=True)):
+                self._friction[i] += float(((record.friction - estimate.friction) ** 2).sum())
+
+    def lines(self) -> list[str]:
+        """Return one line per axis, for people."""
+        lines = []
+        for i, name in enumerate(self._names):
+            line = f"{name}: tracking error {1e6 * math.sqrt(self._tracking[i] / self._count):.3g} um rms"
+            if self._friction is not None:
+                line += f", friction estimate {math.sqrt(self._friction[i] / self._count):.3g} N rms off the truth"
+            lines.append(line)
+        return lines
+
+
+def _seconds(text: str) -> float:
+    """Return a duration, or say why it is none."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0.0):
+        raise argparse.ArgumentTypeError(f"{text} is no duration; give seconds above 0")
+    return value
+
+
+def _seed(text: str) -> int:
+    """Return a seed, or say why it is none."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is no seed; give a whole number from 0 on")
+    return value
