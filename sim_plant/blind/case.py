@@ -68,6 +68,11 @@ class Scene:
     truths: dict[str, dict[str, float]]
 
 
+def without_effect(hidden: Hidden) -> Hidden:
+    """Return the stage as its owner knows it: the twin of a case is the same case of size 0."""
+    return Hidden(hidden.known, hidden.known)
+
+
 def chance(seed: int, *purpose: int) -> Generator:
     """Return the source of chance of one purpose of one seed; what is hidden does not disturb the others."""
     return np.random.default_rng([seed, *purpose])
@@ -86,7 +91,7 @@ def make_scene(seed: int, effect: str, size: float, duration: float = 30.0, mass
     Args:
         seed: everything but the effect follows from it: the same seed with ``nothing`` is the case's twin.
         effect: a name of the menu, two joined by ``+``, or ``nothing``.
-        size: share of the Coulomb force, of each effect (see ``sizing``).
+        size: share of the Coulomb force, of each effect (see ``sizing``); 0 for the case's twin with nothing hidden.
         duration: of the main recording [s].
         mass_tolerance: largest relative error of the owner's mass.
     """
@@ -117,12 +122,15 @@ def make_scene(seed: int, effect: str, size: float, duration: float = 30.0, mass
     found: list[Hidden] = []
     for i, part in enumerate(parts):
         kind = menu.KINDS[part]
-        if size < kind.smallest:
+        if 0.0 < size < kind.smallest:
             raise ValueError(f"{part} of {size:g} lies inside the owner's tolerance; use at least {kind.smallest:g}")
         make = kind.draw(
             found[0].known if found else stage, motions[0], chance(seed, 20 + i, list(menu.KINDS).index(part))
         )
-        found.append(sizing.sized(kind, make, size, main_run))
+        if size > 0.0:
+            found.append(sizing.sized(kind, make, size, main_run))
+        else:
+            found.append(without_effect(make(0.1)))
     hidden = Hidden(stage, stage) if not found else found[0] if len(found) == 1 else menu.together(*found)
     nominal = {"x": nominal_model(hidden.known, chance(seed, 13), mass_tolerance=mass_tolerance)} | nominal
     tracks = []
@@ -197,11 +205,12 @@ def describe(scene: Scene, seed: int, effect: str, size: float) -> dict[str, Any
         "salt": chance(seed, 99, int(size * 1.0e6)).bytes(16).hex(),
         "seed": seed,
         "effect": effect,
-        "effects": list(menu.names(effect)),
+        "effects": list(menu.names(effect)) if size > 0.0 else [],
         "is_inside": all(menu.KINDS[part].is_inside for part in menu.names(effect)),
         "size": size,
         "peak": [sizing.measured_size(track, coulomb) for track in tracks],
         "rms": [sizing.rms_size(track, coulomb) for track in tracks],
+        "effort_rms": [float(np.sqrt(np.mean(track.effort**2))) for track in tracks],
         "kinds": [motion.kind for motion in scene.motions],
         "parameters": scene.truths,
         "stage": asdict(scene.hidden.true),

@@ -177,6 +177,7 @@ def run(
                 x2 += v2 * dt
             acceleration = (applied - contact - viscous - hidden - outside - link) / body
             v_new = v + acceleration * dt
+            resisted = contact
             # --- the contact moves along, with the reversal inside the step
             if v * v_new < 0.0:
                 turn = v / (v - v_new)
@@ -198,7 +199,7 @@ def run(
                         sliding += shares[i]
                 age = age * math.exp(-sliding * abs(v) * dt / p[s.AGE_DISTANCE]) + dt
             # --- what a perfect nominal model would miss
-            share_hidden = contact - contact * plain / (level if level > 0.0 else plain)
+            share_hidden = resisted - resisted * plain / (level if level > 0.0 else plain)
             hidden_sum += hidden + extra_viscous + share_hidden + (effort - applied)
             if p[s.LAG_TIME] == s.LAG_BY_ATTRACTION:
                 side = 1.0 if v > 0.0 else -1.0
@@ -206,7 +207,7 @@ def run(
                     if is_slipping[i]:
                         hidden_sum += loads[i] - side * shares[i] * level
             hidden_sum += link + (p[s.EXTRA_MASS] - link_mass) * acceleration
-            friction_sum += contact
+            friction_sum += resisted
             level_sum += level
         out[k, 4] = (v - v_start) / period
         out[k, 5] = hidden_sum / steps
