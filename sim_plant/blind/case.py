@@ -178,8 +178,7 @@ def make_case(
     Raises:
         ValueError: for an unknown effect, or one too small to be a discrepancy.
     """
-    name = "c" + hashlib.sha256(f"{seed}/{effect}/{size:.6f}".encode()).hexdigest()[:12]
-    paths = paths_of(name, Path(out))
+    paths = paths_of(case_name(seed, effect, size), Path(out))
     scene = make_scene(seed, effect, size, duration, mass_tolerance)
     paths.folder.mkdir(parents=True)
     for i, (path, tracks) in enumerate(zip((paths.bag, *paths.holdouts), scene.tracks, strict=True)):
@@ -187,6 +186,11 @@ def make_case(
     write_owner_file(paths.config, scene.nominal)
     seal(describe(scene, seed, effect, size), paths.truth_file, paths.folder)
     return paths
+
+
+def case_name(seed: int, effect: str, size: float) -> str:
+    """Return the name of a case's folder; it does not tell what is hidden."""
+    return "c" + hashlib.sha256(f"{seed}/{effect}/{size:.6f}".encode()).hexdigest()[:12]
 
 
 def paths_of(name: str, out: Path) -> CasePaths:
