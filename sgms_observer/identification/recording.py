@@ -108,3 +108,21 @@ def _even_piece(
     else:
         position, effort, reference = (np.interp(grid, seconds, values) for values in signals)
     return Recording(name, period, position, effort, reference, sha256, origin + float(seconds[0]))
+
+
+def join_samples(blocks: Sequence[Samples]) -> Samples:
+    """Return consecutive blocks as one; without any block, an empty one.
+
+    Args:
+        blocks: in the order of time.
+    """
+    if not blocks:
+        nothing = np.empty(0)
+        return Samples(np.empty(0, dtype=np.int64), nothing, nothing, nothing, nothing)
+    return Samples(
+        np.concatenate([block.stamp_ns for block in blocks]),
+        np.concatenate([block.position for block in blocks]),
+        np.concatenate([block.effort for block in blocks]),
+        np.concatenate([block.reference_position for block in blocks]),
+        np.concatenate([block.reference_velocity for block in blocks]),
+    )

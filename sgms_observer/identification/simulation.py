@@ -51,8 +51,9 @@ class ElementShape:
 
 @njit
 def _simulate(
-    travel: Floats, period: float, kappa: Floats, level: Floats, shared: Floats, numbers: Floats, out: Floats, slopes: Floats
-) -> None:
+    travel: Floats, factor: Floats, period: float, kappa: Floats, level: Floats, shared: Floats, numbers: Floats,
+    out: Floats, slopes: Floats,
+) -> None:  # fmt: skip
     """Write the summed element force after each step and its derivatives (kappa.., a.., rho, v_s, c)."""
     n_z = kappa.shape[0]
     force = np.zeros(n_z)
@@ -63,17 +64,18 @@ def _simulate(
         velocity = travel[k] / period
         ratio = velocity / v_s
         bump = math.exp(-ratio * ratio)
-        curve = 1.0 + (rho - 1.0) * bump
+        bump *= factor[k]
+        curve = factor[k] + (rho - 1.0) * bump
         curve_v_s = (rho - 1.0) * bump * 2.0 * ratio * ratio / v_s
-        gain = numbers[3]
+        gain = numbers[_GAMMA]
         gain_v_s = 0.0
-        if numbers[4] > 0.5:
-            gain = numbers[3] * abs(velocity) / v_s
+        if numbers[_IS_PAPER] > 0.5:
+            gain = numbers[_GAMMA] * abs(velocity) / v_s
             gain_v_s = -gain / v_s
         if velocity != 0.0:
             direction = 1.0 if velocity > 0.0 else -1.0
             for i in range(n_z):
-                if numbers[0] > 0.5:
+                if numbers[_IS_GMS] > 0.5:
                     after, mode_after, keep, by_kappa, by_curve = gms_step_with_slopes(
                         force[i], mode[i], velocity, period, kappa[i], level[i], curve, rate
                     )
@@ -88,7 +90,7 @@ def _simulate(
                 else:
                     limit = level[i] * curve
                     after, keep, by_kappa, by_limit, by_gain = sgms_step_with_slopes(
-                        force[i], velocity, period, kappa[i], limit, numbers[1], numbers[2], gain
+                        force[i], velocity, period, kappa[i], limit, numbers[_LAMBDA], numbers[_ZETA], gain
                     )
                     by_level = by_limit * curve
                     by_curve = by_limit * level[i]
@@ -116,18 +118,25 @@ def _simulate_forces(travel: Floats, period: float, kappa: Floats, level: Floats
     """Write the force of each element by itself on a flat Stribeck curve."""
     n_z = kappa.shape[0]
     force = np.zeros(n_z)
+    lam, zeta, gamma = numbers[_LAMBDA], numbers[_ZETA], numbers[_GAMMA]
     for k in range(travel.shape[0]):
         if travel[k] != 0.0:
             for i in range(n_z):
                 after, _keep, _by_kappa, _by_limit, _by_gain = sgms_step_with_slopes(
-                    force[i], travel[k] / period, period, kappa[i], level[i], numbers[1], numbers[2], numbers[3]
+                    force[i], travel[k] / period, period, kappa[i], level[i], lam, zeta, gamma
                 )
                 force[i] = after
         out[k, :] = force
 
 
 def friction_and_slopes(
-    position: Floats, period: float, kappa: Floats, level: Floats, shared: Floats, shape: ElementShape
+    position: Floats,
+    period: float,
+    kappa: Floats,
+    level: Floats,
+    shared: Floats,
+    shape: ElementShape,
+    factor: Floats | None = None,
 ) -> tuple[Floats, Floats]:
     """Simulate the elements along a measured motion, from rest without force.
 
@@ -138,14 +147,17 @@ def friction_and_slopes(
         level: element Coulomb force a_i [N], shape (n_z,).
         shared: rho [-], v_s [m/s], c [1/s].
         shape: kind of model and its smoothing.
+        factor: known effects' factor on the Stribeck level [-], shape (n,); None for 1.
 
     Returns:
-        Summed element force [N], shape (n,); its derivatives by kappa (n_z), a (n_z), rho, v_s, c, shape (n, 2 n_z + 3).
+        Summed element force [N], shape (n,); its derivatives by kappa (n_z), a (n_z), rho, v_s, c,
+        shape (n, 2 n_z + 3).
     """
     travel = np.diff(position, prepend=position[:1])
     out = np.empty(len(position))
     slopes = np.empty((len(position), 2 * len(kappa) + SHARED))
-    _simulate(travel, period, kappa, level, shared, shape.numbers, out, slopes)
+    ones = np.ones(len(position)) if factor is None else factor
+    _simulate(travel, ones, period, kappa, level, shared, shape.numbers, out, slopes)
     return out, slopes
 
 

@@ -101,6 +101,34 @@ def least_squares_covariance(jacobians: Sequence[Floats], residuals: Sequence[Fl
     return np.asarray(covariance / np.outer(scale, scale))
 
 
+def clustered_covariance(jacobian: Floats, residual: Floats, cluster: NDArray[np.int64]) -> Floats:
+    """Sandwich covariance whose filling lets residuals correlate in any way within a cluster.
+
+    Args:
+        jacobian: derivative of the residual by the parameters, shape (n, k).
+        residual: shape (n,).
+        cluster: number of the stretch of time each row belongs to, shape (n,).
+
+    Returns:
+        Covariance, shape (k, k). Directions the data do not show carry infinite variance on the diagonal.
+
+    Source: Liang and Zeger, Biometrika 73 (1986), with the small-sample factor C / (C - 1).
+    """
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    scaled = jacobian / scale
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    seen = values > 1e-12 * values[-1]
+    inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
+    names = np.unique(cluster)
+    sums = np.array([(scaled[cluster == name] * residual[cluster == name, None]).sum(axis=0) for name in names])
+    factor = len(names) / max(len(names) - 1, 1)
+    covariance = factor * inverse @ (sums.T @ sums) @ inverse
+    blind = (vectors[:, ~seen] ** 2).sum(axis=1) > 1e-6
+    covariance[blind, blind] = np.inf
+    return np.asarray(covariance / np.outer(scale, scale))
+
+
 def interval(value: float, std_error: float, confidence: float = 0.95) -> tuple[float, float]:
     """Return the two-sided interval of a normal estimate."""
     reach = float(stats.norm.ppf(0.5 + 0.5 * confidence)) * std_error

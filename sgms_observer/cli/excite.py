@@ -1,0 +1,82 @@
+"""``sgms excite``: an identification reference within the table's stroke, speed and acceleration."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sgms_observer.identification.excitation import Excitation
+
+NAME = "excite"
+HELP = "write (or publish) a reference that shows friction: nested reversals, traverses, fast moves, dwells"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments.
+
+    Args:
+        parser: the command's own parser.
+    """
+    parser.add_argument("--config", required=True, metavar="YAML", help="parameter file with rough values of the axis")
+    parser.add_argument("--out", metavar="CSV", help="file to write: time [s], position [m], velocity [m/s]")
+    parser.add_argument("--axis", metavar="NAME", help="axis to excite (default: the first)")
+    parser.add_argument(
+        "--stroke", type=float, default=0.02, metavar="M", help="full width of the motion [m] (default: 0.02)"
+    )
+    parser.add_argument("--speed", type=float, default=0.05, metavar="M/S", help="largest speed [m/s] (default: 0.05)")
+    parser.add_argument(
+        "--acceleration", type=float, default=1.0, metavar="M/S2", help="largest acceleration [m/s^2] (default: 1)"
+    )
+    parser.add_argument(
+        "--smallest", type=float, default=1.0e-7, metavar="M", help="smallest reversal [m] (default: 1e-7)"
+    )
+    parser.add_argument(
+        "--centre", type=float, default=0.0, metavar="M", help="position in the middle [m] (default: 0)"
+    )
+    parser.add_argument(
+        "--publish", action="store_true", help="publish it in real time as reference (sensor_msgs/JointState)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do the job.
+
+    Args:
+        args: what the user gave.
+
+    Returns:
+        The exit code, 0 only on success.
+    """
+    from sgms_observer.errors import ConfigurationError
+    from sgms_observer.identification.excitation import ExcitationLimits, build_excitation
+    from sgms_observer.settings.load import load_settings
+
+    if not args.out and not args.publish:
+        raise ConfigurationError(["sgms excite needs --out CSV or --publish; give at least one"])
+    settings = load_settings(args.config)
+    axis = next((axis for axis in settings.axes if args.axis in (None, axis.name)), None)
+    if axis is None:
+        known = ", ".join(axis.name for axis in settings.axes)
+        raise ConfigurationError([f"--axis {args.axis} is not in {args.config}; it has {known}"])
+    limits = ExcitationLimits(args.stroke, args.speed, args.acceleration, args.smallest)
+    reference = build_excitation(axis, limits, settings.sample_period)
+    for section in reference.sections:
+        print(f"{section.start:8.2f} s to {section.end:8.2f} s: {section.name}, for {section.shows}")
+    if args.out:
+        _write(args.out, reference, args.centre)
+        print(f"wrote {args.out}: {reference.time[-1]:.2f} s, {len(reference.time)} samples")
+    if args.publish:
+        from sgms_observer.nodes.reference_player import play_reference
+
+        play_reference(axis.name, reference.time, reference.position + args.centre, reference.velocity)
+    return 0
+
+
+def _write(path: str, reference: Excitation, centre: float) -> None:
+    """Write the reference as CSV; the simulated stage reads it as reference.kind: file."""
+    from sgms_observer.settings.write import write_text
+
+    rows = zip(reference.time, reference.position + centre, reference.velocity, strict=True)
+    lines = [f"{time:.9g},{position:.12f},{velocity:.9g}" for time, position, velocity in rows]
+    write_text("\n".join(["time,position,velocity", *lines]) + "\n", path)

@@ -1,0 +1,263 @@
+"""An identification as settings with provenance: what changes in the YAML, and the remarks beside it."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from sgms_observer.errors import RecordingError
+from sgms_observer.identification.identify import Identification
+from sgms_observer.identification.least_squares import InverseModelFit
+from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RHO, V_S, VISCOUS
+from sgms_observer.settings.axis import AxisSettings
+
+_DIGITS = 7
+_OFFSET_EFFECT = "offset"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the answer for people.
+
+    Attributes:
+        name: parameter as in the YAML.
+        value: estimate, SI unit.
+        half_width: half its 95 % interval; NaN where it was not estimated.
+        unit: SI unit.
+        is_shown: whether the recordings show it.
+        note: what to do where they do not.
+    """
+
+    name: str
+    value: float
+    half_width: float
+    unit: str
+    is_shown: bool
+    note: str = ""
+
+    @property
+    def remark(self) -> str:
+        """One remark: unit, interval, and whether it was shown."""
+        if not math.isfinite(self.half_width):
+            known = "not shown: start value"
+        else:
+            known = f"+- {self.half_width:.2g} (95 %)" + ("" if self.is_shown else ", not shown to 5 %")
+        note = f"; {self.note}" if self.note and not self.is_shown else ""
+        return f"{self.unit}; {known}{note}"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Everything the YAML takes from an identification of one axis.
+
+    Attributes:
+        changes: ``{"friction.static_force": 4.2}``, relative to the axis.
+        remarks: the same names to the remark behind them.
+        rows: the table for people.
+        summary: sentences about the whole.
+    """
+
+    changes: dict[str, Any]
+    remarks: dict[str, str]
+    rows: tuple[Row, ...]
+    summary: tuple[str, ...] = field(default=())
+
+
+def bag_hash(path: str | Path) -> str:
+    """Return the SHA-256 of a bag: of its files' names and contents, in the order of their names.
+
+    Raises:
+        RecordingError: if it cannot be read.
+    """
+    root = Path(path)
+    digest = hashlib.sha256()
+    try:
+        files = [root] if root.is_file() else sorted(entry for entry in root.rglob("*") if entry.is_file())
+        for file in files:
+            digest.update(file.name.encode())
+            with open(file, "rb") as handle:
+                while part := handle.read(1 << 20):
+                    digest.update(part)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror or error}; check the path") from None
+    return digest.hexdigest()
+
+
+def provenance(names: Sequence[str], hashes: Sequence[str], summary: Sequence[str]) -> str:
+    """Return the lines at the head of the YAML.
+
+    Args:
+        names: recordings, as the user named them.
+        hashes: their SHA-256.
+        summary: sentences about the result.
+    """
+    date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    lines = [f"Identified by sgms identify on {date} from"]
+    lines += [f"  {Path(name).name}  sha256 {digest}" for name, digest in zip(names, hashes, strict=True)]
+    return "\n".join([*lines, *summary])
+
+
+def _rounded(value: float) -> float:
+    return float(f"{float(value):.{_DIGITS}g}")
+
+
+def _with_offset(axis: AxisSettings, offset: float, changes: dict[str, Any]) -> None:
+    """Put the offset into the effects, beside those that are there."""
+    names = [item.name for item in axis.effects]
+    if _OFFSET_EFFECT not in names:
+        changes["effects.names"] = [*names, _OFFSET_EFFECT]
+    changes[f"effects.{_OFFSET_EFFECT}.force"] = _rounded(offset)
+
+
+def least_squares_answer(fit: InverseModelFit, axis: AxisSettings) -> Answer:
+    """Return the settings of an inverse-dynamic-model fit.
+
+    Args:
+        fit: symmetric fit.
+        axis: start settings.
+    """
+    error = 1.96 * fit.std_error
+    mass, viscous, coulomb, offset = (fit.value(name) for name in fit.names)
+    units = ("kg", "N s/m", "N", "N")
+    names = ("mass", "friction.viscous_coefficient", "friction.coulomb_force", "effects.offset.force")
+    rows = tuple(
+        Row(name, value, float(width), unit, bool(width <= 0.05 * abs(value)))
+        for name, value, width, unit in zip(names, (mass, viscous, coulomb, offset), error, units, strict=True)
+    )
+    if viscous < 0.0 or mass <= 0.0 or coulomb <= 0.0:
+        raise RecordingError(
+            f"least squares gives mass {mass:.3g} kg, viscous {viscous:.3g} N s/m, Coulomb {coulomb:.3g} N;"
+            " check the sign and factor of control_effort"
+        )
+    changes: dict[str, Any] = {
+        "mass": _rounded(mass),
+        "friction.viscous_coefficient": _rounded(viscous),
+        "friction.coulomb_force": _rounded(coulomb),
+        "friction.static_force": _rounded(coulomb),
+    }
+    _with_offset(axis, offset, changes)
+    remarks = {row.name: row.remark for row in rows}
+    remarks["friction.static_force"] = "N; this model has no Stribeck effect: equal to coulomb_force"
+    summary = (
+        f"{axis.name}: inverse dynamic model by least squares, low-pass {fit.cutoff:g} Hz;"
+        f" force residual {100.0 * fit.relative_error:.2f} % of the force's norm",
+    )
+    return Answer(changes, remarks, rows, summary)
+
+
+def identification_answer(result: Identification, axis: AxisSettings, sample_period: float) -> Answer:
+    """Return the settings of a GMS or S-GMS identification.
+
+    Args:
+        result: from ``identify``.
+        axis: start settings.
+        sample_period: nominal time between two samples [s]; the compensation reaches the stage one later.
+    """
+    scalars = result.parameters.scalars
+    level, kappa = result.parameters.level, result.parameters.kappa
+    coulomb = float(level.sum())
+    n_z = result.parameters.count
+    changes: dict[str, Any] = {
+        "mass": _rounded(scalars[MASS]),
+        "friction.model": result.model,
+        "friction.element_stiffness": [_rounded(value) for value in kappa],
+        "friction.element_fraction": _fractions(level / coulomb),
+        "friction.element_damping": [0.0] * n_z,
+        "friction.viscous_coefficient": _rounded(scalars[VISCOUS]),
+        "friction.static_force": _rounded(max(scalars[RHO] * coulomb, coulomb * (1.0 + 1e-9))),
+        "friction.coulomb_force": _rounded(coulomb),
+        "friction.stribeck_velocity": _rounded(scalars[V_S]),
+    }
+    if changes["friction.static_force"] < changes["friction.coulomb_force"]:
+        changes["friction.static_force"] = changes["friction.coulomb_force"]
+    if result.model == "gms":
+        changes["friction.attraction_rate"] = _rounded(scalars[RATE] * coulomb)
+    _with_offset(axis, float(scalars[OFFSET]), changes)
+    if DELAY not in result.frozen:
+        changes["compensation.look_ahead"] = _rounded(min(max(float(scalars[DELAY]), 0.0) + sample_period, 0.1))
+    rows = _rows(result)
+    return Answer(changes, _remarks(rows, result), rows, _summary(result, axis))
+
+
+def _fractions(shares: Any) -> list[float]:
+    """Return shares rounded so that they still sum to 1."""
+    rounded = [_rounded(value) for value in shares]
+    rounded[-1] = float(f"{1.0 - math.fsum(rounded[:-1]):.12g}") if len(rounded) > 1 else 1.0
+    return rounded
+
+
+def _rows(result: Identification) -> tuple[Row, ...]:
+    """Return the table: scalars, then each element."""
+    scalars, sure = result.parameters.scalars, result.confidence
+    level = result.parameters.level
+    coulomb = float(level.sum())
+    n_z = result.parameters.count
+    widths = sure.half_width
+    wide = [float("nan") if index in result.frozen else float(widths[index]) for index in range(len(widths))]
+    shown = sure.is_shown
+    forces = widths[ELEMENTS + n_z :]
+    coulomb_width = float(sum(width**2 for width in forces)) ** 0.5
+    static_width = math.hypot(coulomb_width * scalars[RHO], coulomb * wide[RHO])
+    slow = "slide slower than the Stribeck velocity"
+    small = "reverse by less than a micrometre, many times"
+    rows = [
+        Row("mass", scalars[MASS], wide[MASS], "kg", bool(shown[MASS]), "accelerate harder"),
+        Row("friction.viscous_coefficient", scalars[VISCOUS], wide[VISCOUS], "N s/m", bool(shown[VISCOUS]),
+            "slide faster"),
+        Row("friction.coulomb_force", coulomb, coulomb_width, "N", coulomb_width <= 0.05 * coulomb, "slide further"),
+        Row("friction.static_force", scalars[RHO] * coulomb, static_width, "N",
+            bool(static_width <= 0.05 * scalars[RHO] * coulomb), slow),
+        Row("friction.stribeck_velocity", scalars[V_S], wide[V_S], "m/s", bool(shown[V_S]), slow),
+        Row("effects.offset.force", scalars[OFFSET], wide[OFFSET], "N", bool(shown[OFFSET]), "slide both ways"),
+        Row("delay", scalars[DELAY], wide[DELAY], "s", bool(shown[DELAY]), "accelerate harder"),
+    ]  # fmt: skip
+    if result.model == "gms":
+        width = wide[RATE] * coulomb
+        rows.append(Row("friction.attraction_rate", scalars[RATE] * coulomb, width, "N/s", bool(shown[RATE]), slow))
+    for i in range(n_z):
+        kappa = ELEMENTS + i
+        rows.append(
+            Row(f"friction.element_stiffness[{i + 1}]", result.parameters.kappa[i], wide[kappa], "N/m",
+                bool(shown[kappa]), small)
+        )  # fmt: skip
+    for i in range(n_z):
+        force = ELEMENTS + n_z + i
+        width = wide[force] / coulomb
+        rows.append(
+            Row(f"friction.element_fraction[{i + 1}]", level[i] / coulomb, width, "-", bool(shown[force]), small)
+        )
+    return tuple(rows)
+
+
+def _remarks(rows: Sequence[Row], result: Identification) -> dict[str, str]:
+    """Return a remark for each line of the YAML; a list has one for all its entries."""
+    remarks = {row.name: row.remark for row in rows if "[" not in row.name and row.name != "delay"}
+    for name in ("friction.element_stiffness", "friction.element_fraction"):
+        own = [row for row in rows if row.name.startswith(f"{name}[")]
+        widths = ", ".join(f"{100.0 * row.half_width / abs(row.value):.2g}" for row in own)
+        blind = ", ".join(row.name.split("[")[1][:-1] for row in own if not row.is_shown)
+        remarks[name] = f"{own[0].unit}; +- {widths} % (95 %)" + (f"; not shown to 5 %: {blind}" if blind else "")
+    if DELAY not in result.frozen:
+        delay = next(row for row in rows if row.name == "delay")
+        remarks["compensation.look_ahead"] = (
+            f"s; effort reaches the motion after {delay.value:.2g} s +- {delay.half_width:.1g}, plus one sample"
+        )
+    return remarks
+
+
+def _summary(result: Identification, axis: AxisSettings) -> tuple[str, ...]:
+    """Return sentences about the whole."""
+    tried = ", ".join(f"{choice.count}: {choice.held_out:.4g}" for choice in result.choices)
+    sentences = [
+        f"{axis.name}: {result.model} with {result.parameters.count} elements, low-pass {result.cutoff:g} Hz; rms force"
+        f" residual {result.rms_error:.4g} N ({100.0 * result.rms_error / result.rms_effort:.2f} % of the rms force)",
+        f"{axis.name}: rms force error on held-out chunks by number of elements [N]: {tried}",
+    ]
+    if not result.is_converged:
+        sentences.append(f"{axis.name}: the search stopped before it converged; record longer or start nearer")
+    return tuple(sentences)

@@ -1,0 +1,118 @@
+"""How well each parameter is known, and whether this recording could show it.
+
+Two sources of error are told apart. The statistical one comes from sandwich covariances that allow residuals to
+correlate over time. The systematic one comes from preparation: the estimate is moved by one Gauss-Newton step to
+another corner of the low-pass, and how far it goes counts in full.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.identification.problem import (
+    DELAY,
+    ELEMENTS,
+    OFFSET,
+    Parameters,
+    Prepared,
+    chunk_numbers,
+    residual_and_jacobian,
+)
+from sgms_observer.identification.simulation import ElementShape
+from sgms_observer.identification.uncertainty import clustered_covariance, least_squares_covariance
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+SHOWN_WITHIN = 0.05  # a parameter counts as shown when its interval is within this share of its value
+_QUANTILE = 1.96
+_CLUSTERS = 40
+_OFFSET_SHARE = 0.02  # of the Coulomb force: precision at which an offset counts as shown, whatever its size
+_DELAY_PRECISION = 1.0e-4  # s
+
+
+@dataclass(frozen=True)
+class Confidence:
+    """Intervals of the entries of ``Parameters.vector``.
+
+    Attributes:
+        std_error: statistical standard deviation; NaN for entries that were held fixed.
+        systematic: how far the estimate moves with the preparation; NaN for entries that were held fixed.
+        half_width: half the 95 % interval, both sources together; infinite where the data are blind.
+        is_shown: whether this recording shows the parameter within ``SHOWN_WITHIN``.
+    """
+
+    std_error: Floats
+    systematic: Floats
+    half_width: Floats
+    is_shown: Booleans
+
+
+def judge(
+    data: Sequence[Prepared],
+    other: Sequence[Prepared],
+    masks: Sequence[Booleans],
+    other_masks: Sequence[Booleans],
+    parameters: Parameters,
+    shape: ElementShape,
+    free: Sequence[int],
+) -> Confidence:
+    """Judge an estimate.
+
+    Args:
+        data: recordings as prepared for the estimate.
+        other: the same recordings with another corner of the low-pass.
+        masks: rows of ``data`` that taught.
+        other_masks: rows of ``other`` to use.
+        parameters: the estimate.
+        shape: kind of model and its smoothing.
+        free: indices that were estimated.
+    """
+    chosen = list(free)
+    value = parameters.vector()
+    pairs = [residual_and_jacobian(piece, parameters, shape) for piece in data]
+    residuals = [residual[mask] for (residual, _), mask in zip(pairs, masks, strict=True)]
+    jacobians = [jacobian[mask][:, chosen] for (_, jacobian), mask in zip(pairs, masks, strict=True)]
+    clusters = [number[mask] for number, mask in zip(chunk_numbers(data, _CLUSTERS), masks, strict=True)]
+    by_lag = np.diag(least_squares_covariance(jacobians, residuals))
+    by_cluster = np.diag(
+        clustered_covariance(np.concatenate(jacobians), np.concatenate(residuals), np.concatenate(clusters))
+    )
+    std_error = np.full(len(value), np.nan)
+    std_error[chosen] = np.sqrt(np.maximum(by_lag, by_cluster))
+    systematic = np.full(len(value), np.nan)
+    systematic[chosen] = np.abs(_step(other, other_masks, parameters, shape, chosen))
+    half_width = _QUANTILE * std_error + systematic
+    half_width = np.where(np.isfinite(half_width), half_width, np.inf)
+    allowed = SHOWN_WITHIN * np.abs(value)
+    allowed[OFFSET] = max(allowed[OFFSET], _OFFSET_SHARE * float(parameters.level.sum()))
+    allowed[DELAY] = max(allowed[DELAY], _DELAY_PRECISION)
+    return Confidence(std_error, systematic, half_width, half_width <= allowed)
+
+
+def _step(
+    data: Sequence[Prepared],
+    masks: Sequence[Booleans],
+    parameters: Parameters,
+    shape: ElementShape,
+    chosen: list[int],
+) -> Floats:
+    """Return the Gauss-Newton step of the chosen entries on other data."""
+    size = len(chosen)
+    matrix, gradient = np.zeros((size, size)), np.zeros(size)
+    for piece, mask in zip(data, masks, strict=True):
+        residual, jacobian = residual_and_jacobian(piece, parameters, shape)
+        slopes = jacobian[mask][:, chosen]
+        matrix += slopes.T @ slopes
+        gradient += slopes.T @ residual[mask]
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.asarray(-np.linalg.lstsq(matrix / np.outer(scale, scale), gradient / scale, rcond=1e-12)[0] / scale)
+
+
+def is_element(index: int) -> bool:
+    """Return whether an entry of ``Parameters.vector`` belongs to a single element."""
+    return index >= ELEMENTS

@@ -1,0 +1,245 @@
+"""The identification problem: a recording prepared once, and residual with Jacobian as functions of the parameters.
+
+Both sides of ``u(t - delay) = m a + sigma_v v + friction(x) + offset`` pass the same zero-phase low-pass, so that no
+filter delay enters and the noise of the twice differentiated position stays small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+from scipy.interpolate import CubicSpline
+
+from sgms_observer.effects.compiled import CompiledEffects
+from sgms_observer.errors import DataError
+from sgms_observer.formulas import vectorised
+from sgms_observer.identification.recording import Recording
+from sgms_observer.identification.simulation import SHARED, ElementShape, friction_and_slopes
+from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.settings.friction import FrictionSettings
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+MASS, VISCOUS, OFFSET, DELAY, RHO, V_S, RATE, ELEMENTS = range(8)
+SCALARS = ("mass", "viscous_coefficient", "offset", "delay", "stribeck_ratio", "stribeck_velocity", "relaxation_rate")
+
+stribeck_level = vectorised("friction").stribeck_level
+
+_ORDER = 4
+_HIGHEST_RATE = 5000.0  # working rate [Hz]
+_BORDER = 4.0  # of the filter's time constants 1/cutoff dropped at either end
+_FORGET = 3.0  # slip deflections of one-way travel after which the unknown start no longer matters
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """One recording on the working rate, filtered.
+
+    Attributes:
+        name: where it comes from.
+        period: working period [s].
+        position: filtered position [m].
+        velocity: filtered velocity [m/s].
+        acceleration: filtered acceleration [m/s^2].
+        effort: spline through the filtered effort [N] over time [s].
+        time: [s], from 0.
+        sections: second-order sections of the low-pass at the working rate.
+        usable: rows away from the filter's borders.
+        factor: known effects' factor on the Stribeck level [-].
+    """
+
+    name: str
+    period: float
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    effort: CubicSpline
+    time: Floats
+    sections: Floats
+    usable: Booleans
+    factor: Floats
+
+    def low_pass(self, values: Floats) -> Floats:
+        """Apply the zero-phase low-pass along the first axis."""
+        return np.asarray(signal.sosfiltfilt(self.sections, values, axis=0))
+
+    def settled(self, slip_deflection: float) -> Booleans:
+        """Return usable rows after the elements have forgotten how they started.
+
+        Args:
+            slip_deflection: largest deflection at which an element slips [m].
+        """
+        turning = np.concatenate(([True], np.sign(np.diff(self.position))[1:] != np.sign(np.diff(self.position))[:-1]))
+        since = np.maximum.accumulate(np.where(turning, np.arange(len(turning)), 0))
+        run = np.abs(self.position[1:] - self.position[since])
+        far = np.flatnonzero(run > _FORGET * slip_deflection)
+        mask = self.usable.copy()
+        mask[: (far[0] + 1 if len(far) else len(mask))] = False
+        return mask
+
+
+@dataclass(frozen=True)
+class KnownEffects:
+    """Effects of the start settings that identification takes as they are.
+
+    Attributes:
+        settings: the effects, without the offset, which is identified.
+        friction: start friction; its Stribeck level enters effects that scale with it.
+    """
+
+    settings: tuple[EffectSettings, ...]
+    friction: FrictionSettings
+
+
+def prepare(recording: Recording, cutoff: float, known: KnownEffects | None = None) -> Prepared:
+    """Filter a recording and bring it to the working rate.
+
+    Args:
+        recording: evenly sampled position and effort.
+        cutoff: corner of the low-pass [Hz].
+        known: effects to take out first.
+
+    Raises:
+        DataError: if the recording is too short or too slowly sampled.
+    """
+    rate = 1.0 / recording.period
+    if cutoff >= 0.45 * rate:
+        raise DataError(
+            f"{recording.name} is sampled at {rate:.4g} Hz; choose a cutoff below 0.45 times that, not {cutoff:.4g} Hz"
+        )
+    if recording.duration < 20.0 * _BORDER / cutoff:
+        raise DataError(f"{recording.name} lasts {recording.duration:.3g} s; a cutoff of {cutoff:.4g} Hz needs more")
+    effects = CompiledEffects(known.settings if known else (), recording.period)
+    state = effects.initial_state()
+    full = signal.butter(_ORDER, 2.0 * cutoff / rate, output="sos")
+    position = signal.sosfiltfilt(full, effects.corrected_position(recording.position))
+    velocity: Floats = np.gradient(position) / recording.period
+    acceleration: Floats = np.gradient(velocity) / recording.period
+    effort = signal.sosfiltfilt(full, effects.arrived_effort(recording.effort, state))
+    factor = np.ones(len(position))
+    if known and effects.has_force_or_level:
+        curve = known.friction
+        level = stribeck_level(velocity, curve.static_force, curve.coulomb_force, curve.stribeck_velocity)
+        seconds: Floats = np.asarray(recording.period * np.arange(len(position)))
+        periods = np.full(len(position), recording.period)
+        force, factor = effects.evaluate(position, velocity, acceleration, seconds, effort, periods, level, state)
+        effort = effort - force
+    step = max(1, int(rate / max(_HIGHEST_RATE, 10.0 * cutoff) + 1e-6))
+    period = recording.period * step
+    keep = slice(None, None, step)
+    time = np.asarray(period * np.arange(len(position[keep])))
+    border = int(np.ceil(_BORDER / cutoff / period))
+    usable = np.zeros(len(time), dtype=bool)
+    usable[border:-border] = True
+    return Prepared(
+        recording.name,
+        period,
+        np.ascontiguousarray(position[keep]),
+        velocity[keep],
+        acceleration[keep],
+        CubicSpline(time, effort[keep]),
+        time,
+        signal.butter(_ORDER, 2.0 * cutoff * period, output="sos"),
+        usable,
+        np.ascontiguousarray(factor[keep]),
+    )
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Physical parameters of the model under identification.
+
+    Attributes:
+        scalars: the entries named in ``SCALARS``, SI units, shape (7,).
+        kappa: element stiffness [N/m], shape (n_z,).
+        level: element Coulomb force a_i [N], shape (n_z,).
+    """
+
+    scalars: Floats
+    kappa: Floats
+    level: Floats
+
+    @property
+    def count(self) -> int:
+        """Number of elements."""
+        return len(self.kappa)
+
+    @property
+    def slip_deflection(self) -> Floats:
+        """Deflection at which each element slips at rest [m]."""
+        return np.asarray(self.level * max(1.0, self.scalars[RHO]) / self.kappa)
+
+    def vector(self) -> Floats:
+        """Return all as one vector: scalars, kappa, a."""
+        return np.concatenate([self.scalars, self.kappa, self.level])
+
+    def with_vector(self, values: Floats) -> Parameters:
+        """Return the parameters that ``values`` lists in the order of ``vector``."""
+        n_z = self.count
+        return Parameters(values[:ELEMENTS], values[ELEMENTS : ELEMENTS + n_z], values[ELEMENTS + n_z :])
+
+    def names(self) -> tuple[str, ...]:
+        """Return the name of each entry of ``vector``."""
+        elements = range(1, self.count + 1)
+        return (*SCALARS, *(f"element_stiffness[{i}]" for i in elements), *(f"element_force[{i}]" for i in elements))
+
+
+def residual_and_jacobian(data: Prepared, parameters: Parameters, shape: ElementShape) -> tuple[Floats, Floats]:
+    """Predicted minus measured effort and its derivative by ``parameters.vector()``.
+
+    Args:
+        data: prepared recording.
+        parameters: physical parameters.
+        shape: kind of model and its smoothing.
+
+    Returns:
+        Residual [N], shape (n,), and Jacobian, shape (n, 7 + 2 n_z).
+    """
+    scalars = parameters.scalars
+    shared = scalars[[RHO, V_S, RATE]]
+    friction, slopes = friction_and_slopes(
+        data.position, data.period, parameters.kappa, parameters.level, shared, shape, data.factor
+    )
+    filtered = data.low_pass(np.column_stack([friction, slopes]))
+    shifted = np.clip(data.time - scalars[DELAY], data.time[0], data.time[-1])
+    n_z = parameters.count
+    residual = (
+        scalars[MASS] * data.acceleration
+        + scalars[VISCOUS] * data.velocity
+        + scalars[OFFSET]
+        + filtered[:, 0]
+        - data.effort(shifted)
+    )
+    jacobian = np.empty((len(residual), ELEMENTS + 2 * n_z))
+    jacobian[:, MASS] = data.acceleration
+    jacobian[:, VISCOUS] = data.velocity
+    jacobian[:, OFFSET] = 1.0
+    jacobian[:, DELAY] = data.effort(shifted, 1)
+    jacobian[:, [RHO, V_S, RATE]] = filtered[:, 1 + 2 * n_z : 1 + 2 * n_z + SHARED]
+    jacobian[:, ELEMENTS:] = filtered[:, 1 : 1 + 2 * n_z]
+    return residual, jacobian
+
+
+def chunk_numbers(data: Sequence[Prepared], count: int) -> list[NDArray[np.int64]]:
+    """Number the rows of all recordings by chunks of equal duration.
+
+    Args:
+        data: prepared recordings.
+        count: chunks over all of them together.
+
+    Returns:
+        Chunk number of each row, per recording; numbers do not repeat between recordings.
+    """
+    total = sum(float(piece.time[-1]) for piece in data)
+    numbers = []
+    first = 0
+    for piece in data:
+        own = max(1, round(count * float(piece.time[-1]) / total))
+        numbers.append(first + np.minimum(np.arange(len(piece.time)) * own // len(piece.time), own - 1))
+        first += own
+    return numbers

@@ -1,0 +1,180 @@
+"""Where the search for an element distribution starts: a convex problem first, then clusters of it.
+
+On a flat Stribeck curve the friction of many elements with given slip deflections is linear in their forces. A
+non-negative least-squares fit over a log-spaced grid of deflections is unique, needs no start values, and shows the
+distribution as atoms; neighbouring atoms are merged until the wanted number of elements is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from sgms_observer.errors import DataError
+from sgms_observer.identification.problem import Parameters, Prepared
+from sgms_observer.identification.simulation import ElementShape, unit_elements
+
+Floats = NDArray[np.float64]
+
+_GRID_PER_DECADE = 5
+_ROWS = 40_000  # enough rows for a start
+_NEGLIGIBLE = 5.0e-3  # of the whole Coulomb force: a smaller atom is noise
+_NEARLY_ALL = 0.95
+_MARGIN = 5.0  # grid of the second fit over the reach of the first
+_BUMPS = (0.2, 1.0, 5.0)  # of the start's Stribeck velocity: widths of the rise at low speed
+
+
+@dataclass(frozen=True)
+class Atoms:
+    """The convex fit.
+
+    Attributes:
+        deflection: slip deflection of each atom [m], ascending.
+        force: its force [N].
+        mass: [kg].
+        viscous: [N s/m].
+        offset: [N].
+        rise: share by which friction at rest exceeds friction at speed [-].
+    """
+
+    deflection: Floats
+    force: Floats
+    mass: float
+    viscous: float
+    offset: float
+    rise: float
+
+    @property
+    def reach(self) -> float:
+        """Slip deflection below which nearly all of the friction has built up [m]."""
+        share = np.cumsum(self.force) / self.force.sum()
+        return float(self.deflection[np.searchsorted(share, _NEARLY_ALL)])
+
+
+def fit_atoms(
+    data: Sequence[Prepared], shape: ElementShape, smallest: float, largest: float, stribeck_velocity: float
+) -> Atoms:
+    """Fit the distribution over a grid of slip deflections: coarsely over all of it, then again up to its reach.
+
+    Args:
+        data: prepared recordings.
+        shape: smoothing of the elements.
+        smallest: smallest deflection of the grid [m].
+        largest: largest deflection of the grid [m].
+        stribeck_velocity: order of magnitude of v_s [m/s].
+
+    Raises:
+        DataError: if no friction is seen at all.
+    """
+    first = _fit(data, shape, smallest, largest, stribeck_velocity, 10.0 * smallest)
+    reach = first.reach
+    return _fit(data, shape, smallest, min(largest, max(_MARGIN * reach, 4.0 * smallest)), stribeck_velocity, reach)
+
+
+def _fit(
+    data: Sequence[Prepared],
+    shape: ElementShape,
+    smallest: float,
+    largest: float,
+    stribeck_velocity: float,
+    forgotten: float,
+) -> Atoms:
+    """Solve the convex problem on one grid, once elements up to deflection ``forgotten`` have forgotten their start."""
+    count = max(3, int(np.ceil(_GRID_PER_DECADE * np.log10(largest / smallest))) + 1)
+    grid = np.geomspace(smallest, largest, count)
+    rows, efforts = [], []
+    for piece in data:
+        mask = piece.settled(forgotten)
+        if not np.any(mask):
+            mask = piece.usable
+        elements = unit_elements(piece.position, piece.period, grid, shape)
+        bumps = [np.exp(-((piece.velocity / (share * stribeck_velocity)) ** 2)) for share in _BUMPS]
+        columns = piece.low_pass(np.column_stack([elements, *(np.sign(piece.velocity) * bump for bump in bumps)]))
+        stride = max(1, int(mask.sum()) * len(data) // _ROWS)
+        ones = np.ones(len(piece.time))
+        matrix = np.column_stack([columns, piece.acceleration, piece.velocity, ones, -ones])
+        rows.append(matrix[mask][::stride])
+        efforts.append(piece.effort(piece.time)[mask][::stride])
+    matrix, effort = np.concatenate(rows), np.concatenate(efforts)
+    scale = np.linalg.norm(matrix, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    orthogonal, triangle = np.linalg.qr(matrix / scale)
+    solution, _norm = nnls(triangle, orthogonal.T @ effort)
+    weights = solution / scale
+    force = weights[:count]
+    total = float(force.sum())
+    if total <= 0.0:
+        raise DataError("these recordings show no friction that follows the motion; check the sign of control_effort")
+    keep = force > _NEGLIGIBLE * total
+    rest = weights[count + len(_BUMPS) :]
+    return Atoms(
+        grid[keep],
+        force[keep],
+        max(float(rest[0]), 1e-3),
+        float(rest[1]),
+        float(rest[2] - rest[3]),
+        float(weights[count : count + len(_BUMPS)].sum()) / total,
+    )
+
+
+def cluster(atom_deflection: Floats, atom_force: Floats, count: int) -> tuple[Floats, Floats]:
+    """Merge or split atoms into ``count`` elements.
+
+    Args:
+        atom_deflection: slip deflection of each atom [m], ascending.
+        atom_force: its force [N].
+        count: elements wanted.
+
+    Returns:
+        Slip deflection [m] and force [N] of each element, ascending in deflection.
+    """
+    deflection, force = list(atom_deflection), list(atom_force)
+    while len(force) > count:
+        losses = [
+            force[i] * force[i + 1] / (force[i] + force[i + 1]) * np.log(deflection[i + 1] / deflection[i]) ** 2
+            for i in range(len(force) - 1)
+        ]
+        i = int(np.argmin(losses))
+        total = force[i] + force[i + 1]
+        # the pair's stiffness is kept: it is what a reversal shows first
+        deflection[i] = total / (force[i] / deflection[i] + force[i + 1] / deflection[i + 1])
+        force[i] = total
+        del deflection[i + 1], force[i + 1]
+    while len(force) < count:
+        i = int(np.argmax(force))
+        deflection[i : i + 1] = [deflection[i] / 1.5, deflection[i] * 1.5]
+        force[i : i + 1] = [0.5 * force[i], 0.5 * force[i]]
+    return np.array(deflection), np.array(force)
+
+
+def start_parameters(atoms: Atoms, count: int, stribeck_velocity: float, delay: float, rate: float) -> Parameters:
+    """Return start values for ``count`` elements.
+
+    Args:
+        atoms: the convex fit.
+        count: elements wanted.
+        stribeck_velocity: v_s [m/s].
+        delay: [s].
+        rate: c = C / f_C of the GMS model [1/s].
+    """
+    deflection, force = cluster(atoms.deflection, atoms.force, count)
+    rho = min(max(1.0 + atoms.rise, 1.01), 3.0)
+    scalars = np.array([atoms.mass, max(atoms.viscous, 1e-3), atoms.offset, delay, rho, stribeck_velocity, rate])
+    return Parameters(scalars, force / deflection, force)
+
+
+def merge_elements(parameters: Parameters, count: int) -> Parameters:
+    """Return the same model with fewer elements.
+
+    Args:
+        parameters: a model with at least ``count`` elements.
+        count: elements wanted.
+    """
+    order = np.argsort(parameters.level / parameters.kappa)
+    level = parameters.level[order]
+    deflection, force = cluster(level / parameters.kappa[order], level, count)
+    return Parameters(parameters.scalars, force / deflection, force)
