@@ -7,7 +7,15 @@ from typing import NamedTuple
 
 from sgms_observer.estimators.ekf import ekf_correct, predict_measurement
 from sgms_observer.estimators.interval import advance_forces, friction_force, level_at, simulate_interval
-from sgms_observer.estimators.layout import NU, P_VISCOUS, Floats, ModelArrays, ParameterArrays, apply_parameters, copy_vector
+from sgms_observer.estimators.layout import (
+    NU,
+    P_VISCOUS,
+    Floats,
+    ModelArrays,
+    ParameterArrays,
+    apply_parameters,
+    copy_vector,
+)
 from sgms_observer.estimators.memory import (
     ACCELERATION,
     COUNT,
@@ -173,7 +181,7 @@ def _correct(memory: Memory, model: ModelArrays, parameters: ParameterArrays, pr
             memory, model.scalars, model.elements, parameters, process, tuning.walk, tuning.variance, tuning.beta,
             record, tuning.horizon, tuning.iterations, tuning.tolerance,
         )  # fmt: skip
-        if result == NO_DESCENT or result == NOT_FINITE:
+        if result in (NO_DESCENT, NOT_FINITE):
             use_ekf = True
             status = NOT_CONVERGED if result == NO_DESCENT else WAS_NOT_FINITE
     if use_ekf:
@@ -190,7 +198,9 @@ def _correct(memory: Memory, model: ModelArrays, parameters: ParameterArrays, pr
 
 
 @njit_bare
-def _friction_variance(memory: Memory, parameters: ParameterArrays, process: Floats, share: float, velocity: float) -> float:
+def _friction_variance(
+    memory: Memory, parameters: ParameterArrays, process: Floats, share: float, velocity: float
+) -> float:
     """Variance of the estimated friction (eq. 13) at the newest sample [N^2]; p's uncertainty included."""
     n_z = memory.now.shape[0]
     d = memory.x_hat.shape[0]
@@ -210,8 +220,9 @@ def _friction_variance(memory: Memory, parameters: ParameterArrays, process: Flo
 
 
 @njit_bare
-def estimate_block(flat: Floats, model: ModelArrays, parameters: ParameterArrays, process: Floats, initial: Floats,
-                   tuning: Tuning, motion: Floats, effort: Floats, factor: Floats, results: Floats) -> None:  # fmt: skip
+def estimate_block(flat: Floats, model: ModelArrays, parameters: ParameterArrays, process: Floats,
+                   initial: Floats, tuning: Tuning, motion: Floats, effort: Floats, factor: Floats,
+                   results: Floats) -> None:  # fmt: skip
     """Run the estimator over a block of n samples.
 
     Args:

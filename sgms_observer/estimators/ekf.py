@@ -33,9 +33,10 @@ def linearise_measurement(memory: Memory, kinds: Integers, scale: Floats, p: Flo
     )  # fmt: skip
     if record[IS_USED] == 0.0:
         return 0.0
-    return record[EFFORT] - predict_effort(
+    modelled = predict_effort(
         memory.scalars, memory.elements, force, slip, record[VELOCITY], record[ACCELERATION], record[FACTOR]
     )
+    return float(record[EFFORT] - modelled)
 
 
 @njit_bare

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from sgms_observer.estimators.layout import (
     ATTRACTION,
@@ -37,15 +38,15 @@ from sgms_observer.friction.gms import gms_rate, gms_step, gms_step_with_slopes
 from sgms_observer.friction.sgms import sgms_rate, sgms_step, sgms_step_with_slopes
 from sgms_observer.jit import njit_bare
 
-stribeck_level = njit_bare(formulas.stribeck_level)
+stribeck_level: Callable[..., float] = njit_bare(formulas.stribeck_level)
 
 
 @njit_bare
 def reset_gain(scalars: Floats, velocity: float) -> float:
     """Return the gain of the reset eta_B at this velocity (eq. 7 and notes trap 2)."""
     if scalars[RESET] == PAPER_RESET:
-        return scalars[GAMMA] * abs(velocity) / scalars[STRIBECK]
-    return scalars[GAMMA]
+        return float(scalars[GAMMA] * abs(velocity) / scalars[STRIBECK])
+    return float(scalars[GAMMA])
 
 
 @njit_bare
@@ -175,8 +176,8 @@ def predict_effort(scalars: Floats, elements: Floats, force: Floats, memory: Flo
         acceleration: acceleration [m/s^2].
         factor: effects' factor on the Stribeck level.
     """
-    inertia = scalars[MASS] * acceleration
-    return friction_force(scalars, elements, force, memory, velocity, factor) + inertia + scalars[OFFSET]
+    others = float(scalars[MASS] * acceleration + scalars[OFFSET])
+    return friction_force(scalars, elements, force, memory, velocity, factor) + others
 
 
 @njit_bare
@@ -196,12 +197,13 @@ def friction_force(scalars: Floats, elements: Floats, force: Floats, memory: Flo
             else:
                 rate = sgms_rate(force[i], velocity, nu * level, scalars[LAMBDA], scalars[ZETA], gain)[0]
             total += sigma * rate
-    return total
+    return float(total)
 
 
 @njit_bare
 def effort_slopes(scalars: Floats, elements: Floats, kinds: Integers, scale: Floats, p: Floats, force: Floats,
-                  memory: Floats, velocity: float, acceleration: float, factor: float, row: Floats) -> None:  # fmt: skip
+                  memory: Floats, velocity: float, acceleration: float, factor: float,
+                  row: Floats) -> None:  # fmt: skip
     """Derivatives of ``predict_effort`` with respect to the element forces and p.
 
     Args:
@@ -258,7 +260,8 @@ def effort_slopes(scalars: Floats, elements: Floats, kinds: Integers, scale: Flo
         elif kind == P_STATIC:
             slope = by_level * factor * bell * scale[j]
         elif kind == P_STRIBECK:
-            slope = by_level * factor * (f_s - f_c) * bell * 2.0 * velocity * velocity / (v_s * v_s * v_s) * scale[j]
+            ratio = velocity / v_s
+            slope = by_level * factor * (f_s - f_c) * bell * 2.0 * ratio * ratio / v_s * scale[j]
             if scalars[RESET] == PAPER_RESET:
                 slope -= by_gain * gain / p[j]
         row[n_z + j] = slope

@@ -1,4 +1,4 @@
-"""Everything an estimator remembers, in one flat array: reset is a copy, a snapshot is a copy, a call is one argument."""
+"""Everything an estimator remembers, in one flat array: a reset or a snapshot is a copy, a call is one argument."""
 
 from __future__ import annotations
 
@@ -224,6 +224,7 @@ def allocate(sizes: Sizes) -> Floats:
     """
     n, p, h, m = sizes.n_z, sizes.n_p, sizes.horizon, sizes.samples
     d, w = n + p, h + 1
-    bound = 64 + 8 * (d + 2) * (d + 2) + w * (4 * d * d + 40 * (d + 2)) + h * (3 * m + 2 * n * p + 6 * n) + 3 * m + n * p + 20 * n
+    vectors = 64 + 8 * (d + 2) ** 2 + 20 * n + 3 * m + n * p
+    bound = vectors + w * (4 * d * d + 40 * (d + 2)) + h * (3 * m + 2 * n * p + 6 * n)
     _views, needed = views(np.zeros(bound), n, p, h, m)
     return np.zeros(needed)

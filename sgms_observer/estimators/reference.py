@@ -1,24 +1,27 @@
 """The converged solution of eq. 14, as a nonlinear programme in CasADi: what real-time iterations are measured against.
 
 Every step of the model is an equality constraint on its own variable, straight from the formulas; nothing of the
-kernels is used but the window's data.
+kernels is used but the window's data and a starting point.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi
 import numpy as np
 
 from sgms_observer.errors import DataError
 from sgms_observer.estimators.estimator import Estimator
+from sgms_observer.estimators.interval import advance_forces
 from sgms_observer.estimators.layout import (
     COULOMB,
     GAMMA,
     KAPPA,
     LAMBDA,
     MASS,
+    MODEL,
     NU,
     OFFSET,
     P_KAPPA,
@@ -37,15 +40,15 @@ from sgms_observer.estimators.memory import ACCELERATION, COUNT, EFFORT, FACTOR,
 from sgms_observer.formulas import symbolic
 from sgms_observer.friction.symbolic import element_residual
 
-SOLVERS = {
+SOLVERS: dict[str, dict[str, Any]] = {
     "ipopt": {
         "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
         "print_time": False,
         "ipopt.tol": 1e-10,
         "ipopt.max_iter": 500,
         "ipopt.mu_init": 1e-6,
         "ipopt.bound_push": 1e-10,
-        "ipopt.sb": "yes",
     },
     "sqpmethod": {
         "print_time": False,
@@ -63,144 +66,185 @@ SOLVERS = {
 
 @dataclass(frozen=True)
 class Solution:
-    """Converged window.
+    """A solved window.
 
     Attributes:
         forces: element forces at the nodes [N], shape (count + 1, n_z).
         p: parameters as shares of their nominal value, shape (n_p,).
         cost: eq. 14, without the factor 1/2.
-        friction: friction at the newest node [N].
         is_converged: whether the solver said so.
     """
 
     forces: Floats
     p: Floats
     cost: float
-    friction: float
     is_converged: bool
 
 
-@dataclass(frozen=True)
-class Programme:
-    """Eq. 14 for one window, ready for any NLP solver: ``problem`` with start, bounds and how to read the answer."""
+class _SymbolicModel:
+    """The estimator's model with the symbols p in place."""
 
-    problem: dict[str, casadi.SX]
-    start: Floats
-    lower: Floats
-    upper: Floats
-    force_scale: Floats
-    node_at: tuple[slice, ...]
-    p_at: slice
-    residuals: casadi.SX
+    def __init__(self, estimator: Estimator, p: casadi.SX) -> None:
+        self.formulas = symbolic("friction")
+        self.is_paper_reset = estimator.model.scalars[RESET] == PAPER_RESET
+        self.scalars = [casadi.SX(float(value)) for value in estimator.model.scalars]
+        self.elements = [[casadi.SX(float(value)) for value in row] for row in estimator.model.elements]
+        for j, (kind, scale) in enumerate(zip(estimator.parameters.kinds, estimator.parameters.scale, strict=True)):
+            if kind == P_KAPPA:
+                self.elements[KAPPA] = [value * p[j] for value in self.elements[KAPPA]]
+            else:
+                self.scalars[SLOT[kind]] = p[j] * scale
+
+    def levels(self, velocity: float, factor: float) -> list[casadi.SX]:
+        """Return nu s(v) of each element [N]."""
+        s = self.formulas.stribeck_level(
+            velocity, self.scalars[STATIC], self.scalars[COULOMB], self.scalars[STRIBECK]
+        )
+        return [nu * factor * s for nu in self.elements[NU]]
+
+    def gain(self, velocity: float) -> Any:
+        """Return the reset's gain (eq. 7)."""
+        reset = self.formulas.reset_gain_paper if self.is_paper_reset else self.formulas.reset_gain_rate_independent
+        return reset(abs(velocity), self.scalars[GAMMA], self.scalars[STRIBECK])
+
+    def step_residuals(
+        self, after: casadi.SX, before: casadi.SX, velocity: float, period: float, factor: float
+    ) -> list[casadi.SX]:
+        """Return one equation per element, zero where ``after`` follows from ``before``."""
+        smoothing = (self.scalars[LAMBDA], self.scalars[ZETA], self.gain(velocity))
+        return [
+            element_residual(
+                after[i], before[i], casadi.SX(velocity), casadi.SX(period), self.elements[KAPPA][i], level, *smoothing
+            )
+            for i, level in enumerate(self.levels(velocity, factor))
+        ]
+
+    def effort(self, force: casadi.SX, velocity: float, acceleration: float, factor: float) -> casadi.SX:
+        """Return the effort that the model expects: eq. 3, inertia and offset [N]."""
+        rates = [
+            self.formulas.sgms_deflection_rate(
+                velocity,
+                np.sign(velocity) * force[i] / level,
+                self.scalars[LAMBDA],
+                self.scalars[ZETA],
+                self.gain(velocity),
+            )
+            for i, level in enumerate(self.levels(velocity, factor))
+        ]
+        friction = self.formulas.friction_output(
+            casadi.vertsplit(force), rates, self.elements[SIGMA], self.scalars[VISCOUS], velocity
+        )
+        total: casadi.SX = friction + self.scalars[MASS] * acceleration + self.scalars[OFFSET]
+        return total
 
 
-def window_programme(estimator: Estimator) -> Programme:
-    """State eq. 14 for the estimator's present window, starting from its present estimate.
+class WindowProgramme:
+    """Eq. 14 for an estimator's present window, for any NLP solver; the estimator is left as it is.
+
+    Variables are p and, as shares of nu f_C, the element forces at the nodes and after every step.
 
     Args:
         estimator: an S-GMS moving horizon estimator with at least one interval in its window.
 
-    Returns:
-        The programme; its variables are shares of nu f_C and of the nominal parameters.
-
     Raises:
         DataError: if the estimator runs the GMS model or its window is empty.
     """
-    memory = estimator.memory
-    model = estimator.model
-    count = int(memory.flags[COUNT])
-    if int(model.scalars[0]) != SGMS or count == 0:
-        raise DataError("the converged reference needs the S-GMS model and a window with an interval in it")
-    n_z, n_p = estimator.sizes.n_z, estimator.sizes.n_p
-    scale = model.elements[NU] * model.scalars[COULOMB]
-    p = casadi.SX.sym("p", n_p)
-    scalars, elements = _with_parameters(estimator, p)
-    variables, start, lower, upper = [p], [memory.p], [estimator.parameters.lower], [estimator.parameters.upper]
-    formulas = symbolic("friction")
-    constraints: list[casadi.SX] = []
-    residuals: list[casadi.SX] = []
-    node_at: list[slice] = []
 
-    def add(name: str, value: Floats) -> casadi.SX:
-        variable = casadi.SX.sym(name, n_z)
-        node_at.append(slice(sum(v.numel() for v in variables), sum(v.numel() for v in variables) + n_z))
-        variables.append(variable)
-        start.append(np.asarray(value) / scale)
-        return variable * scale
+    def __init__(self, estimator: Estimator) -> None:
+        memory = estimator.memory
+        count = int(memory.flags[COUNT])
+        if int(estimator.model.scalars[MODEL]) != SGMS or count == 0:
+            raise DataError("the converged reference needs the S-GMS model and a window with an interval in it")
+        self._estimator = estimator
+        self._memory = memory
+        self._scale = estimator.model.elements[NU] * estimator.model.scalars[COULOMB]
+        p = casadi.SX.sym("p", estimator.sizes.n_p)
+        self._model = _SymbolicModel(estimator, p)
+        self._variables, self._start = [p], [np.array(memory.p)]
+        self._equations: list[casadi.SX] = []
+        self._shares: list[casadi.SX] = []
+        self._residuals: list[casadi.SX] = []
+        node = self._add_node(0)
+        factor = np.linalg.cholesky(memory.prior_covariance)
+        self._residuals.append(casadi.solve(casadi.DM(factor), casadi.vertcat(node, p) - memory.prior))
+        for k in range(count):
+            end = self._add_interval(k, node)
+            node = self._add_node(k + 1)
+            self._residuals.append((node - end) / np.sqrt(estimator.process))
+            self._add_measurement(k + 1, node)
 
-    def level_of(velocity: float, factor: float) -> casadi.SX:
-        return factor * formulas.stribeck_level(velocity, scalars[STATIC], scalars[COULOMB], scalars[STRIBECK])
+    def solve(self, solver: str = "ipopt") -> Solution:
+        """Solve from the estimator's present estimate.
 
-    def gain_of(velocity: float) -> casadi.SX:
-        if model.scalars[RESET] == PAPER_RESET:
-            return formulas.reset_gain_paper(abs(velocity), scalars[GAMMA], scalars[STRIBECK])
-        return formulas.reset_gain_rate_independent(abs(velocity), scalars[GAMMA], scalars[STRIBECK])
+        Args:
+            solver: a key of ``SOLVERS``.
+        """
+        limits = self._estimator.parameters
+        free = np.full(sum(v.numel() for v in self._variables[1:]), np.inf)
+        equations, shares = casadi.vertcat(*self._equations), casadi.vertcat(*self._shares)
+        bound = np.concatenate([np.zeros(equations.numel()), np.ones(shares.numel())])
+        problem = {
+            "x": casadi.vertcat(*self._variables),
+            "f": casadi.sumsqr(casadi.vertcat(*self._residuals)),
+            "g": casadi.vertcat(equations, shares),
+        }
+        function = casadi.nlpsol("window", solver, problem, SOLVERS[solver])
+        answer = function(
+            x0=np.concatenate(self._start),
+            lbx=np.concatenate([limits.lower, -free]),
+            ubx=np.concatenate([limits.upper, free]),
+            lbg=-bound,
+            ubg=bound,
+        )
+        values = casadi.vertsplit(answer["x"], np.cumsum([0] + [v.numel() for v in self._variables]).tolist())
+        names = [v[0].name() for v in self._variables[1:]]
+        nodes = [np.array(v).ravel() * self._scale for v, name in zip(values[1:], names, strict=True) if name[0] == "n"]
+        return Solution(
+            forces=np.array(nodes),
+            p=np.array(values[0]).ravel(),
+            cost=float(answer["f"]),
+            is_converged=bool(function.stats()["success"]),
+        )
 
-    def bound(node: int, force: casadi.SX) -> None:
-        record = memory.measurements[node]
-        level = level_of(record[VELOCITY], record[FACTOR])
-        for i in range(n_z):
-            constraints.append(force[i] / (estimator.tuning.beta * elements[NU][i] * level))
+    def _add(self, name: str, value: Floats) -> casadi.SX:
+        """Add element forces as variables and return them in newton."""
+        variable = casadi.SX.sym(name, len(self._scale))
+        self._variables.append(variable)
+        self._start.append(value / self._scale)
+        force: casadi.SX = variable * self._scale
+        return force
 
-    nodes = [add("f0", memory.forces[0])]
-    is_bound: list[bool] = []
-    bound(0, nodes[0])
-    is_bound += [True] * n_z
-    factor = np.linalg.cholesky(memory.prior_covariance)
-    deviation = casadi.vertcat(nodes[0], p) - memory.prior
-    residuals.append(casadi.solve(casadi.DM(factor), deviation))
-    chosen = [0]
-    for k in range(count):
-        force = nodes[-1]
+    def _add_node(self, k: int) -> casadi.SX:
+        """Add a node with its bounds (14d)."""
+        force = self._add(f"node{k}_", np.array(self._memory.forces[k]))
+        record = self._memory.measurements[k]
+        beta = self._estimator.tuning.beta
+        for i, level in enumerate(self._model.levels(float(record[VELOCITY]), float(record[FACTOR]))):
+            self._shares.append(force[i] / (beta * level))
+        return force
+
+    def _add_interval(self, k: int, force: casadi.SX) -> casadi.SX:
+        """Add every step of interval k and return the forces at its end."""
+        memory = self._memory
         value = np.array(memory.forces[k])
         for j in range(memory.velocity.shape[1]):
-            velocity, period = float(memory.velocity[k, j]), float(memory.period[k, j])
+            velocity, period, factor = (float(row[k, j]) for row in (memory.velocity, memory.period, memory.factor))
             if velocity == 0.0:
                 continue
-            level = level_of(velocity, float(memory.factor[k, j]))
-            value = _kernel_step(estimator, value, velocity, period, float(memory.factor[k, j]))
-            after = add(f"s{k}_{j}", value)
-            for i in range(n_z):
-                constraints.append(
-                    element_residual(
-                        after[i], force[i], velocity, period, elements[KAPPA][i], elements[NU][i] * level,
-                        scalars[LAMBDA], scalars[ZETA], gain_of(velocity),
-                    )  # fmt: skip
-                )
-                is_bound.append(False)
+            advance_forces(memory.scalars, memory.elements, value, np.zeros(len(value)), velocity, period, factor)
+            after = self._add(f"step{k}_{j}_", value)
+            self._equations += self._model.step_residuals(after, force, velocity, period, factor)
             force = after
-        node = add(f"f{k + 1}", memory.forces[k + 1])
-        chosen.append(len(node_at) - 1)
-        residuals.append((node - force) / np.sqrt(estimator.process))
-        bound(k + 1, node)
-        is_bound += [True] * n_z
-        nodes.append(node)
-        record = memory.measurements[k + 1]
+        return force
+
+    def _add_measurement(self, k: int, force: casadi.SX) -> None:
+        """Add the measurement at node k (14c)."""
+        record = self._memory.measurements[k]
         if record[IS_USED] > 0.0:
-            friction = scalars[VISCOUS] * record[VELOCITY]
-            level = level_of(record[VELOCITY], record[FACTOR])
-            for i in range(n_z):
-                u = np.sign(record[VELOCITY]) * node[i] / (elements[NU][i] * level)
-                rate = formulas.sgms_deflection_rate(
-                    record[VELOCITY], u, scalars[LAMBDA], scalars[ZETA], gain_of(record[VELOCITY])
-                )
-                friction += node[i] + model.elements[SIGMA, i] * rate
-            modelled = friction + scalars[MASS] * record[ACCELERATION] + scalars[OFFSET]
-            residuals.append((record[EFFORT] - modelled) / np.sqrt(estimator.tuning.variance))
-    stacked = casadi.vertcat(*residuals)
-    total = sum(v.numel() for v in variables)
-    ends = np.where(is_bound, 1.0, 0.0)
-    del lower[1:], upper[1:]
-    return Programme(
-        problem={"x": casadi.vertcat(*variables), "f": casadi.sumsqr(stacked), "g": casadi.vertcat(*constraints)},
-        start=np.concatenate(start),
-        lower=np.concatenate([lower[0], np.full(total - n_p, -np.inf), -ends]),
-        upper=np.concatenate([upper[0], np.full(total - n_p, np.inf), ends]),
-        force_scale=scale,
-        node_at=tuple(node_at[i] for i in chosen),
-        p_at=slice(0, n_p),
-        residuals=stacked,
-    )
+            modelled = self._model.effort(
+                force, float(record[VELOCITY]), float(record[ACCELERATION]), float(record[FACTOR])
+            )
+            self._residuals.append((record[EFFORT] - modelled) / np.sqrt(self._estimator.tuning.variance))
 
 
 def solve(estimator: Estimator, solver: str = "ipopt") -> Solution:
@@ -214,53 +258,6 @@ def solve(estimator: Estimator, solver: str = "ipopt") -> Solution:
         The solution; the estimator is left as it was.
 
     Raises:
-        DataError: as ``window_programme``.
+        DataError: as ``WindowProgramme``.
     """
-    programme = window_programme(estimator)
-    size = len(programme.start)
-    function = casadi.nlpsol("reference", solver, programme.problem, SOLVERS[solver])
-    answer = function(
-        x0=programme.start,
-        lbx=programme.lower[:size],
-        ubx=programme.upper[:size],
-        lbg=programme.lower[size:],
-        ubg=programme.upper[size:],
-    )
-    x = np.array(answer["x"]).ravel()
-    forces = np.array([x[at] * programme.force_scale for at in programme.node_at])
-    p = x[programme.p_at]
-    memory = estimator.memory
-    velocity = memory.measurements[int(memory.flags[COUNT]), VELOCITY]
-    viscous = float(estimator.model.scalars[VISCOUS])
-    for kind, scale, value in zip(estimator.parameters.kinds, estimator.parameters.scale, p, strict=True):
-        if kind != P_KAPPA and SLOT[kind] == VISCOUS:
-            viscous = value * scale
-    return Solution(
-        forces=forces,
-        p=p,
-        cost=float(answer["f"]),
-        friction=float(forces[-1].sum() + viscous * velocity),
-        is_converged=bool(function.stats()["success"]),
-    )
-
-
-def _with_parameters(estimator: Estimator, p: casadi.SX) -> tuple[list[casadi.SX], list[list[casadi.SX]]]:
-    """Return the model's scalars and element rows with the symbols p in place."""
-    scalars = [casadi.SX(float(value)) for value in estimator.model.scalars]
-    elements = [[casadi.SX(float(value)) for value in row] for row in estimator.model.elements]
-    for j, (kind, scale) in enumerate(zip(estimator.parameters.kinds, estimator.parameters.scale, strict=True)):
-        if kind == P_KAPPA:
-            elements[KAPPA] = [value * p[j] for value in elements[KAPPA]]
-        else:
-            scalars[SLOT[kind]] = p[j] * scale
-    return scalars, elements
-
-
-def _kernel_step(estimator: Estimator, force: Floats, velocity: float, period: float, factor: float) -> Floats:
-    """Return a starting point for one step's variables."""
-    from sgms_observer.estimators.interval import advance_forces
-
-    memory = estimator.memory
-    after = np.array(force)
-    advance_forces(memory.scalars, memory.elements, after, np.zeros(len(after)), velocity, period, factor)
-    return after
+    return WindowProgramme(estimator).solve(solver)

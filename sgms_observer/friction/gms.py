@@ -12,7 +12,14 @@ from sgms_observer.jit import njit_bare
 
 @njit_bare
 def gms_step_with_slopes(
-    force: float, mode: int, velocity: float, period: float, stiffness: float, fraction: float, stribeck: float, rate: float
+    force: float,
+    mode: int,
+    velocity: float,
+    period: float,
+    stiffness: float,
+    fraction: float,
+    stribeck: float,
+    rate: float,
 ) -> tuple[float, int, float, float, float]:
     """Advance one element's force and mode by one step of constant velocity.
 
@@ -50,7 +57,14 @@ def gms_step_with_slopes(
 
 @njit_bare
 def gms_step(
-    force: float, mode: int, velocity: float, period: float, stiffness: float, fraction: float, stribeck: float, rate: float
+    force: float,
+    mode: int,
+    velocity: float,
+    period: float,
+    stiffness: float,
+    fraction: float,
+    stribeck: float,
+    rate: float,
 ) -> tuple[float, int]:
     """Advance one element's force and mode by one step; see ``gms_step_with_slopes``.
 

@@ -33,9 +33,10 @@ def element_residual(force_next: casadi.SX, force: casadi.SX, velocity: casadi.S
     formulas = symbolic("friction")
     direction = casadi.sign(velocity)
     travel = stiffness * casadi.fabs(velocity) * period / level
-    return formulas.sgms_residual(
+    residual: casadi.SX = formulas.sgms_residual(
         direction * force_next / level, direction * force / level, travel, smoothing_lambda, smoothing_zeta, reset_gain
     )
+    return residual
 
 
 @cache
@@ -43,8 +44,8 @@ def element_step() -> tuple[casadi.Function, casadi.Function]:
     """Return the residual of an element's step and the step's exact derivatives.
 
     Returns:
-        ``residual(force_next, inputs)`` and ``slopes(force_next, inputs)``, the latter the derivatives of the force after
-        the step with respect to all inputs by the implicit function theorem; inputs are force, velocity, period,
+        ``residual(force_next, inputs)`` and ``slopes(force_next, inputs)``, the latter the derivatives of the force
+        after the step with respect to all inputs by the implicit function theorem; inputs are force, velocity, period,
         stiffness, level, smoothing_lambda, smoothing_zeta, reset_gain.
     """
     force_next = casadi.SX.sym("force_next")
