@@ -33,7 +33,9 @@ def build_parser(wanted: str | None) -> SentenceParser:
     Args:
         wanted: the command that will run, whose arguments alone are then declared; None for all.
     """
-    parser = SentenceParser(prog="sgms", description="Friction observer on the (Smoothed) Generalized Maxwell-Slip model.")
+    parser = SentenceParser(
+        prog="sgms", description="Friction observer on the (Smoothed) Generalized Maxwell-Slip model."
+    )
     parser.add_argument("--version", action="version", version=f"sgms {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, missing in registry.COMMANDS.items():

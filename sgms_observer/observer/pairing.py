@@ -153,6 +153,11 @@ class Pairing:
             return self.ready.popleft()
         return self._take() if self._first != self._next else None
 
+    @property
+    def has_samples(self) -> bool:
+        """Return whether ``pop`` would return a block."""
+        return bool(self.ready) or self._first != self._next
+
     def flush(self) -> None:
         """Hand on every position that still waits: nothing more will come."""
         awaited = self.effort.is_awaited, self.reference.is_awaited

@@ -48,6 +48,9 @@ class Settings:
         minimum=1,
     )
     autostart: bool = setting(True, "configure and activate the node by itself")
+    save_file: str = setting(
+        "learnt.yaml", "file that ~/save_parameters writes; relative names start where the node was started"
+    )
     effect_files: tuple[str, ...] = setting((), "Python files with effects of the user's own")
     source: dict[str, Any] = field(default_factory=dict, compare=False)  # the YAML's tree as read, for writing it back
     folder: str = field(default=".", compare=False)  # where relative file names in ``source`` start

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import types
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -67,7 +68,9 @@ def test_a_command_that_is_missing_says_what_brings_it(name: str, monkeypatch: p
     assert "not in version" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("arguments", [[], ["no_such_command"], ["--no-such-option"], *[[name, "--no-such"] for name in PRESENT]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["no_such_command"], ["--no-such-option"], *[[name, "--no-such"] for name in PRESENT]]
+)
 def test_a_wrong_command_line_is_one_sentence(arguments: list[str]) -> None:
     result = _sgms(*arguments)
     assert result.returncode == 2
@@ -82,7 +85,7 @@ def test_faults_of_the_input_are_sentences_without_traceback(monkeypatch: pytest
 
 
 def test_a_missing_file_is_a_sentence(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    assert _run_command(monkeypatch, lambda args: len(open("/no/such/file").read())) == 1
+    assert _run_command(monkeypatch, lambda args: len(Path("/no/such/file").read_text())) == 1
     assert capsys.readouterr().err == "/no/such/file: No such file or directory\n"
 
 

@@ -1,0 +1,75 @@
+"""The command line of a node: ``--help``, ``--config``, and what follows ``--ros-args``, checked before ROS does."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from sgms_observer import __version__
+from sgms_observer.cli.main import EXIT_INTERRUPTED, SentenceParser
+from sgms_observer.errors import SgmsError
+from sgms_observer.nodes.spin import MISSING_ROS, fail, run_node
+
+if TYPE_CHECKING:
+    from rclpy.executors import Executor
+    from rclpy.node import Node
+
+_EPILOG = (
+    "ROS arguments follow --ros-args: --params-file FILE, -p NAME:=VALUE, -r FROM:=TO, and what else ROS 2 knows. "
+    "Parameters: docs/parameters.md."
+)
+
+
+def start(
+    name: str,
+    description: str,
+    make_node: Callable[[Executor], Node],
+    arguments: Sequence[str] | None = None,
+) -> int:
+    """Read the command line, check the parameters in it, and run the node.
+
+    Args:
+        name: name of node and executable.
+        description: one sentence for ``--help``.
+        make_node: makes the node once ROS runs.
+        arguments: what follows the program's name; by default the process's own.
+
+    Returns:
+        The exit code.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    own, ros = _split(given)
+    parser = SentenceParser(prog=name, description=description, epilog=_EPILOG)
+    parser.add_argument("--version", action="version", version=f"{name} {__version__}")
+    parser.add_argument("--config", metavar="FILE", help="parameter file; the same as --ros-args --params-file FILE")
+    options = parser.parse_args(own)
+    if options.config:
+        ros = ["--ros-args", "--params-file", options.config, "--", *ros]
+    if importlib.util.find_spec("rclpy") is None:
+        return fail(MISSING_ROS)
+    try:
+        from sgms_observer.settings.arguments import rewrite_arguments
+
+        rewritten = rewrite_arguments([name, *ros], name)
+    except SgmsError as error:
+        return fail(str(error))
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    try:
+        return run_node(make_node, rewritten.argv)
+    finally:
+        rewritten.discard()
+
+
+def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the arguments for us and those for ROS: from ``--ros-args`` up to ``--`` or the end."""
+    own: list[str] = []
+    ros: list[str] = []
+    is_ros = False
+    for argument in arguments:
+        is_ros = is_ros or argument == "--ros-args"
+        (ros if is_ros else own).append(argument)
+        is_ros = is_ros and argument != "--"
+    return own, ros

@@ -1,0 +1,112 @@
+"""Everything the observer node does with messages, without ROS: bytes in, blocks of messages out."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sgms_observer.nodes.intake import Intake
+from sgms_observer.nodes.statistics import AxisStatistics, StepClock
+from sgms_observer.observer.axis_observer import AxisObserver
+from sgms_observer.observer.outgoing import Outgoing, OutgoingBlock, ParameterReport
+from sgms_observer.observer.samples import Estimates, Samples
+from sgms_observer.settings.axis import Settings
+
+_WARM_UP_SAMPLES = 3000
+
+
+@dataclass(frozen=True)
+class Processed:
+    """What one call of ``Engine.process`` gave.
+
+    Attributes:
+        estimates: number of the axis to its new estimates.
+        blocks: messages to publish.
+        reports: estimated parameters to publish.
+    """
+
+    estimates: dict[int, Estimates]
+    blocks: list[OutgoingBlock]
+    reports: list[ParameterReport]
+
+
+class Engine:
+    """The observers of all axes between the input topics and the output topics.
+
+    Args:
+        settings: the checked settings.
+
+    Raises:
+        ConfigurationError: the settings of an axis do not fit the sample period.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.axes = tuple(axis.name for axis in settings.axes)
+        self.observers = [AxisObserver(axis, settings.sample_period) for axis in settings.axes]
+        self.clock = StepClock(settings.sample_period)
+        self.statistics = [AxisStatistics() for _ in settings.axes]
+        self.latest: dict[int, Estimates] = {}
+        self.intake = Intake(self.axes, settings.sample_period)
+        self._outgoing = Outgoing(settings)
+
+    def warm_up(self) -> None:
+        """Run every kernel once, so that none is compiled or loaded when the first sample arrives."""
+        for axis in self.settings.axes:
+            enabled = replace(axis, compensation=replace(axis.compensation, enabled=True))
+            AxisObserver(enabled, self.settings.sample_period).step(_trial(self.settings.sample_period))
+
+    def process(self) -> Processed:
+        """Estimate over everything that came in and is complete."""
+        estimates: dict[int, Estimates] = {}
+        blocks: list[OutgoingBlock] = []
+        reports: list[ParameterReport] = []
+        for number, samples in self.intake.pop():
+            if number in estimates:  # a second block of an axis follows a reset of the clock
+                blocks += self._outgoing.blocks(estimates)
+                reports += self._outgoing.reports(estimates)
+                estimates = {}
+            start = time.perf_counter()
+            block = self.observers[number].step(samples)
+            self.clock.add(time.perf_counter() - start, len(samples.stamp_ns))
+            self.statistics[number].add(block)
+            estimates[number] = self.latest[number] = block
+        blocks += self._outgoing.blocks(estimates)
+        reports += self._outgoing.reports(estimates)
+        return Processed(estimates, blocks, reports)
+
+    def reset(self) -> None:
+        """Forget every sample and everything learnt; counts go on."""
+        counts = self.intake.counts
+        self.intake = Intake(self.axes, self.settings.sample_period)
+        self.intake.counts = counts
+        self._outgoing = Outgoing(self.settings)
+        self.latest.clear()
+        for observer in self.observers:
+            observer.reset()
+
+    def tune_compensation(self, settings: Settings) -> None:
+        """Take over the compensation's settings while everything else goes on.
+
+        Args:
+            settings: settings that differ in ``compensation`` only.
+        """
+        self.settings = settings
+        for observer, axis in zip(self.observers, settings.axes, strict=True):
+            observer.compensator.configure(axis.compensation)
+
+
+def _trial(period: float) -> Samples:
+    """Return made-up samples of a small motion, only good for running the kernels."""
+    count = np.arange(_WARM_UP_SAMPLES)
+    seconds = count * period
+    position = 1.0e-4 * np.sin(40.0 * seconds)
+    return Samples(
+        stamp_ns=np.rint(seconds * 1e9).astype(np.int64),
+        position=position,
+        effort=np.sign(np.cos(40.0 * seconds)),
+        reference_position=position,
+        reference_velocity=4.0e-3 * np.cos(40.0 * seconds),
+    )

@@ -1,0 +1,158 @@
+"""Messages of the input topics in, samples of each axis out. No ROS in here: bytes come as raw topics give them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from sgms_observer.bags.cdr import JointStateDecoder
+from sgms_observer.errors import DataError
+from sgms_observer.observer.pairing import Pairing
+from sgms_observer.observer.samples import Samples
+
+_KEPT_NAME_LISTS = 64
+_Places = list[tuple[Pairing, int]]
+_Numbers = tuple[float, ...]
+_Push = Callable[[Pairing, int, int, _Numbers, _Numbers, _Numbers], bool]
+
+
+@dataclass
+class IntakeCounts:
+    """What became of the messages of all axes together.
+
+    Attributes:
+        messages: messages that arrived.
+        malformed: messages that were no JointState.
+        short: messages whose array had no entry for an axis that they name.
+        foreign: messages that name none of the axes.
+        repeated_names: lists of names that name an axis twice; the first entry counts.
+    """
+
+    messages: int = 0
+    malformed: int = 0
+    short: int = 0
+    foreign: int = 0
+    repeated_names: int = 0
+
+    def sentences(self, axes: Sequence[str]) -> tuple[str, ...]:
+        """Return one sentence for each kind of trouble that occurred.
+
+        Args:
+            axes: names of the axes, for the sentences.
+        """
+        found = (
+            (self.malformed, "messages were no JointState and were dropped; check the publisher's type"),
+            (self.short, "messages had no number for an axis that they name; fill position or effort for every name"),
+            (self.foreign, f"messages named none of the axes {', '.join(axes)}; set axes to the names in the messages"),
+            (self.repeated_names, "lists of names held an axis twice; its first entry is used, correct the publisher"),
+        )
+        return tuple(f"{count} {text}" for count, text in found if count)
+
+
+class Intake:
+    """Decodes messages, finds each axis by its name, and pairs position, effort and reference by their stamps.
+
+    Args:
+        axes: names of the axes, as in the messages.
+        sample_period: nominal time between two samples [s].
+    """
+
+    def __init__(self, axes: Sequence[str], sample_period: float) -> None:
+        self.axes = tuple(axes)
+        self.counts = IntakeCounts()
+        self.pairings = tuple(Pairing(sample_period) for _ in axes)
+        self._known: dict[tuple[str, ...], _Places] = {}
+        self._decoders = {topic: JointStateDecoder() for topic in ("position", "control_effort", "reference")}
+
+    def position(self, message: bytes) -> None:
+        """Take in a message of the topic ``position``, as bytes."""
+        self._take("position", message, _push_position)
+
+    def effort(self, message: bytes) -> None:
+        """Take in a message of the topic ``control_effort``, as bytes."""
+        self._take("control_effort", message, _push_effort)
+
+    def position_and_effort(self, message: bytes) -> None:
+        """Take in a message of a topic that is ``position`` and ``control_effort`` at once, as bytes."""
+        self._take("position", message, _push_both)
+
+    def reference(self, message: bytes) -> None:
+        """Take in a message of the topic ``reference``, as bytes."""
+        self._take("reference", message, _push_reference)
+
+    def pop(self) -> Iterator[tuple[int, Samples]]:
+        """Yield the number of an axis and its complete samples, until there are no more."""
+        for number, pairing in enumerate(self.pairings):
+            while (samples := pairing.pop()) is not None:
+                yield number, samples
+
+    @property
+    def has_samples(self) -> bool:
+        """Return whether ``pop`` would yield anything."""
+        return any(pairing.has_samples for pairing in self.pairings)
+
+    def _take(self, topic: str, message: bytes, push: _Push) -> None:
+        self.counts.messages += 1
+        try:
+            stamp, names, position, velocity, effort = self._decoders[topic].decode(message)
+        except DataError:
+            self.counts.malformed += 1
+            return
+        places = self._known.get(names)
+        if places is None:
+            places = self._find(names)
+        if not places:
+            self.counts.foreign += 1
+            return
+        for pairing, place in places:
+            if not push(pairing, place, stamp, position, velocity, effort):
+                self.counts.short += 1
+
+    def _find(self, names: tuple[str, ...]) -> _Places:
+        """Return each axis's pairing with its place in this list of names, and remember it."""
+        self.counts.repeated_names += any(names.count(axis) > 1 for axis in self.axes)
+        places = [
+            (pairing, names.index(axis))
+            for axis, pairing in zip(self.axes, self.pairings, strict=True)
+            if axis in names
+        ]
+        if len(self._known) < _KEPT_NAME_LISTS:
+            self._known[names] = places
+        return places
+
+
+def _push_position(
+    pairing: Pairing, place: int, stamp: int, position: _Numbers, velocity: _Numbers, effort: _Numbers
+) -> bool:
+    if place >= len(position):
+        return False
+    pairing.push_position(stamp, position[place])
+    return True
+
+
+def _push_effort(
+    pairing: Pairing, place: int, stamp: int, position: _Numbers, velocity: _Numbers, effort: _Numbers
+) -> bool:
+    if place >= len(effort):
+        return False
+    pairing.push_effort(stamp, effort[place])
+    return True
+
+
+def _push_both(
+    pairing: Pairing, place: int, stamp: int, position: _Numbers, velocity: _Numbers, effort: _Numbers
+) -> bool:
+    """Push the position first, as replay does."""
+    has_position = _push_position(pairing, place, stamp, position, velocity, effort)
+    has_effort = _push_effort(pairing, place, stamp, position, velocity, effort)
+    return has_position and has_effort
+
+
+def _push_reference(
+    pairing: Pairing, place: int, stamp: int, position: _Numbers, velocity: _Numbers, effort: _Numbers
+) -> bool:
+    if place >= len(position):
+        return False
+    pairing.push_reference(stamp, position[place], velocity[place] if place < len(velocity) else math.nan)
+    return True

@@ -1,0 +1,143 @@
+"""What both nodes share: a lifecycle that activates itself, checked parameters, and work only while active."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import Executor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+
+from sgms_observer import jit
+from sgms_observer.errors import SgmsError
+from sgms_observer.nodes.parameters import NodeParameters
+from sgms_observer.settings.axis import Settings
+
+
+class ManagedNode(LifecycleNode):
+    """A lifecycle node over the package's settings; subclasses fill in what the states mean.
+
+    Args:
+        name: name of the node.
+        executor: the executor that will spin it.
+
+    Attributes:
+        kernels: full name of the module whose kernels take longest to compile.
+
+    Raises:
+        ConfigurationError: the parameters are wrong; told at once, so that no dead node is left behind.
+    """
+
+    kernels = ""
+
+    def __init__(self, name: str, executor: Executor) -> None:
+        super().__init__(name)
+        self.own_executor = executor
+        self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self.parameters = NodeParameters.declare(self)
+        self.settings: Settings = self.parameters.settings()
+        self.is_configured = False
+        self.is_active = False
+        self._failure: Exception | None = None
+        self.add_on_set_parameters_callback(self._judge_parameters)
+        self.add_post_set_parameters_callback(self._take_parameters)
+
+    def start_by_itself(self) -> None:
+        """Configure and activate, unless ``autostart`` is false.
+
+        Raises:
+            SgmsError: what kept the node from it.
+        """
+        if not self.settings.autostart:
+            self.get_logger().info("autostart is false: waiting for a lifecycle manager to configure and activate")
+            return
+        for transition in (self.trigger_configure, self.trigger_activate):
+            if transition() is not TransitionCallbackReturn.SUCCESS:
+                raise self._failure or SgmsError("the node could not be activated; see its log")
+
+    def warm_up(self) -> None:
+        """Run the kernels once; called while configuring, after telling people that it may take long."""
+
+    def set_up(self) -> None:
+        """Make publishers and subscriptions for ``self.settings``."""
+
+    def begin(self) -> None:
+        """Start to work."""
+
+    def end(self) -> None:
+        """Stop to work; publishers are still there."""
+
+    def tear_down(self) -> None:
+        """Undo ``set_up``."""
+
+    def on_tuned(self) -> None:
+        """Take over ``self.settings``, which changed in what may change while the node runs."""
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Read the parameters and get everything ready."""
+        try:
+            self.settings = self.parameters.settings()
+            if jit.HAS_NUMBA and not jit.is_cache_warm(self.kernels):
+                self.get_logger().info(
+                    "compiling the numerical kernels: only at the first start after an installation, up to a minute"
+                )
+            elif not jit.HAS_NUMBA:
+                self.get_logger().warning("numba is missing: all works, a hundred times slower; install numba")
+            self.warm_up()
+            self.set_up()
+        except Exception as error:
+            self._failure = error
+            for sentence in str(error).splitlines():
+                self.get_logger().error(sentence)
+            return TransitionCallbackReturn.FAILURE
+        self.is_configured = True
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to work."""
+        self.begin()
+        self.is_active = True
+        self.get_logger().info(f"active: axes {', '.join(axis.name for axis in self.settings.axes)}")
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop to work."""
+        self._stop()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget everything."""
+        self._forget()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop and forget everything."""
+        self._stop()
+        self._forget()
+        return TransitionCallbackReturn.SUCCESS
+
+    def destroy_node(self) -> None:
+        """End the node; publishing is over when the context is."""
+        self._stop()
+        super().destroy_node()
+
+    def _stop(self) -> None:
+        if self.is_active:
+            self.is_active = False
+            self.end()
+
+    def _forget(self) -> None:
+        if self.is_configured:
+            self.is_configured = False
+            self.tear_down()
+
+    def _judge_parameters(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        return self.parameters.check_change(parameters, self.is_configured)
+
+    def _take_parameters(self, parameters: Sequence[Parameter]) -> None:
+        if any(parameter.name in self.parameters.names for parameter in parameters):
+            self.settings = self.parameters.settings()
+            if self.is_configured:
+                self.on_tuned()

@@ -1,0 +1,146 @@
+"""The lifecycle node around the simulated stage: a thread steps by elapsed time, the compensation comes in."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.executors import Executor
+from rclpy.subscription import Subscription
+
+from sgms_observer.bags.cdr import JointStateDecoder
+from sgms_observer.errors import DataError
+from sgms_observer.nodes.lifecycle import ManagedNode
+from sgms_observer.nodes.pace import Pace
+from sgms_observer.nodes.topics import JointStateTopics, subscribe
+from sgms_observer.observer.outgoing import OutgoingBlock
+from sim_plant.record import StageRecord
+from sim_plant.table import SimulatedTable
+
+POSITION, EFFORT, REFERENCE, TRUTH = "position", "control_effort", "reference", "friction_true"
+
+_SHORTEST_TURN = 5.0e-4
+"""Time from one turn of the stepping thread to the next [s]; a longer sample period sets the pace itself."""
+
+
+class StageNode(ManagedNode):
+    """Simulates every axis of its parameters.
+
+    A thread with absolute deadlines steps the stage by the time that went by, in real or simulated time, and publishes
+    each sample with its own stamp. The latest compensation goes into the effort until it is older than its timeout.
+
+    Args:
+        name: name of the node.
+        executor: the executor that will spin it.
+
+    Raises:
+        SgmsError: the node cannot start; its sentences say why.
+    """
+
+    kernels = "sim_plant.kernel"
+
+    def __init__(self, name: str, executor: Executor) -> None:
+        super().__init__(name, executor)
+        self._table: SimulatedTable | None = None
+        self._topics: JointStateTopics | None = None
+        self._compensation_input: Subscription | None = None
+        self._decoder = JointStateDecoder()
+        self._thread: threading.Thread | None = None
+        self._must_stop = threading.Event()
+        self._wanted: list[float] = []
+        self._wanted_until: list[float] = []
+        self.start_by_itself()
+
+    def warm_up(self) -> None:
+        """Make the stage and run its kernels once."""
+        SimulatedTable(self.settings).step(2)
+        self._table = SimulatedTable(self.settings)
+
+    def set_up(self) -> None:
+        """Make publishers and the subscription."""
+        axes = len(self.settings.axes)
+        self._wanted, self._wanted_until = [0.0] * axes, [-math.inf] * axes
+        self._topics = JointStateTopics(self, (POSITION, EFFORT, REFERENCE, TRUTH))
+        self._compensation_input = subscribe(self, "friction_compensation", self._on_compensation)
+
+    def begin(self) -> None:
+        """Let the stepping thread run."""
+        self._must_stop.clear()
+        self._thread = threading.Thread(target=self._run, name="stage", daemon=True)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Let the stepping thread end, and wait for it."""
+        self._must_stop.set()
+        if self._thread is not None:
+            self._thread.join()
+        self._thread = None
+
+    def tear_down(self) -> None:
+        """Remove publishers and the subscription."""
+        if self._topics is not None:
+            self._topics.destroy()
+        if self._compensation_input is not None:
+            self.destroy_subscription(self._compensation_input)
+        self._topics = self._compensation_input = self._table = None
+
+    def _on_compensation(self, message: bytes) -> None:
+        """Take in a compensation for the axes that it names."""
+        try:
+            _, names, _, _, effort = self._decoder.decode(message)
+        except DataError:
+            return
+        now = time.monotonic()
+        for number, axis in enumerate(self.settings.axes):
+            if axis.name in names and (place := names.index(axis.name)) < len(effort) and math.isfinite(effort[place]):
+                self._wanted[number] = effort[place]
+                self._wanted_until[number] = now + axis.compensation.timeout
+
+    def _run(self) -> None:
+        """Step and publish until told to stop."""
+        turn = max(self.settings.sample_period, _SHORTEST_TURN)
+        clock = self.get_clock()
+        pace: Pace | None = None
+        deadline = time.monotonic()
+        try:
+            while not self._must_stop.is_set() and self.context.ok():
+                now_ns = clock.now().nanoseconds
+                if pace is None and now_ns > 0:  # simulated time stands at zero until someone publishes it
+                    pace = Pace(self.settings.sample_period, now_ns)
+                if pace is not None:
+                    self._give(pace, pace.due(now_ns))
+                deadline = max(deadline + turn, time.monotonic() - turn)
+                self._must_stop.wait(max(0.0, deadline - time.monotonic()))
+        except Exception as error:
+            if self.context.ok() and not self._must_stop.is_set():
+                self.get_logger().fatal(f"the simulated stage stopped: {type(error).__name__}: {error}")
+                self.context.try_shutdown()
+
+    def _give(self, pace: Pace, count: int) -> None:
+        """Step the stage by ``count`` samples and publish them."""
+        if count == 0 or self._table is None or self._topics is None:
+            return
+        first = pace.done - count
+        stamps = np.array([pace.stamp_ns(first + i) for i in range(count)], dtype=np.int64)
+        now = time.monotonic()
+        forces = [
+            wanted if now <= until else 0.0 for wanted, until in zip(self._wanted, self._wanted_until, strict=True)
+        ]
+        records = self._table.step(count, forces)
+        names = tuple(axis.name for axis in self.settings.axes)
+        for topic, fields in (
+            (REFERENCE, {"position": "reference_position", "velocity": "reference_velocity"}),
+            (POSITION, {"position": "measured_position"}),
+            (EFFORT, {"effort": "control_effort"}),
+            (TRUTH, {"position": "position", "velocity": "velocity", "effort": "friction"}),
+        ):
+            values = {field: _columns(records, name) for field, name in fields.items()}
+            self._topics.publish(OutgoingBlock(topic, names, stamps, values))
+
+
+def _columns(records: tuple[StageRecord, ...], field: str) -> NDArray[np.float64]:
+    """Return one field of all axes side by side, shape (n, axes)."""
+    return np.stack([getattr(record, field) for record in records], axis=1)

@@ -1,0 +1,238 @@
+"""The lifecycle node around the engine: subscriptions, publishers, services, diagnostics and the watchdog."""
+
+from __future__ import annotations
+
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import Executor
+from rclpy.publisher import Publisher
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
+from std_srvs.srv import Trigger
+
+from sgms_observer.bags.diagnostics_cdr import encode_diagnostics
+from sgms_observer.compensation.safety import SafetyStage
+from sgms_observer.errors import SgmsError
+from sgms_observer.nodes.engine import Engine
+from sgms_observer.nodes.lifecycle import ManagedNode
+from sgms_observer.nodes.report import OK, axis_entry, node_entry, parameter_entry
+from sgms_observer.nodes.statistics import Sentences
+from sgms_observer.nodes.topics import JointStateTopics, subscribe
+from sgms_observer.observer.learnt import learnt_changes
+from sgms_observer.observer.outgoing import COMPENSATION, JOINT_STATE_TOPICS, PARAMETERS, OutgoingBlock
+from sgms_observer.settings.write import write_settings
+
+_REPORT_PERIOD = 1.0
+_SHORTEST_WATCH = 0.005
+
+
+class ObserverNode(ManagedNode):
+    """Observes every axis of its parameters.
+
+    Messages are decoded as they arrive. The first complete sample posts one task behind all events that wait already:
+    the task estimates over everything that is complete by then, so blocks grow by themselves when the machine is late.
+
+    Args:
+        name: name of the node.
+        executor: the executor that will spin it.
+
+    Raises:
+        SgmsError: the node cannot start; its sentences say why.
+    """
+
+    kernels = "sgms_observer.estimators.block"
+
+    def __init__(self, name: str, executor: Executor) -> None:
+        super().__init__(name, executor)
+        self._engine: Engine | None = None
+        self._topics: JointStateTopics | None = None
+        self._subscriptions_of_inputs: list[Subscription] = []
+        self._is_scheduled = False
+        self._processed_at = time.monotonic()
+        self._reported_at = time.monotonic()
+        self._sentences = Sentences()
+        self._safety: list[SafetyStage] = []
+        self._watchdog: Timer | None = None
+        self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._parameter_topic: Publisher = self.create_publisher(DiagnosticArray, PARAMETERS, 100)
+        self.create_service(Trigger, "~/reset", self._reset)
+        self.create_service(Trigger, "~/save_parameters", self._save_parameters)
+        self.create_timer(_REPORT_PERIOD, self._report, clock=self.steady_clock)
+        self.start_by_itself()
+
+    def warm_up(self) -> None:
+        """Make the engine and run its kernels once."""
+        self._engine = Engine(self.settings)
+        self._engine.warm_up()
+
+    def set_up(self) -> None:
+        """Make publishers and subscriptions."""
+        self._topics = JointStateTopics(self, JOINT_STATE_TOPICS)
+        is_one_topic = self.resolve_topic_name("position") == self.resolve_topic_name("control_effort")
+        inputs = (
+            {"position": self._on_both}
+            if is_one_topic
+            else {"position": self._on_position, "control_effort": self._on_effort}
+        )
+        inputs["reference"] = self._on_reference
+        self._subscriptions_of_inputs = [subscribe(self, topic, callback) for topic, callback in inputs.items()]
+        timeout = min(axis.compensation.timeout for axis in self.settings.axes)
+        self._watchdog = self.create_timer(max(timeout / 2, _SHORTEST_WATCH), self._watch, clock=self.steady_clock)
+
+    def begin(self) -> None:
+        """Start from nothing: what came before is not trusted."""
+        self._working_engine().reset()
+        self._safety = [SafetyStage(axis.compensation) for axis in self.settings.axes]
+        self._processed_at = time.monotonic()
+
+    def end(self) -> None:
+        """Leave no compensation behind."""
+        if self.context.ok() and any(stage.output for stage in self._safety):
+            self._publish_compensation([0.0] * len(self._safety))
+        self._safety = []
+
+    def tear_down(self) -> None:
+        """Remove publishers and subscriptions."""
+        for subscription in self._subscriptions_of_inputs:
+            self.destroy_subscription(subscription)
+        self._subscriptions_of_inputs = []
+        if self._watchdog is not None:
+            self.destroy_timer(self._watchdog)
+        if self._topics is not None:
+            self._topics.destroy()
+        self._watchdog = self._topics = self._engine = None
+
+    def on_tuned(self) -> None:
+        """Take over the compensation's settings."""
+        self._working_engine().tune_compensation(self.settings)
+        outputs = [stage.output for stage in self._safety]
+        self._safety = [SafetyStage(axis.compensation) for axis in self.settings.axes] if outputs else []
+        for stage, output in zip(self._safety, outputs, strict=True):
+            stage.output = output
+
+    def _working_engine(self) -> Engine:
+        if self._engine is None:
+            raise SgmsError("the node is not configured; configure it first")
+        return self._engine
+
+    def _on_position(self, message: bytes) -> None:
+        if self.is_active:
+            self._working_engine().intake.position(message)
+            self._schedule()
+
+    def _on_effort(self, message: bytes) -> None:
+        if self.is_active:
+            self._working_engine().intake.effort(message)
+            self._schedule()
+
+    def _on_both(self, message: bytes) -> None:
+        if self.is_active:
+            self._working_engine().intake.position_and_effort(message)
+            self._schedule()
+
+    def _on_reference(self, message: bytes) -> None:
+        if self.is_active:
+            self._working_engine().intake.reference(message)
+            self._schedule()
+
+    def _schedule(self) -> None:
+        """Have complete samples processed behind the events that wait already."""
+        if not self._is_scheduled and self._working_engine().intake.has_samples:
+            self._is_scheduled = True
+            self.own_executor.create_task(self._process)
+
+    def _process(self) -> None:
+        self._is_scheduled = False
+        if not self.is_active or self._topics is None:
+            return
+        processed = self._working_engine().process()
+        for block in processed.blocks:
+            self._topics.publish(block)
+        for report in processed.reports:
+            self._parameter_topic.publish(encode_diagnostics(report.stamp_ns, [parameter_entry(report)]))
+        for number, estimates in processed.estimates.items():
+            self._safety[number].output = float(estimates.compensation[-1])
+        self._processed_at = time.monotonic()
+
+    def _watch(self) -> None:
+        """Bring the compensation to zero when no samples arrive."""
+        if not self.is_active or not any(stage.output for stage in self._safety):
+            return
+        age = time.monotonic() - self._processed_at
+        if age <= min(axis.compensation.timeout for axis in self.settings.axes):
+            return
+        period = max(min(axis.compensation.timeout for axis in self.settings.axes) / 2, _SHORTEST_WATCH)
+        self._publish_compensation([stage.step(0.0, float("inf"), period) for stage in self._safety])
+
+    def _publish_compensation(self, forces: list[float]) -> None:
+        if self._topics is not None:
+            stamp = np.array([self.get_clock().now().nanoseconds], dtype=np.int64)
+            names = tuple(axis.name for axis in self.settings.axes)
+            self._topics.publish(OutgoingBlock(COMPENSATION, names, stamp, {"effort": np.array([forces])}))
+
+    def _report(self) -> None:
+        """Publish diagnostics and say what is new in them."""
+        now = time.monotonic()
+        seconds, self._reported_at = now - self._reported_at, now
+        engine = self._engine
+        if engine is None or not self.is_active:
+            return
+        name = self.get_name()
+        counts = engine.intake.counts
+        entries = [
+            node_entry(name, engine.axes, "active", counts, engine.clock.take(), engine.clock.deadline_misses, seconds)
+        ]
+        sentences = list(counts.sentences(engine.axes))
+        for axis, statistics, pairing in zip(engine.axes, engine.statistics, engine.intake.pairings, strict=True):
+            entry = axis_entry(name, axis, statistics, pairing.counts, seconds)
+            entries.append(entry)
+            troubles = [*pairing.counts.sentences(), *([entry.message] if entry.level != OK else [])]
+            sentences += [f"axis {axis}: {sentence}" for sentence in troubles]
+            statistics.start_anew()
+        self._diagnostics.publish(encode_diagnostics(self.get_clock().now().nanoseconds, entries))
+        for sentence in self._sentences.new(sentences):
+            self.get_logger().warning(sentence)
+
+    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Answer ``~/reset``: forget every sample and everything learnt."""
+        if self._engine is None:
+            response.success, response.message = False, "the node is not configured; configure it first"
+            return response
+        self._engine.reset()
+        response.success, response.message = True, "the observer starts anew with the next sample"
+        self.get_logger().info("reset on request")
+        return response
+
+    def _save_parameters(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Answer ``~/save_parameters``: write the parameter file with what was learnt."""
+        try:
+            response.message = self._save()
+            response.success = True
+        except (SgmsError, OSError) as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _save(self) -> str:
+        engine = self._working_engine()
+        changes, comments = {}, {}
+        for number, estimates in engine.latest.items():
+            axis = self.settings.axes[number]
+            values = dict(zip(axis.estimator.parameters, estimates.parameters[-1].tolist(), strict=True))
+            if values:
+                changes[axis.name] = learnt_changes(axis, values, engine.observers[number].effects.added_mass)
+                for name in changes[axis.name]:
+                    comments[f"{axis.name}.{name}"] = "learnt by observer_node"
+        now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+        samples = max((statistics.total for statistics in engine.statistics), default=0)
+        comments[""] = f"Written by {self.get_name()} on {now} after {samples} samples."
+        path = Path(self.settings.save_file).expanduser().resolve()
+        write_settings(self.settings, path, changes, comments)
+        what = (
+            ", ".join(f"{axis}: {' '.join(names)}" for axis, names in changes.items())
+            or "nothing learnt, settings as they are"
+        )
+        return f"wrote {path} ({what})"

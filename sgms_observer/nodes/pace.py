@@ -1,0 +1,67 @@
+"""How many samples are due: computed from the elapsed time, never one per tick. No ROS in here."""
+
+from __future__ import annotations
+
+LONGEST_CATCH_UP = 0.5
+"""A clock that leaps further than this [s] was stopped, set or asleep: the samples in between are given up."""
+
+
+class Pace:
+    """Follows a clock that may stand still, run slow, leap or go back.
+
+    Args:
+        sample_period: time between two samples [s].
+        start_ns: the clock's time of the first sample [ns].
+    """
+
+    def __init__(self, sample_period: float, start_ns: int) -> None:
+        self._period_ns = sample_period * 1e9
+        self._start_ns = start_ns
+        self._done = 0
+        self._latest_ns = start_ns
+        self.skipped = 0
+        self.resets = 0
+
+    def due(self, now_ns: int) -> int:
+        """Return how many samples are due now, and count them as done.
+
+        Args:
+            now_ns: the clock's time [ns].
+        """
+        if now_ns < self._latest_ns:
+            self.resets += 1
+            self._anchor(now_ns)
+        elif now_ns - self._next_ns() > LONGEST_CATCH_UP * 1e9:
+            self.skipped += int((now_ns - self._next_ns()) / self._period_ns)
+            self._anchor(now_ns)
+        self._latest_ns = now_ns
+        count = max(0, int((now_ns - self._start_ns) / self._period_ns) + 1 - self._done)
+        self._done += count
+        return count
+
+    @property
+    def first_stamp_ns(self) -> int:
+        """Return the clock's time of sample 0 [ns]; it moves when the clock leaps or goes back."""
+        return self._start_ns
+
+    @property
+    def done(self) -> int:
+        """Return the number of samples since ``first_stamp_ns``."""
+        return self._done
+
+    def stamp_ns(self, number: int) -> int:
+        """Return the stamp of a sample [ns].
+
+        Args:
+            number: counted from ``first_stamp_ns``.
+        """
+        return self._start_ns + round(number * self._period_ns)
+
+    def _next_ns(self) -> float:
+        """Return when the next sample is due [ns]."""
+        return self._start_ns + self._done * self._period_ns
+
+    def _anchor(self, now_ns: int) -> None:
+        """Let the next sample be due now."""
+        self._start_ns = now_ns
+        self._done = 0

@@ -1,0 +1,137 @@
+"""The settings as parameters of a node: declared with type, range and meaning, and read back as checked settings."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterUninitializedException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.settings.axis import Settings
+from sgms_observer.settings.load import settings_from_tree
+from sgms_observer.settings.observer import CompensationSettings
+from sgms_observer.settings.parameters import ParameterDeclaration, declare_all, tree_from_parameters
+
+_TYPES = {
+    "double": Parameter.Type.DOUBLE,
+    "integer": Parameter.Type.INTEGER,
+    "bool": Parameter.Type.BOOL,
+    "string": Parameter.Type.STRING,
+    "double_array": Parameter.Type.DOUBLE_ARRAY,
+    "string_array": Parameter.Type.STRING_ARRAY,
+}
+_LARGEST = sys.float_info.max
+_LARGEST_INTEGER = 2**63 - 1
+#: They decide which parameters there are, so they are fixed once the node runs.
+_STRUCTURE = ("axes", "effect_files", "autostart")
+_TUNABLE = tuple(f".compensation.{field.name}" for field in fields(CompensationSettings))
+
+
+def _descriptor(declaration: ParameterDeclaration) -> ParameterDescriptor:
+    """Return a declaration as ROS describes parameters."""
+    is_fixed = declaration.name in _STRUCTURE or declaration.name.endswith("effects.names")
+    descriptor = ParameterDescriptor(
+        name=declaration.name,
+        type=_TYPES[declaration.type].value,
+        description=declaration.description,
+        read_only=is_fixed,
+    )
+    if declaration.choices:
+        descriptor.additional_constraints = "one of " + ", ".join(declaration.choices)
+    if declaration.minimum is None and declaration.maximum is None:
+        return descriptor
+    if declaration.type.startswith("double"):
+        low = -_LARGEST if declaration.minimum is None else float(declaration.minimum)
+        high = _LARGEST if declaration.maximum is None else float(declaration.maximum)
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    elif declaration.type == "integer":
+        low_integer = -_LARGEST_INTEGER if declaration.minimum is None else int(declaration.minimum)
+        high_integer = _LARGEST_INTEGER if declaration.maximum is None else int(declaration.maximum)
+        descriptor.integer_range = [IntegerRange(from_value=low_integer, to_value=high_integer)]
+    return descriptor
+
+
+@dataclass
+class NodeParameters:
+    """The parameters of one node, and the settings that follow from them.
+
+    Attributes:
+        node: the node.
+        names: full names of the declared parameters.
+    """
+
+    node: Node
+    names: tuple[str, ...]
+
+    @classmethod
+    def declare(cls, node: Node) -> NodeParameters:
+        """Declare every parameter.
+
+        Args:
+            node: the node; its overrides (files, ``-p``) become the values.
+        """
+        names: list[str] = []
+
+        def declare(declaration: ParameterDeclaration) -> Any:
+            names.append(declaration.name)
+            return _declare(node, declaration)
+
+        declare_all(declare)
+        return cls(node, tuple(names))
+
+    def settings(self, changed: Sequence[Parameter] = ()) -> Settings:
+        """Return the settings that the parameters give.
+
+        Args:
+            changed: parameters with values that they do not have yet.
+
+        Raises:
+            ConfigurationError: one sentence per fault, all at once.
+        """
+        values = {name: self.node.get_parameter_or(name).value for name in self.names}
+        values.update({parameter.name: parameter.value for parameter in changed if parameter.name in values})
+        return settings_from_tree(tree_from_parameters(values), "the parameters")
+
+    def check_change(self, parameters: Sequence[Parameter], is_configured: bool) -> SetParametersResult:
+        """Judge a change of parameters at run time.
+
+        Args:
+            parameters: the new values.
+            is_configured: whether the node works with its settings already; then only the compensation's may change.
+        """
+        ours = [parameter for parameter in parameters if parameter.name in self.names]
+        for parameter in ours:
+            if is_configured and not parameter.name.endswith(_TUNABLE):
+                return SetParametersResult(
+                    successful=False,
+                    reason=f"{parameter.name} can change only before the node is configured; deactivate, clean up, set",
+                )
+        try:
+            if ours:
+                self.settings(ours)
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason=" ".join(error.sentences))
+        return SetParametersResult(successful=True)
+
+
+def _declare(node: Node, declaration: ParameterDeclaration) -> Any:
+    """Declare one parameter and return its value; rclpy cannot infer the type of an empty list, so it is given."""
+    descriptor = _descriptor(declaration)
+    if declaration.default != []:
+        return node.declare_parameter(declaration.name, declaration.default, descriptor).value
+    kind = _TYPES[declaration.type]
+    try:
+        value = node.declare_parameter(declaration.name, kind, ParameterDescriptor(name=declaration.name)).value
+    except ParameterUninitializedException:
+        value = None
+    if value is None:
+        node.set_parameters([Parameter(declaration.name, kind, [])])
+        value = []
+    node.set_descriptor(declaration.name, descriptor)
+    return value

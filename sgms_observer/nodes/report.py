@@ -1,0 +1,116 @@
+"""The observer node's ``/diagnostics`` and ``friction_parameters``, as entries of a DiagnosticArray. No ROS in here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from sgms_observer.bags.diagnostics_cdr import DiagnosticStatus
+from sgms_observer.nodes.intake import IntakeCounts
+from sgms_observer.nodes.statistics import AxisStatistics, StepTimes
+from sgms_observer.observer.outgoing import ParameterReport
+from sgms_observer.observer.pairing import PairingCounts
+from sgms_observer.status import Status
+
+OK, WARN, ERROR, STALE = range(4)
+
+NO_SAMPLES = "no samples arrive; check that position and control_effort are published and remapped"
+_LEVELS = {Status.RUNNING: OK, Status.STARTING: OK}
+_NIS_HIGH = 5.0
+
+
+def _number(value: float) -> str:
+    """Return a number as text, six digits of it."""
+    return f"{value:.6g}"
+
+
+def axis_entry(
+    name: str,
+    axis: str,
+    statistics: AxisStatistics,
+    counts: PairingCounts,
+    seconds: float,
+) -> DiagnosticStatus:
+    """Return what diagnostics say of one axis.
+
+    Args:
+        name: the node's name.
+        axis: the axis's name.
+        statistics: what the estimator said since the last report.
+        counts: what became of the axis's messages.
+        seconds: time since the last report [s].
+    """
+    level = _LEVELS.get(statistics.worst, WARN)
+    sentence = statistics.worst.sentence
+    if statistics.samples == 0:
+        level, sentence = STALE, NO_SAMPLES
+    elif statistics.worst is Status.RUNNING and statistics.nis > _NIS_HIGH:
+        level = WARN
+        sentence = "innovations are larger than the model expects; raise measurement_std or identify the model anew"
+    dropped = counts.late + counts.duplicates + counts.invalid
+    values = {
+        "state": statistics.latest.name.lower(),
+        "rate [Hz]": _number(statistics.samples / seconds if seconds > 0.0 else math.nan),
+        "samples": str(statistics.total),
+        "dropped": str(dropped),
+        "rejected": str(statistics.rejected),
+        "without effort": str(counts.missing_efforts),
+        "unmatched efforts": str(counts.unmatched_efforts),
+        "unmatched references": str(counts.unmatched_references),
+        "clock resets": str(counts.clock_resets),
+        "NIS": _number(statistics.nis),
+        **{f"samples {status.name.lower()}": str(count) for status, count in sorted(statistics.totals.items())},
+    }
+    return DiagnosticStatus(level, f"{name}: axis {axis}", sentence, axis, tuple(values.items()))
+
+
+def node_entry(
+    name: str,
+    axes: Sequence[str],
+    state: str,
+    counts: IntakeCounts,
+    times: StepTimes,
+    deadline_misses: int,
+    seconds: float,
+) -> DiagnosticStatus:
+    """Return what diagnostics say of the node as a whole.
+
+    Args:
+        name: the node's name.
+        axes: names of the axes.
+        state: lifecycle state.
+        counts: what became of the messages of all axes.
+        times: how long the steps took.
+        deadline_misses: steps that took longer than their samples lasted, since the start.
+        seconds: time since the last report [s].
+    """
+    sentences = counts.sentences(axes)
+    values = {
+        "state": state,
+        "messages": str(counts.messages),
+        "malformed": str(counts.malformed),
+        "foreign": str(counts.foreign),
+        "short": str(counts.short),
+        "step time p50 [us]": _number(times.median * 1e6),
+        "step time p99 [us]": _number(times.p99 * 1e6),
+        "step time max [us]": _number(times.longest * 1e6),
+        "samples per step": _number(times.samples_per_step),
+        "deadline misses": str(deadline_misses),
+        "period [s]": _number(seconds),
+    }
+    level = WARN if sentences else OK
+    sentence = sentences[0] if sentences else f"the node is {state}"
+    return DiagnosticStatus(level, name, sentence, "", tuple(values.items()))
+
+
+def parameter_entry(report: ParameterReport) -> DiagnosticStatus:
+    """Return what ``friction_parameters`` say of one axis.
+
+    Args:
+        report: values and standard deviations.
+    """
+    values: list[tuple[str, str]] = []
+    for name, value, std in zip(report.names, report.values, report.std, strict=True):
+        values += [(name, repr(value)), (f"{name}_std", repr(std))]
+    sentence = "estimated parameters in SI units; kappa as a share of the nominal stiffness"
+    return DiagnosticStatus(OK, report.axis, sentence, report.axis, tuple(values))

@@ -1,0 +1,96 @@
+"""Starting, spinning and ending a node's process: one way for all nodes, clean under SIGINT and SIGTERM."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from sgms_observer.cli.main import EXIT_FAILED, SHOW_TRACEBACK
+from sgms_observer.errors import SgmsError
+
+if TYPE_CHECKING:
+    from rclpy.executors import Executor
+    from rclpy.node import Node
+
+#: ``EventsExecutor`` hangs after one event when it spins without an end; with a time-out it works.
+_SPIN_AT_ONCE = 3600.0
+
+MISSING_ROS = (
+    "ROS 2 is not importable (no module rclpy): source your ROS 2 installation, "
+    "or install its wheels with: pip install 'sgms_observer[ros]'"
+)
+
+
+def make_executor() -> Executor:
+    """Return the executor that keeps up with 10 kHz; on an rclpy without it the ordinary one."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        from rclpy.executors import SingleThreadedExecutor
+
+        print("this rclpy has no EventsExecutor: above 2 kHz samples will be lost; update ROS 2", file=sys.stderr)
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+def run_node(make_node: Callable[[Executor], Node], arguments: list[str]) -> int:
+    """Run a node until it is told to stop.
+
+    Args:
+        make_node: makes the node; the executor is the one that will spin it.
+        arguments: the process's arguments as rclpy takes them, the program's name first.
+
+    Returns:
+        The exit code: 0 after SIGINT, SIGTERM or a shutdown of ROS; 1 after an error, which is told in sentences.
+    """
+    import rclpy
+    from rclpy.executors import ExternalShutdownException
+    from rclpy.task import Future
+
+    executor = node = None
+    try:
+        rclpy.init(args=arguments)
+        executor = make_executor()
+        node = make_node(executor)
+        executor.add_node(node)
+        never: Future[None] = Future()
+        while rclpy.ok():
+            executor.spin_until_future_complete(never, timeout_sec=_SPIN_AT_ONCE)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except SgmsError as error:
+        return fail(str(error))
+    except Exception as error:
+        # A signal during the start invalidates the context under the node's feet: that is an end, not a fault.
+        if node is None and executor is not None and not rclpy.ok():
+            return 0
+        if os.environ.get(SHOW_TRACEBACK):
+            raise
+        return fail(_own_fault(error))
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def fail(sentences: str) -> int:
+    """Tell people what is wrong and return the exit code for it.
+
+    Args:
+        sentences: what is wrong.
+    """
+    print(sentences, file=sys.stderr)
+    return EXIT_FAILED
+
+
+def _own_fault(error: Exception) -> str:
+    """Return the sentence about an error that is not the input's fault."""
+    text = " ".join(str(error).split())
+    if "rcl" in type(error).__name__.lower() or "arguments" in type(error).__name__.lower():
+        return f"ROS 2 refused to start the node: {text}"
+    return f"the node met a fault of its own, {type(error).__name__}: {text}; set {SHOW_TRACEBACK}=1 to see where"

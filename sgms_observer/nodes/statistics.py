@@ -1,0 +1,147 @@
+"""What the observer node knows of its own work, collected between two diagnostics messages. No ROS in here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sgms_observer.observer.samples import Estimates
+from sgms_observer.status import Status
+
+_KEPT_TIMES = 20_000
+
+
+@dataclass
+class AxisStatistics:
+    """Counts of one axis since the last report, and in all.
+
+    Attributes:
+        samples: samples since the last report.
+        total: samples since the start.
+        totals: samples per ``Status`` since the start.
+        worst: worst status since the last report.
+        latest: status of the latest sample.
+    """
+
+    samples: int = 0
+    total: int = 0
+    totals: dict[Status, int] = field(default_factory=dict)
+    worst: Status = Status.RUNNING
+    latest: Status = Status.STARTING
+    _nis_sum: float = 0.0
+    _nis_count: int = 0
+
+    def add(self, estimates: Estimates) -> None:
+        """Take in a block of estimates."""
+        self.samples += len(estimates.status)
+        self.total += len(estimates.status)
+        codes, counts = np.unique(estimates.status, return_counts=True)
+        for code, count in zip(codes.tolist(), counts.tolist(), strict=True):
+            status = Status(code)
+            self.totals[status] = self.totals.get(status, 0) + count
+        self.worst = max(self.worst, Status(int(codes[-1])))
+        self.latest = Status(int(estimates.status[-1]))
+        corrected = np.isfinite(estimates.innovation) & (estimates.innovation_std > 0.0)
+        if corrected.any():
+            ratio = estimates.innovation[corrected] / estimates.innovation_std[corrected]
+            self._nis_sum += float(ratio @ ratio)
+            self._nis_count += int(ratio.size)
+
+    @property
+    def rejected(self) -> int:
+        """Return the samples that disagreed with the model and were not used, since the start."""
+        return self.totals.get(Status.SAMPLE_REJECTED, 0)
+
+    @property
+    def nis(self) -> float:
+        """Return the mean normalised innovation squared since the last report; NaN without a correction."""
+        return self._nis_sum / self._nis_count if self._nis_count else math.nan
+
+    def start_anew(self) -> None:
+        """Begin the next report."""
+        self.samples = 0
+        self.worst = self.latest
+        self._nis_sum = 0.0
+        self._nis_count = 0
+
+
+@dataclass(frozen=True)
+class StepTimes:
+    """How long the steps since the last report took.
+
+    Attributes:
+        median: half of them took less [s].
+        p99: 99 % took less [s].
+        longest: none took longer [s].
+        samples_per_step: mean number of samples of a step.
+    """
+
+    median: float
+    p99: float
+    longest: float
+    samples_per_step: float
+
+
+class StepClock:
+    """Collects the time each step took, and the steps that took longer than their samples lasted.
+
+    Args:
+        sample_period: nominal time between two samples [s].
+    """
+
+    def __init__(self, sample_period: float) -> None:
+        self._period = sample_period
+        self._seconds: list[float] = []
+        self._samples = 0
+        self.deadline_misses = 0
+
+    def add(self, seconds: float, samples: int) -> None:
+        """Take in one step.
+
+        Args:
+            seconds: how long it took [s].
+            samples: how many samples it took in.
+        """
+        self.deadline_misses += seconds > samples * self._period
+        self._samples += samples
+        if len(self._seconds) < _KEPT_TIMES:
+            self._seconds.append(seconds)
+
+    def take(self) -> StepTimes:
+        """Return the times since the last call, and forget them."""
+        steps = len(self._seconds)
+        if not steps:
+            return StepTimes(math.nan, math.nan, math.nan, math.nan)
+        median, p99, longest = np.percentile(self._seconds, (50.0, 99.0, 100.0)).tolist()
+        times = StepTimes(median, p99, longest, self._samples / steps)
+        self._seconds.clear()
+        self._samples = 0
+        return times
+
+
+class Sentences:
+    """Gives each sentence once per change: what is new since the last time.
+
+    The numbers in a sentence may grow without making it new.
+    """
+
+    def __init__(self) -> None:
+        self._said: set[str] = set()
+
+    def new(self, sentences: Sequence[str]) -> list[str]:
+        """Return the sentences whose text, apart from numbers, was not there the last time.
+
+        Args:
+            sentences: all that hold now.
+        """
+        now = {_without_numbers(sentence): sentence for sentence in sentences}
+        new = [sentence for key, sentence in now.items() if key not in self._said]
+        self._said = set(now)
+        return new
+
+
+def _without_numbers(sentence: str) -> str:
+    return "".join(letter for letter in sentence if not letter.isdigit())

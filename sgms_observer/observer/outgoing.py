@@ -1,0 +1,189 @@
+"""Estimates as the topics carry them: which rows are published, and which axes share a message.
+
+The node and replay both publish what this says, so a replayed bag holds the very messages of the live run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.observer.samples import Estimates
+from sgms_observer.settings.axis import Settings
+
+Floats = NDArray[np.float64]
+
+ESTIMATE = "friction_estimate"
+STD = "friction_std"
+COMPENSATION = "friction_compensation"
+ELEMENTS = "friction_elements"
+PARAMETERS = "friction_parameters"
+JOINT_STATE_TOPICS = (COMPENSATION, ESTIMATE, STD, ELEMENTS)
+
+PARAMETERS_EVERY_NS = 100_000_000
+"""Sample time from one message of ``friction_parameters`` to the next [ns]."""
+
+
+@dataclass(frozen=True)
+class OutgoingBlock:
+    """n JointStates of one topic.
+
+    Attributes:
+        topic: name of the topic.
+        names: entries of ``name``, k of them.
+        stamp_ns: stamps [ns], shape (n,).
+        values: any of ``position``, ``velocity``, ``effort``, in this order, each of shape (n, k).
+    """
+
+    topic: str
+    names: tuple[str, ...]
+    stamp_ns: NDArray[np.int64]
+    values: Mapping[str, Floats]
+
+
+@dataclass(frozen=True)
+class ParameterReport:
+    """What ``friction_parameters`` says of one axis at one time.
+
+    Attributes:
+        axis: name of the axis.
+        stamp_ns: time of the sample [ns].
+        names: estimated parameters.
+        values: their values [SI units; kappa as a share].
+        std: their standard deviations.
+    """
+
+    axis: str
+    stamp_ns: int
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+    std: tuple[float, ...]
+
+
+class Outgoing:
+    """Turns blocks of estimates into blocks of messages.
+
+    Args:
+        settings: all axes, and how many estimates are published.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._axes = tuple(axis.name for axis in settings.axes)
+        self._elements = tuple(
+            tuple(f"{axis.name}/{i + 1}" for i in range(len(axis.friction.element_stiffness))) for axis in settings.axes
+        )
+        self._parameters = tuple(axis.estimator.parameters for axis in settings.axes)
+        self._every = settings.publish_every
+        self._seen = [0] * len(self._axes)
+        self._reported = [-1] * len(self._axes)
+
+    def blocks(self, estimates: Mapping[int, Estimates]) -> list[OutgoingBlock]:
+        """Return the messages for new estimates.
+
+        Args:
+            estimates: number of the axis to its new estimates.
+
+        Returns:
+            Blocks of messages; axes with the same stamps share a message.
+        """
+        found = []
+        for axes, group in _by_stamps(estimates):
+            found.append(self._effort(COMPENSATION, axes, group, "compensation"))
+        published = {
+            axis: rows for axis, block in estimates.items() if (rows := self._published(axis, block)) is not None
+        }
+        for axes, group in _by_stamps(published):
+            stamps = group[0].stamp_ns
+            names = tuple(self._axes[axis] for axis in axes)
+            motion = {
+                "position": _columns(group, "position"),
+                "velocity": _columns(group, "velocity"),
+                "effort": _columns(group, "friction"),
+            }
+            elements = {
+                "position": np.concatenate([block.element_deflection for block in group], axis=1),
+                "effort": np.concatenate([block.element_force for block in group], axis=1),
+            }
+            element_names = tuple(name for axis in axes for name in self._elements[axis])
+            found.append(OutgoingBlock(ESTIMATE, names, stamps, motion))
+            found.append(self._effort(STD, axes, group, "friction_std"))
+            found.append(OutgoingBlock(ELEMENTS, element_names, stamps, elements))
+        return found
+
+    def reports(self, estimates: Mapping[int, Estimates]) -> list[ParameterReport]:
+        """Return what is to be said of the estimated parameters: at most ten times per second of sample time.
+
+        Args:
+            estimates: number of the axis to its new estimates.
+        """
+        found = []
+        for axis, block in estimates.items():
+            if not self._parameters[axis]:
+                continue
+            slots = block.stamp_ns // PARAMETERS_EVERY_NS
+            before = np.concatenate([[self._reported[axis]], slots[:-1]])
+            self._reported[axis] = int(slots[-1])
+            for row in np.flatnonzero(slots != before):
+                found.append(
+                    ParameterReport(
+                        self._axes[axis],
+                        int(block.stamp_ns[row]),
+                        self._parameters[axis],
+                        tuple(block.parameters[row].tolist()),
+                        tuple(block.parameter_std[row].tolist()),
+                    )
+                )
+        return found
+
+    def _effort(self, topic: str, axes: Sequence[int], group: Sequence[Estimates], field: str) -> OutgoingBlock:
+        """Return messages that carry an effort only."""
+        names = tuple(self._axes[axis] for axis in axes)
+        return OutgoingBlock(topic, names, group[0].stamp_ns, {"effort": _columns(group, field)})
+
+    def _published(self, axis: int, block: Estimates) -> Estimates | None:
+        """Return the rows that ``publish_every`` lets through."""
+        if self._every == 1:
+            return block
+        first = -self._seen[axis] % self._every
+        self._seen[axis] += len(block.stamp_ns)
+        return select_rows(block, slice(first, None, self._every)) if first < len(block.stamp_ns) else None
+
+
+def select_rows(block: Estimates, rows: slice | NDArray[np.bool_]) -> Estimates:
+    """Return some rows of a block of estimates.
+
+    Args:
+        block: the estimates.
+        rows: which of them.
+    """
+    return Estimates(**{field.name: getattr(block, field.name)[rows] for field in fields(Estimates)})
+
+
+def _columns(group: Sequence[Estimates], field: str) -> Floats:
+    """Return one field of several axes side by side, shape (n, axes)."""
+    if len(group) == 1:
+        column: Floats = getattr(group[0], field)[:, np.newaxis]
+        return column
+    return np.stack([getattr(block, field) for block in group], axis=1)
+
+
+def _by_stamps(estimates: Mapping[int, Estimates]) -> list[tuple[tuple[int, ...], list[Estimates]]]:
+    """Group axes whose stamps agree; where they do not, the common stamps go together and the rest apart."""
+    axes = tuple(estimates)
+    blocks = list(estimates.values())
+    if len(blocks) <= 1 or all(np.array_equal(blocks[0].stamp_ns, block.stamp_ns) for block in blocks[1:]):
+        return [(axes, blocks)] if blocks and len(blocks[0].stamp_ns) else []
+    common = blocks[0].stamp_ns
+    for block in blocks[1:]:
+        common = common[np.isin(common, block.stamp_ns)]
+    shared = [np.isin(block.stamp_ns, common) for block in blocks]
+    groups = []
+    if common.size:
+        groups.append((axes, [select_rows(block, mask) for block, mask in zip(blocks, shared, strict=True)]))
+    for axis, block, mask in zip(axes, blocks, shared, strict=True):
+        if not mask.all():
+            groups.append(((axis,), [select_rows(block, ~mask)]))
+    return groups
