@@ -31,10 +31,14 @@ from sgms_observer.settings.observer import CompensationSettings
 from sgms_observer.status import Status
 
 # the state that evolves, one array
-OUTPUT, TRUST, RAW, LAST_POSITION, LAST_VELOCITY, HAS_LAST, IS_ALIGNED, STATE_SIZE = range(8)
+OUTPUT, TRUST, RAW, LAST_POSITION, LAST_VELOCITY, HAS_LAST, IS_ALIGNED, STEADY, STATE_SIZE = range(9)
 # the settings the kernel reads, one array
 ENABLED, GAIN, LIMIT, SLEW, LOOK_AHEAD, STANDSTILL, FADE_STD, TIMEOUT, TUNING_SIZE = range(9)
 
+# Without a reference a motion counts once the estimated velocity has kept its sign for so long, or is this many times
+# the standstill velocity: the noise of a velocity at rest does neither.
+_STEADY_TIME = 5.0e-3
+_CLEARLY_MOVING = 10.0
 _FADE_START = 0.5  # share of fade_std up to which nothing is faded
 _GOOD = (Status.RUNNING, Status.FALLBACK_NOT_CONVERGED, Status.FALLBACK_DEADLINE)
 _RESTART = (Status.STARTING, Status.RESTARTED_AFTER_GAP)
@@ -76,6 +80,15 @@ def _next_trust(trust: float, verdict: int, period: float, timeout: float) -> fl
         return 0.0
     change = period / timeout
     return min(1.0, trust + change) if verdict == 0 else max(0.0, trust - change)
+
+
+@njit
+def _next_steady(steady: float, velocity: float, period: float, standstill: float) -> float:
+    """Return for how long the velocity has kept its sign [s], with that sign."""
+    if not (abs(velocity) > standstill and period > 0.0):
+        return 0.0
+    direction = math.copysign(1.0, velocity)
+    return steady + direction * period if steady * direction > 0.0 else direction * period
 
 
 @njit
@@ -150,7 +163,8 @@ def _compensate(
             state[IS_ALIGNED] = 0.0
             set_velocity = velocity[k]
             acceleration = 0.0
-            is_moving = abs(set_velocity) > tuning[STANDSTILL]
+            state[STEADY] = _next_steady(state[STEADY], set_velocity, h, tuning[STANDSTILL])
+            is_moving = abs(state[STEADY]) >= _STEADY_TIME or abs(set_velocity) > _CLEARLY_MOVING * tuning[STANDSTILL]
             forces[:] = element_force[k]
             modes[:] = 0
         state[LAST_POSITION] = set_position
