@@ -226,7 +226,7 @@ def _resolved(name: str, folder: Path) -> str:
     if not name or Path(name).is_absolute() or folder == Path("."):
         return name
     beside = str(folder / name)
-    return beside if is_file(beside) or not is_file(name) else name
+    return beside if is_file(beside) else name
 
 
 def _axis(

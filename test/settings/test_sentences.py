@@ -76,7 +76,10 @@ ONE_FAULT = [
         "x.friction.element_stiffness = -2 N/m in entry 2 must be > 0; raise it",
     ),
     (axis(friction={"model": "sgsm"}), "x.friction.model = 'sgsm' must be sgms or gms; did you mean sgms?"),
-    (axis(filter={"kind": "moving average"}), "x.filter.kind = 'moving average' must be lowpass, savgol or kalman; choose one"),
+    (
+        axis(filter={"kind": "moving average"}),
+        "x.filter.kind = 'moving average' must be lowpass, savgol or kalman; choose one",
+    ),
     (
         axis(estimator={"parameters": ["kapa"]}),
         "x.estimator.parameters = 'kapa' must be kappa, viscous_coefficient, coulomb_force, static_force, "
@@ -85,18 +88,30 @@ ONE_FAULT = [
     # names
     ({"sample_time": 1e-3}, "sample_time is not a setting; did you mean sample_period?"),
     (axis(masss=3), "x.masss is not a setting; did you mean x.mass?"),
-    (axis(friction={"kappa": 3}), "x.friction.kappa is not a setting; remove it, or look its name up in docs/parameters.md"),
-    (axis(viscous_coefficient=3), "x.viscous_coefficient is not a setting; did you mean x.friction.viscous_coefficient?"),
+    (
+        axis(friction={"kappa": 3}),
+        "x.friction.kappa is not a setting; remove it, or look its name up in docs/parameters.md",
+    ),
+    (
+        axis(viscous_coefficient=3),
+        "x.viscous_coefficient is not a setting; did you mean x.friction.viscous_coefficient?",
+    ),
     (axis(sample_period=1e-3), "x.sample_period is not a setting; did you mean sample_period?"),
     (axis(**{"3": 1}), "x.3 is not a setting; remove it, or look its name up in docs/parameters.md"),
-    ({"axes": ["x"], "x": {True: 1}}, "x.true is not the name of a setting; put quotes around it if it is a name, or remove it"),
+    (
+        {"axes": ["x"], "x": {True: 1}},
+        "x.true is not the name of a setting; put quotes around it if it is a name, or remove it",
+    ),
     # axes
     ({"axes": []}, "axes = [] must name at least one axis; write axes: [x]"),
     ({"axes": ["x", "x"]}, "axes = ['x', 'x'] must name each axis once; remove the second x"),
     ({"axes": ["x/y"]}, "axes = 'x/y' must be a word of letters, digits, - and _; rename the axis"),
     ({"axes": ["autostart"]}, "axes = 'autostart' must not be the name of a setting; rename the axis"),
     ({"axes": [1]}, "axes = 1 must be text; put it in quotes"),
-    ({"axes": ["x"], "y": {"mass": 3}}, "y has settings of an axis but axes = ['x'] must name it; add y to axes or remove it"),
+    (
+        {"axes": ["x"], "y": {"mass": 3}},
+        "y has settings of an axis but axes = ['x'] must name it; add y to axes or remove it",
+    ),
     # between settings
     (
         axis(friction={"static_force": 1.2, "coulomb_force": 1.5}),
@@ -139,20 +154,22 @@ ONE_FAULT = [
     ),
     (
         axis(stage={"reference": {"frequency": 6000.0}}),
-        "x.stage.reference.frequency = 6000 Hz must be < 5000 Hz, half the sample rate; lower it or shorten sample_period",
+        "x.stage.reference.frequency = 6000 Hz must be < 5000 Hz, half the sample rate; "
+        "lower it or shorten sample_period",
     ),
     (
         axis(stage={"reference": {"kind": "file"}}),
-        "x.stage.reference.file = \"\" must name a CSV file because kind is file; write its path",
+        'x.stage.reference.file = "" must name a CSV file because kind is file; write its path',
     ),
     (
         axis(stage={"reference": {"kind": "file", "file": "no/such.csv"}}),
-        "x.stage.reference.file = 'no/such.csv' must be a readable file; correct the path (a relative one starts at the "
-        "folder of the parameter file)",
+        "x.stage.reference.file = 'no/such.csv' must be a readable file; correct the path (a relative one starts at "
+        "the folder of the parameter file)",
     ),
     (
         axis(stage={"controller": {"bandwidth": 5000}}),
-        "x.stage.controller.bandwidth = 5000 Hz must be < 5000 Hz, half the sample rate; lower it or shorten sample_period",
+        "x.stage.controller.bandwidth = 5000 Hz must be < 5000 Hz, half the sample rate; "
+        "lower it or shorten sample_period",
     ),
     (
         axis(filter={"kind": "lowpass", "cutoff": 5000}),
@@ -160,7 +177,8 @@ ONE_FAULT = [
     ),
     (
         axis(filter={"window": 3e-4}),
-        "x.filter.window = 0.0003 s must be >= 0.0004 s, 4 times sample_period, for degree = 3; lengthen it or lower degree",
+        "x.filter.window = 0.0003 s must be >= 0.0004 s, 4 times sample_period, for degree = 3; "
+        "lengthen it or lower degree",
     ),
     (axis(filter={"window": 3}), "x.filter.window = 3 s must be <= 1 s, 10000 times sample_period; shorten it"),
     (
@@ -182,7 +200,10 @@ ONE_FAULT = [
     ),
     ({"effect_files": ["mine.py"]}, "effect_files = 'mine.py' must be a readable Python file; correct the path"),
     # effects
-    (axis(effects=["cogging"]), "x.effects = ['cogging'] must be a group of settings; write names: [...] below it, indented"),
+    (
+        axis(effects=["cogging"]),
+        "x.effects = ['cogging'] must be a group of settings; write names: [...] below it, indented",
+    ),
     (
         axis(effects={"names": ["coging"]}),
         "x.effects.names = 'coging' must be an effect of the catalogue; did you mean cogging?",
