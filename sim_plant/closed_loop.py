@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from functools import partial
 
 import numpy as np
 
@@ -44,8 +45,23 @@ class ClosedLoop:
             One record and one block of estimates per axis.
         """
         if not self._has_feedback:
-            records = self._table.step(count)
-            return records, self._observe(records)
+            together = self._table.step(count)
+            return together, self._observe(together)
+        if self._table.is_coupled:
+            return self._step_together(count)
+        records: list[StageRecord] = []
+        estimates: list[Estimates] = []
+        for i, stage in enumerate(self._table.stages):
+            rows: list[Estimates] = []
+            record, self._compensation[i] = stage.step_answered(
+                count, partial(_answer, self._observers[i], rows), self._compensation[i]
+            )
+            records.append(record)
+            estimates.append(join_estimates(rows))
+        return tuple(records), tuple(estimates)
+
+    def _step_together(self, count: int) -> tuple[tuple[StageRecord, ...], tuple[Estimates, ...]]:
+        """Step axes that feel each other, all by one sample at a time."""
         record_rows, estimate_rows = [], []
         for _ in range(count):
             records = self._table.step(1, self._compensation)
@@ -60,6 +76,13 @@ class ClosedLoop:
 
     def _observe(self, records: Sequence[StageRecord]) -> tuple[Estimates, ...]:
         return tuple(observe(record.samples) for observe, record in zip(self._observers, records, strict=True))
+
+
+def _answer(observe: ObserverStep, rows: list[Estimates], samples: Samples) -> float:
+    """Ask one observer, keep what it says in ``rows``, and return its compensation [N]."""
+    estimates = observe(samples)
+    rows.append(estimates)
+    return float(estimates.compensation[-1])
 
 
 def join_estimates(blocks: Sequence[Estimates]) -> Estimates:

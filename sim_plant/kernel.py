@@ -17,9 +17,10 @@ from sim_plant.true_friction import TrueFriction
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# Rows of what the kernel writes per sample.
+# Columns of what the kernel writes per sample.
 POSITION, VELOCITY, ACCELERATION, MEASURED, CONTROL, APPLIED, FRICTION, EFFECT = range(8)
-RECORDED = 8
+REFERENCE_POSITION, REFERENCE_VELOCITY, REFERENCE_ACCELERATION = range(8, 11)
+RECORDED = 11
 
 # Rows of what a plan holds per tick (see plan.py).
 PLAN_POSITION, PLAN_VELOCITY, PLAN_ACCELERATION, PLAN_ENCODER_NOISE = range(4)
@@ -114,7 +115,7 @@ def run_samples(
         sample_plan: force noise and disturbance of every sample of the plan [N], rows PLAN_*.
         compensation: feedforward at each sample [N], shape (n,).
         other: velocity [m/s] and acceleration [m/s^2] of the other axis.
-        recorded: written, shape (RECORDED, n).
+        recorded: written, shape (n, RECORDED).
         element_force: written [N], shape (n, n_z).
     """
     substeps = constants.substeps
@@ -149,11 +150,14 @@ def run_samples(
                 for i in range(memory.force.shape[0]):
                     total += memory.force[i]
                     element_force[k, i] = memory.force[i]
-                recorded[POSITION, k] = motion.position
-                recorded[VELOCITY, k] = motion.velocity
-                recorded[MEASURED, k] = seen
-                recorded[CONTROL, k] = command + sample_plan[PLAN_FORCE_NOISE, planned]
-                recorded[FRICTION, k] = total
+                recorded[k, POSITION] = motion.position
+                recorded[k, VELOCITY] = motion.velocity
+                recorded[k, MEASURED] = seen
+                recorded[k, CONTROL] = command + sample_plan[PLAN_FORCE_NOISE, planned]
+                recorded[k, FRICTION] = total
+                recorded[k, REFERENCE_POSITION] = tick_plan[PLAN_POSITION, column]
+                recorded[k, REFERENCE_VELOCITY] = tick_plan[PLAN_VELOCITY, column]
+                recorded[k, REFERENCE_ACCELERATION] = tick_plan[PLAN_ACCELERATION, column]
             for j in range(substeps):
                 sent = (tick * substeps + j - constants.delay_substeps) // substeps
                 arrived = memory.efforts[sent % ring] if sent >= 0 else 0.0
@@ -165,9 +169,9 @@ def run_samples(
                     memory.next_force, memory.next_mode, memory.next_effect_state, memory.scratch,
                 )  # fmt: skip
                 if part == 0 and j == 0:
-                    recorded[ACCELERATION, k] = motion.acceleration
-                    recorded[APPLIED, k] = arrived
-                    recorded[EFFECT, k] = motion.effect_force
+                    recorded[k, ACCELERATION] = motion.acceleration
+                    recorded[k, APPLIED] = arrived
+                    recorded[k, EFFECT] = motion.effect_force
             tick += 1
     memory.motion[0] = motion.position
     memory.motion[1] = motion.velocity

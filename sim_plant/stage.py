@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.effects.compiled import SCRATCH, CompiledEffects
 from sgms_observer.errors import ConfigurationError
+from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.axis import AxisSettings
 from sim_plant import kernel
+from sim_plant.buffer import RecordBuffer
 from sim_plant.controller import controller_gains
 from sim_plant.integration import EffectArrays
 from sim_plant.plan import SAMPLES_PER_PLAN, Plan
-from sim_plant.record import StageRecord, join_records
+from sim_plant.record import StageRecord
 from sim_plant.reference import make_reference
 from sim_plant.true_friction import true_friction
 
@@ -138,18 +141,40 @@ class SimulatedStage:
         Raises:
             ValueError: when ``compensation`` has another shape.
         """
-        taken = self._taken(compensation, count)
+        buffer = self._buffer(count)
+        buffer.compensation[:] = self._taken(compensation, count)
         other = np.array([other_velocity, other_acceleration])
-        records = []
         first = 0
         while first < count:
-            inside = self._done % SAMPLES_PER_PLAN
-            if inside == 0 and self._done > 0:
-                self._plan.advance()
-            length = min(count - first, SAMPLES_PER_PLAN - inside)
-            records.append(self._run(inside, taken[first : first + length], other))
+            length = min(count - first, SAMPLES_PER_PLAN - self._done % SAMPLES_PER_PLAN)
+            self._run(buffer, first, first + length, other)
             first += length
-        return join_records(records)
+        return buffer.record()
+
+    def step_answered(
+        self, count: int, answer: Callable[[Samples], float], compensation: float = 0.0
+    ) -> tuple[StageRecord, float]:
+        """Give the next samples one by one, each answered by a compensation for the sample after it.
+
+        Args:
+            count: number of samples, at least 1.
+            answer: gets each sample as an observer sees it and returns the feedforward from the next one on [N].
+            compensation: feedforward at the first sample [N].
+
+        Returns:
+            The samples, and the last answer [N].
+        """
+        buffer = self._buffer(count)
+        other = np.zeros(2)
+        for k in range(count):
+            buffer.compensation[k] = self._taken(compensation, 1)[0]
+            self._run(buffer, k, k + 1, other)
+            compensation = answer(buffer.samples(k))
+        return buffer.record(), compensation
+
+    def _buffer(self, count: int) -> RecordBuffer:
+        """Return room for the next samples."""
+        return RecordBuffer(self._done, count, len(self._memory.force), self.sample_period, self.start_ns)
 
     def _taken(self, compensation: float | Floats, count: int) -> Floats:
         """Return the feedforward that goes into the effort at each sample [N]."""
@@ -160,35 +185,14 @@ class SimulatedStage:
         wanted = np.broadcast_to(np.asarray(compensation, dtype=np.float64), (count,))
         return np.where(np.isfinite(wanted), wanted, 0.0)
 
-    def _run(self, inside: int, compensation: Floats, other: Floats) -> StageRecord:
-        """Run samples that lie in one block of the plan, from its sample ``inside`` on."""
-        count = len(compensation)
-        ticks = self._constants.ticks_per_sample
-        recorded = np.empty((kernel.RECORDED, count))
-        element_force = np.empty((count, len(self._memory.force)))
+    def _run(self, buffer: RecordBuffer, first: int, end: int, other: Floats) -> None:
+        """Fill the rows from ``first`` to ``end`` of the buffer; they lie in one block of the plan."""
+        inside = self._done % SAMPLES_PER_PLAN
+        if inside == 0 and self._done > 0:
+            self._plan.advance()
         kernel.run_samples(
             self._constants, self._friction, self._effects, self._user, self._gains, self._memory,
-            self._done * ticks, inside, self._plan.ticks, self._plan.samples, compensation, other,
-            recorded, element_force,
+            self._done * self._constants.ticks_per_sample, inside, self._plan.ticks, self._plan.samples,
+            buffer.compensation[first:end], other, buffer.recorded[first:end], buffer.element_force[first:end],
         )  # fmt: skip
-        index = np.arange(self._done, self._done + count)
-        self._done += count
-        time = (index * self.sample_period).astype(np.float64)
-        reference = self._plan.ticks[:3, inside * ticks : (inside + count) * ticks : ticks]
-        return StageRecord(
-            stamp_ns=self.start_ns + np.rint(index * (self.sample_period * 1e9)).astype(np.int64),
-            time=time,
-            position=recorded[kernel.POSITION],
-            velocity=recorded[kernel.VELOCITY],
-            acceleration=recorded[kernel.ACCELERATION],
-            measured_position=recorded[kernel.MEASURED],
-            control_effort=recorded[kernel.CONTROL],
-            effort_applied=recorded[kernel.APPLIED],
-            reference_position=reference[kernel.PLAN_POSITION].copy(),
-            reference_velocity=reference[kernel.PLAN_VELOCITY].copy(),
-            reference_acceleration=reference[kernel.PLAN_ACCELERATION].copy(),
-            friction=recorded[kernel.FRICTION],
-            element_force=element_force,
-            effect_force=recorded[kernel.EFFECT],
-            compensation=compensation,
-        )
+        self._done += end - first

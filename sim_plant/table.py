@@ -35,7 +35,7 @@ class SimulatedTable:
         if seed is not None:
             axes = tuple(replace(axis, stage=replace(axis.stage, seed=seed)) for axis in axes)
         self.stages = tuple(SimulatedStage(axis, settings.sample_period, start_ns) for axis in axes)
-        self._is_coupled = len(self.stages) > 1 and any(stage.is_coupled for stage in self.stages)
+        self.is_coupled = len(self.stages) > 1 and any(stage.is_coupled for stage in self.stages)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -53,7 +53,7 @@ class SimulatedTable:
             One record per axis.
         """
         forces: Sequence[float | Floats] = [0.0] * len(self.stages) if compensation is None else compensation
-        if not self._is_coupled:
+        if not self.is_coupled:
             return tuple(stage.step(count, force) for stage, force in zip(self.stages, forces, strict=True))
         columns = [np.broadcast_to(np.asarray(force, dtype=np.float64), (count,)) for force in forces]
         rows = [self._coupled_sample([float(column[k]) for column in columns]) for k in range(count)]

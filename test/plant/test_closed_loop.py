@@ -7,12 +7,13 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from stages import paper_axis
+from stages import paper_axis, with_reference
 
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates, Samples
-from sgms_observer.settings.axis import AxisSettings, Settings
+from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
 from sim_plant.closed_loop import ClosedLoop
+from sim_plant.record import StageRecord, join_records
 from sim_plant.table import SimulatedTable
 
 
@@ -34,6 +35,23 @@ def test_compensation_arrives_with_the_next_sample() -> None:
     first, second = loop.step(30)[0][0], loop.step(20)[0][0]
     compensation = np.concatenate([first.compensation, second.compensation])
     assert_array_equal(compensation, np.concatenate([[0.0], np.arange(49) * 1e5 * 1e-6]))
+
+
+def test_coupled_axes_are_answered_alike() -> None:
+    coupling = (EffectSettings("cross_axis_coupling", (0.0, 0.0)),)
+    x = replace(paper_axis(), name="x")
+    y = replace(with_reference(paper_axis("sgms"), frequency=7.0), name="y")
+
+    def run(axes: tuple[AxisSettings, ...]) -> list[StageRecord]:
+        def observe(samples: Samples) -> Estimates:
+            return estimates_of(samples, 1e4 * float(samples.position[-1]))
+
+        loop = ClosedLoop(SimulatedTable(Settings(axes=axes)), [observe, observe])
+        return [join_records(blocks) for blocks in zip(*(loop.step(n)[0] for n in (40, 60)), strict=True)]
+
+    for alone, coupled in zip(run((x, y)), run((x, replace(y, stage_effects=coupling))), strict=True):
+        assert np.abs(alone.compensation).max() > 0.1
+        np.testing.assert_allclose(coupled.position, alone.position, rtol=0.0, atol=1e-15)
 
 
 def observed(axis: AxisSettings, samples: int, has_feedback: bool) -> tuple[np.ndarray, Estimates]:

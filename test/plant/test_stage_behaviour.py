@@ -117,6 +117,15 @@ def test_slower_samples_show_the_same_motion() -> None:
     assert_array_equal(np.diff(slow.stamp_ns), 1_000_000)
 
 
+@pytest.mark.parametrize("period", [5e-5, 2.5e-4, 3e-4, 2e-3])
+def test_any_sample_period_tracks(period: float) -> None:
+    axis = with_reference(paper_axis("sgms"), frequency=2.0)
+    record = SimulatedStage(axis, period).step(round(1.0 / period))
+    assert record.time[-1] == pytest.approx((len(record) - 1) * period)
+    error = np.abs(record.position - record.reference_position)[len(record) // 10 :]
+    assert error.max() < 1.2 * static_error_bound(axis, 2e-4 * (2 * np.pi * 2) ** 2)
+
+
 def test_force_arrives_after_the_delay() -> None:
     record = SimulatedStage(paper_axis("gms", actuation_delay=5e-4), 1e-4).step(3000)
     assert_array_equal(record.effort_applied[5:], record.control_effort[:-5])
