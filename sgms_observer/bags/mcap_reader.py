@@ -199,7 +199,9 @@ class McapReader:
         except (struct.error, ValueError):
             return
         kind = self._schemas.get(schema, "")
-        if self.topics.setdefault(name, kind) == kind:
+        if not (name.isprintable() and kind.isprintable()):
+            self.warnings.append(f"{self.path} has a damaged topic; its messages are not read")
+        elif self.topics.setdefault(name, kind) == kind:
             self._channels[channel] = name
         elif channel not in self._channels:
             self.warnings.append(

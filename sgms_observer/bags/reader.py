@@ -18,6 +18,9 @@ from sgms_observer.observer.samples import Samples
 
 INPUTS = ("position", "control_effort", "reference")
 _SINGLE_TOPIC = "joint_states"
+_STEPS = 10  # steps of the stamps that the sample period is taken from, at least
+_BLOCKS = 20  # blocks that are looked at for them, at most
+_UNKNOWN_PERIOD = 1.0e-3  # s, for a recording of a single sample
 
 
 def find_topic(bag: BagReader, name: str) -> str | None:
@@ -107,16 +110,19 @@ class BagSamples:
     def __iter__(self) -> Iterator[tuple[str, Samples]]:
         """Yield axis and samples, in order of time for each axis."""
         wanted = tuple(dict.fromkeys(topic for topic in self._topics.values() if topic))
+        waiting: list[dict[str, list[JointStates]]] = []
         with self._bag:
             for block in self._bag.blocks(wanted):
-                decoded = {topic: self._decode(block, topic) for topic in wanted}
-                if not self._pairings and not self._start(decoded):
+                waiting.append({topic: self._decode(block, topic) for topic in wanted})
+                if not self._pairings and not self._start(waiting):
                     continue
-                for axis, pairing in self._pairings.items():
-                    inputs = [_select(decoded.get(self._topics[name] or "", []), axis, name) for name in INPUTS]
-                    push_block(pairing, *inputs)
-                    while (samples := pairing.pop()) is not None:
-                        yield axis, samples
+                for decoded in waiting:
+                    yield from self._pair(decoded)
+                waiting.clear()
+            if waiting:
+                self._start(waiting, is_all=True)
+            for decoded in waiting:
+                yield from self._pair(decoded)
             for axis, pairing in self._pairings.items():
                 pairing.flush()
                 while (samples := pairing.pop()) is not None:
@@ -150,20 +156,25 @@ class BagSamples:
                     self._seen[name] = self._seen.get(name, 0) + group.row.size
         return groups
 
-    def _start(self, decoded: Mapping[str, list[JointStates]]) -> bool:
-        """Make the pairings once the sample period is known; return whether it is."""
+    def _pair(self, decoded: Mapping[str, list[JointStates]]) -> Iterator[tuple[str, Samples]]:
+        """Push one block's messages and yield what is complete."""
+        for axis, pairing in self._pairings.items():
+            inputs = [_select(decoded.get(self._topics[name] or "", []), axis, name) for name in INPUTS]
+            push_block(pairing, *inputs)
+            while (samples := pairing.pop()) is not None:
+                yield axis, samples
+
+    def _start(self, waiting: Sequence[Mapping[str, list[JointStates]]], is_all: bool = False) -> bool:
+        """Make the pairings once the blocks that wait show the sample period; return whether they do."""
         period = self._period
         if period is None:
-            stamps = [
-                group.stamp_ns
-                for group in decoded[self._topics["position"] or ""]
-                if set(self._axes) & set(group.names)
-            ]
-            steps = np.diff(np.sort(np.concatenate(stamps))) if stamps else np.empty(0)
+            topic = self._topics["position"] or ""
+            groups = [group for decoded in waiting for group in decoded[topic] if set(self._axes) & set(group.names)]
+            steps = np.diff(np.sort(np.concatenate([group.stamp_ns for group in groups]))) if groups else np.empty(0)
             steps = steps[steps > 0]
-            if steps.size == 0:
+            if steps.size < _STEPS and len(waiting) < _BLOCKS and not is_all:
                 return False
-            period = float(np.median(steps)) * 1e-9
+            period = float(np.median(steps)) * 1e-9 if steps.size else _UNKNOWN_PERIOD
         self._pairings = {axis: Pairing(period) for axis in self._axes}
         return True
 
@@ -177,7 +188,7 @@ class BagSamples:
                 raise RecordingError(
                     f"{topic} in {self._bag.path} has no usable position of axis {axis}; record it again"
                 )
-            held = ", ".join(list(self._seen)[:10]) or "no joint"
+            held = ", ".join(ascii(name)[1:-1] for name in list(self._seen)[:10]) or "no joint"
             raise RecordingError(
                 f"{topic} in {self._bag.path} holds {held}, not axis {axis}; name the axis as the bag does"
             )

@@ -42,10 +42,11 @@ class SqliteReader:
         reason = ""
         for mode in _MODES:
             connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?{mode}", uri=True)
+            connection.text_factory = lambda data: data.decode("utf-8", "replace")
             try:
                 rows = connection.execute("SELECT id, name, type FROM topics ORDER BY id").fetchall()
                 connection.execute("SELECT topic_id, timestamp, data FROM messages LIMIT 1").fetchall()
-            except (sqlite3.Error, OverflowError) as error:
+            except (sqlite3.Error, OverflowError, ValueError) as error:  # ValueError: its message is no UTF-8
                 connection.close()
                 reason = str(error)
                 continue
@@ -54,7 +55,8 @@ class SqliteReader:
         else:
             raise RecordingError(f"{path} cannot be read as a rosbag2 database: {reason}; check what wrote it")
         for number, name, kind in rows:
-            if isinstance(name, str) and isinstance(kind, str) and self.topics.setdefault(name, kind) == kind:
+            is_text = isinstance(name, str) and isinstance(kind, str) and name.isprintable() and kind.isprintable()
+            if is_text and self.topics.setdefault(name, kind) == kind:
                 self._numbers[number] = name
 
     @property
@@ -100,5 +102,5 @@ class SqliteReader:
                     np.cumsum(length) - length,
                     length,
                 )
-        except (sqlite3.Error, OverflowError) as error:
+        except (sqlite3.Error, OverflowError, ValueError) as error:  # ValueError: its message is no UTF-8
             self.warnings.append(f"{self.path} is damaged ({error}); the messages behind the damage are missing")
