@@ -269,8 +269,8 @@ class JointStateEncoder:
                 self._pack_field(buffer, start, *values)
         except (struct.error, ValueError):
             raise DataError(
-                f"{[len(values) for values in fields]} numbers do not fill {len(self.starts)} fields of {self._count} axes;"
-                " give each field one number per axis"
+                f"fields of {[len(values) for values in fields]} numbers do not fit {len(self.starts)} fields of"
+                f" {self._count} axes; give each field one number per axis"
             ) from None
         return bytes(buffer)
 

@@ -80,8 +80,8 @@ class Pairing:
     """Merges the streams of one axis; the result does not depend on how they interleave.
 
     Stamps count as equal within a quarter of a sample period. A position whose effort is known to be missing (a later
-    one is there) is handed on with effort NaN. A stream that stays silent is waited for ``hold`` only: then it counts as
-    absent until it speaks, so that nothing stalls and no queue grows.
+    one is there) is handed on with effort NaN. A stream that stays silent is waited for ``hold`` only: then it counts
+    as absent until it speaks, so that nothing stalls and no queue grows.
 
     Args:
         sample_period: nominal time between two samples [s].

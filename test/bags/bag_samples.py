@@ -21,12 +21,18 @@ def recorded_messages(count: int) -> list[tuple[str, int, bytes]]:
     for i in range(count):
         stamp = START + i * STEP
         messages.append(("/position", stamp + 100_000, position.encode(stamp, (i * 1e-6,)) + b"\xa5" * 8))
-        messages.append(("/control_effort", stamp + 200_000, effort.encode(stamp, (float(i),)) + b"\x5a" * (8 * (i % 2))))
+        messages.append(
+            ("/control_effort", stamp + 200_000, effort.encode(stamp, (float(i),)) + b"\x5a" * (8 * (i % 2)))
+        )
     return messages
 
 
 def write_with_rosbags(
-    path: Path, messages: list[tuple[str, int, bytes]], storage: str = "mcap", compression: str = "none", kind: str = JOINT_STATE
+    path: Path,
+    messages: list[tuple[str, int, bytes]],
+    storage: str = "mcap",
+    compression: str = "none",
+    kind: str = JOINT_STATE,
 ) -> Path:
     """Write a bag with rosbags."""
     rosbag2 = pytest.importorskip("rosbags.rosbag2")
@@ -36,7 +42,8 @@ def write_with_rosbags(
     writer.set_compression(rosbag2.CompressionMode[compression.upper()], rosbag2.CompressionFormat.ZSTD)
     with writer:
         connections = {
-            topic: writer.add_connection(topic, kind, typestore=store) for topic in dict.fromkeys(m[0] for m in messages)
+            topic: writer.add_connection(topic, kind, typestore=store)
+            for topic in dict.fromkeys(m[0] for m in messages)
         }
         for topic, log_ns, data in messages:
             writer.write(connections[topic], log_ns, data)

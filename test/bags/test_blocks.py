@@ -61,7 +61,10 @@ def test_blocks_are_decoded_as_single_messages_are(messages: list[bytes]) -> Non
     for group in groups:
         assert np.all(np.diff(group.row) > 0)
         for i, row in enumerate(group.row.tolist()):
-            fields = [padded(tuple(table[i].tolist()), len(group.names)) for table in (group.position, group.velocity, group.effort)]
+            fields = [
+                padded(tuple(table[i].tolist()), len(group.names))
+                for table in (group.position, group.velocity, group.effort)
+            ]
             found[row] = (int(group.stamp_ns[i]), group.names, *fields)
     assert found == expected
     assert bad == len(messages) - len(expected)

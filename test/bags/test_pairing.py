@@ -51,10 +51,15 @@ def push(pairing: Pairing, events: list[Event]) -> None:
 
 def messages(events: list[Event], stream: int) -> Messages:
     """Return one stream of a list of events as a block."""
-    mine = [(stamp, order, first, second) for order, (kind, stamp, first, second) in enumerate(events) if kind == stream]
+    mine = [
+        (stamp, order, first, second) for order, (kind, stamp, first, second) in enumerate(events) if kind == stream
+    ]
     columns = list(zip(*mine, strict=True)) or [(), (), (), ()]
     return Messages(
-        np.array(columns[0], np.int64), np.array(columns[1], np.int64), np.array(columns[2], float), np.array(columns[3], float)
+        np.array(columns[0], np.int64),
+        np.array(columns[1], np.int64),
+        np.array(columns[2], float),
+        np.array(columns[3], float),
     )
 
 
@@ -140,11 +145,20 @@ def test_blocks_give_what_single_messages_give(data: st.DataObject, limit: int, 
 
 
 def test_one_effort_serves_one_position_in_blocks_too() -> None:
-    events = [(0, STEP // 2, 1.0, NAN), (0, STEP * 3 // 4, 2.0, NAN), (1, STEP * 3 // 4, 3.0, NAN), (1, 9 * STEP, 4.0, NAN)]
+    events = [
+        (0, STEP // 2, 1.0, NAN),
+        (0, STEP * 3 // 4, 2.0, NAN),
+        (1, STEP * 3 // 4, 3.0, NAN),
+        (1, 9 * STEP, 4.0, NAN),
+    ]
     single, block = Pairing(PERIOD), Pairing(PERIOD)
     push(single, events)
     push_block(block, *[messages(events, stream) for stream in range(3)])
-    assert rows(drain(single)) == rows(drain(block)) == [(STEP // 2, 1.0, 3.0, None, None), (STEP * 3 // 4, 2.0, None, None, None)]
+    assert (
+        rows(drain(single))
+        == rows(drain(block))
+        == [(STEP // 2, 1.0, 3.0, None, None), (STEP * 3 // 4, 2.0, None, None, None)]
+    )
 
 
 def test_whole_blocks_take_the_fast_way() -> None:

@@ -64,7 +64,14 @@ def test_messages_come_in_order_of_time_as_in_rosbags(tmp_path: Path, storage: s
 def test_metadata_is_not_needed(tmp_path: Path, storage: str) -> None:
     path = write_with_rosbags(tmp_path / "bag", recorded_messages(COUNT), storage)
     check_samples(next(file for file in path.iterdir() if file.name != "metadata.yaml"))
-    for content in ("", "{", "rosbag2_bagfile_information: 3", "- 1", "\x00\x07", "rosbag2_bagfile_information: {relative_file_paths: 5}"):
+    for content in (
+        "",
+        "{",
+        "rosbag2_bagfile_information: 3",
+        "- 1",
+        "\x00\x07",
+        "rosbag2_bagfile_information: {relative_file_paths: 5}",
+    ):
         (path / "metadata.yaml").write_text(content)
         check_samples(path)
     (path / "metadata.yaml").unlink()
@@ -117,7 +124,8 @@ def test_compressed_chunks_cut_anywhere_give_what_is_left(tmp_path: Path, compre
     packed = compress(content)
     chunk = struct.pack("<QQQI", messages[0][1], messages[-1][1], len(content), 0) + text(compression)
     head = b"".join([
-        MAGIC, record(Op.HEADER, text("ros2"), text("")), record(Op.SCHEMA, struct.pack("<H", 1) + text(JOINT_STATE) + text("") + text("")),
+        MAGIC, record(Op.HEADER, text("ros2"), text("")),
+        record(Op.SCHEMA, struct.pack("<H", 1) + text(JOINT_STATE) + text("") + text("")),
         record(Op.CHANNEL, struct.pack("<HH", 1, 1) + text("/position") + text("cdr") + text_map({})),
     ])  # fmt: skip
     whole = head + record(Op.CHUNK, chunk, struct.pack("<Q", len(packed)), packed)
