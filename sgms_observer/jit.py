@@ -21,7 +21,7 @@ _ROOT = Path(__file__).resolve().parent.parent
 _CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "sgms_observer"
 _KEPT_KEYS = 64
 _IMPORT = re.compile(
-    r"^\s*(?:from|import)\s+((?:sgms_observer|sim_plant)[\w.]*)(?:\s+import\s+\(?([^)#]*))?", re.MULTILINE
+    r"^\s*(?:from|import)\s+((?:sgms_observer|sim_plant)[\w.]*)(?:\s+import\s+(\([^)]*\)|[^\n#]*))?", re.MULTILINE
 )
 
 try:

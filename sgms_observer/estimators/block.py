@@ -11,6 +11,7 @@ from sgms_observer.estimators.layout import (
     NU,
     P_VISCOUS,
     Floats,
+    Integers,
     ModelArrays,
     ParameterArrays,
     apply_parameters,
@@ -120,17 +121,17 @@ def restart(memory: Memory, model: ModelArrays, parameters: ParameterArrays, ini
 
 
 @njit_bare
-def _advance(memory: Memory, parameters: ParameterArrays, velocity: float, period: float, factor: float) -> None:
+def advance(memory: Memory, kinds: Integers, velocity: float, period: float, factor: float) -> None:
     """Predict one sample ahead (eq. 11a) and carry the interval's linearisation along."""
     n_z = memory.now.shape[0]
-    n_p = parameters.kinds.shape[0]
+    n_p = kinds.shape[0]
     at = int(memory.flags[SAMPLES])
     memory.now_velocity[at] = velocity
     memory.now_period[at] = period
     memory.now_factor[at] = factor
     a, b = memory.trial_a[0], memory.trial_b[0]
     simulate_interval(
-        memory.scalars, memory.elements, parameters.kinds, memory.x_hat[n_z:],
+        memory.scalars, memory.elements, kinds, memory.x_hat[n_z:],
         memory.now_velocity[at:], memory.now_period[at:], memory.now_factor[at:], 1,
         memory.now, memory.now_slip, memory.now, memory.now_slip, a, b,
     )  # fmt: skip
@@ -240,7 +241,7 @@ def estimate_block(flat: Floats, model: ModelArrays, parameters: ParameterArrays
     n_z = model.elements.shape[1]
     n_p = parameters.kinds.shape[0]
     leads = (motion.shape[1] - LEAD) // 2
-    memory, _length = views(flat, n_z, n_p, tuning.horizon, tuning.correction_every)
+    memory, _length = views(flat)
     for s in range(motion.shape[0]):
         row = motion[s]
         result = results[s]
@@ -260,7 +261,7 @@ def estimate_block(flat: Floats, model: ModelArrays, parameters: ParameterArrays
         elif not abs(row[STEP_VELOCITY]) + abs(row[VELOCITY_COLUMN]) + row[PERIOD] < 1e300:
             status = WAS_NOT_FINITE
         else:
-            _advance(memory, parameters, row[STEP_VELOCITY], max(row[PERIOD], 0.0), factor[s])
+            advance(memory, parameters.kinds, row[STEP_VELOCITY], max(row[PERIOD], 0.0), factor[s])
             if memory.flags[SAMPLES] >= tuning.correction_every:
                 memory.record[EFFORT] = effort[s]
                 memory.record[VELOCITY] = row[VELOCITY_COLUMN]

@@ -26,7 +26,7 @@ from sgms_observer.estimators.layout import (
     model_arrays,
     parameter_arrays,
 )
-from sgms_observer.estimators.memory import EKF_NEXT, FLAGS_SIZE, STARTED, Memory, Sizes, allocate, views
+from sgms_observer.estimators.memory import EKF_NEXT, FLAGS_SIZE, STARTED, Memory, Sizes, allocate, forget, views
 from sgms_observer.filters.motion import Motion
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.observer import EstimatorSettings
@@ -132,25 +132,25 @@ class Estimator:
             beta=settings.state_bound,
             outlier_nis=settings.outlier_nis,
         )
-        self._flat = allocate(self.sizes)
+        self.flat = allocate(self.sizes)
 
     @property
     def memory(self) -> Memory:
         """Return views into everything the estimator remembers."""
-        return views(self._flat, *self.sizes)[0]
+        return views(self.flat)[0]
 
     def reset(self) -> None:
         """Forget everything, the parameters learnt included."""
-        self._flat[:] = 0.0
+        forget(self.flat)
 
     def miss_deadline(self) -> None:
         """Leave the next correction to the EKF."""
-        self._flat[EKF_NEXT] = 1.0
+        self.flat[EKF_NEXT] = 1.0
 
     @property
     def is_started(self) -> bool:
         """Return whether any sample has been taken in since the last reset."""
-        return bool(self._flat[:FLAGS_SIZE][STARTED])
+        return bool(self.flat[:FLAGS_SIZE][STARTED])
 
     def element_stiffness(self, parameters: Floats) -> Floats:
         """Element stiffness that belongs to estimated parameters.
@@ -182,7 +182,7 @@ class Estimator:
         n_z, n_p = self.sizes.n_z, self.sizes.n_p
         table = np.empty((len(motion.table), RESULT_SIZE + 2 * n_z + 2 * n_p))
         estimate_block(
-            self._flat,
+            self.flat,
             self.model,
             self.parameters,
             self.process,

@@ -9,8 +9,8 @@ import numpy as np
 from sgms_observer.estimators.layout import MODEL_SIZE, Floats
 from sgms_observer.jit import inlined
 
-# entries of Memory.flags
-COUNT, SAMPLES, EKF_NEXT, STARTED, FLAGS_SIZE = range(5)
+# entries of Memory.flags; the first four are the sizes and never change
+N_Z, N_P, HORIZON, INTERVAL, COUNT, SAMPLES, EKF_NEXT, STARTED, FLAGS_SIZE = range(9)
 # entries of one measurement record
 EFFORT, VELOCITY, ACCELERATION, FACTOR, IS_USED, LEVEL, MEASUREMENT_SIZE = range(7)
 
@@ -33,7 +33,7 @@ class Memory(NamedTuple):
     """Views into the flat array. n = n_z, p = n_p, d = n + p; node k = 0..N, interval k leads from node k to k + 1.
 
     Attributes:
-        flags: COUNT intervals in the window, SAMPLES since the last correction, EKF_NEXT, STARTED.
+        flags: the sizes; COUNT intervals in the window, SAMPLES since the last correction, EKF_NEXT, STARTED.
         x_hat: newest corrected estimate of (element forces [N], p); shape (d,).
         covariance: its covariance, shape (d, d).
         slip: GMS modes at the newest correction, shape (n,).
@@ -141,16 +141,13 @@ def _take3(flat: Floats, start: int, depth: int, rows: int, columns: int) -> tup
 
 
 @inlined
-def views(flat: Floats, n: int, p: int, h: int, m: int) -> tuple[Memory, int]:
+def views(flat: Floats) -> tuple[Memory, int]:
     """Return the views into the flat array, and the length they need.
 
     Args:
-        flat: the estimator's whole memory.
-        n: n_z.
-        p: n_p.
-        h: horizon N.
-        m: samples per interval.
+        flat: the estimator's whole memory, beginning with its sizes.
     """
+    n, p, h, m = int(flat[N_Z]), int(flat[N_P]), int(flat[HORIZON]), int(flat[INTERVAL])
     d = n + p
     w = h + 1
     i = 0
@@ -217,14 +214,24 @@ def views(flat: Floats, n: int, p: int, h: int, m: int) -> tuple[Memory, int]:
 
 
 def allocate(sizes: Sizes) -> Floats:
-    """Return a zeroed memory for these sizes.
+    """Return an empty memory for these sizes.
 
     Args:
         sizes: dimensions of the estimator.
     """
-    n, p, h, m = sizes.n_z, sizes.n_p, sizes.horizon, sizes.samples
+    n, p, h, m = sizes
     d, w = n + p, h + 1
     vectors = 64 + 8 * (d + 2) ** 2 + 20 * n + 3 * m + n * p
-    bound = vectors + w * (4 * d * d + 40 * (d + 2)) + h * (3 * m + 2 * n * p + 6 * n)
-    _views, needed = views(np.zeros(bound), n, p, h, m)
-    return np.zeros(needed)
+    flat = np.zeros(vectors + w * (4 * d * d + 40 * (d + 2)) + h * (3 * m + 2 * n * p + 6 * n))
+    flat[: len(sizes)] = sizes
+    _memory, needed = views(flat)
+    return flat[:needed].copy()
+
+
+def forget(flat: Floats) -> None:
+    """Empty a memory, its sizes excepted.
+
+    Args:
+        flat: the estimator's whole memory.
+    """
+    flat[INTERVAL + 1 :] = 0.0

@@ -93,10 +93,10 @@ def sgms_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -
 
 
 @njit_bare
-def sgms_step(
+def sgms_step_with_slopes(
     force: float, velocity: float, period: float, stiffness: float, level: float, lam: float, zeta: float, gain: float
-) -> float:
-    """Advance one element's force by one step.
+) -> tuple[float, float, float, float, float]:
+    """Advance one element's force by one step, with the step's exact derivatives (implicit function theorem).
 
     Args:
         force: element force kappa z before the step [N].
@@ -109,39 +109,41 @@ def sgms_step(
         gain: reset gain [-].
 
     Returns:
-        Element force after the step [N].
+        force after the step [N]; its derivatives with respect to the force before [-], the stiffness [m],
+        the level [-] and the reset gain [N].
 
     Source: Boegli et al., eq. 4, backward Euler in displacement.
     """
+    distance = velocity * period
+    stuck = force + stiffness * distance
+    if abs(stuck) < (zeta - _SATURATED / lam) * level and lam * zeta > _SATURATED:
+        return stuck, 1.0, distance, 0.0, 0.0
     direction = math.copysign(1.0, velocity)
-    travel = stiffness * abs(velocity) * period / level
-    u, _eta, _slope, _gain_slope = sgms_ratio(direction * force / level, travel, lam, zeta, gain)
-    return direction * level * u
-
-
-@njit_bare
-def sgms_step_with_slopes(
-    force: float, velocity: float, period: float, stiffness: float, level: float, lam: float, zeta: float, gain: float
-) -> tuple[float, float, float, float, float]:
-    """Advance one element's force and return the step's exact derivatives (implicit function theorem).
-
-    Args: as ``sgms_step``.
-
-    Returns:
-        force after the step [N]; its derivatives with respect to the force before [-], the stiffness [m],
-        the level [-] and the reset gain [N].
-    """
-    direction = math.copysign(1.0, velocity)
-    travel = stiffness * abs(velocity) * period / level
-    u, eta, slope, gain_slope = sgms_ratio(direction * force / level, travel, lam, zeta, gain)
+    share = direction / level
+    travel = stiffness * distance * share
+    u, eta, slope, gain_slope = sgms_ratio(force * share, travel, lam, zeta, gain)
     inverse = 1.0 / slope
     return (
         direction * level * u,
         inverse,
-        velocity * period * (1.0 - eta * u) * inverse,
+        distance * (1.0 - eta * u) * inverse,
         direction * u * (1.0 - inverse),
         -direction * level * gain_slope * inverse,
     )
+
+
+@njit_bare
+def sgms_step(
+    force: float, velocity: float, period: float, stiffness: float, level: float, lam: float, zeta: float, gain: float
+) -> float:
+    """Advance one element's force by one step, without derivatives.
+
+    Args: as ``sgms_step_with_slopes``.
+
+    Returns:
+        Element force after the step [N].
+    """
+    return sgms_step_with_slopes(force, velocity, period, stiffness, level, lam, zeta, gain)[0]
 
 
 @njit_bare

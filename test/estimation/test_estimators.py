@@ -7,6 +7,7 @@ import pytest
 from scenario import MASS, PERIOD, Scenario, estimator, sine
 
 from sgms_observer.estimators import block
+from sgms_observer.estimators.memory import COUNT
 from sgms_observer.estimators.reference import solve
 from sgms_observer.filters.motion import Motion, known_motion
 from sgms_observer.settings.friction import FrictionSettings
@@ -157,7 +158,7 @@ def test_bounds_hold_and_the_bounded_programme_is_solved() -> None:
         part = slice(at, at + 20)
         mhe.step(Motion(scenario.motion.table[part], 0), effort[part], np.ones(20))
         memory = mhe.memory
-        count = int(memory.flags[0])
+        count = int(memory.flags[COUNT])
         level = 1.05 * np.array([memory.measurements[k, -1] for k in range(count + 1)])[:, None]
         share = np.abs(memory.forces[: count + 1]) / (level * mhe.model.elements[1])
         assert share.max() <= 1.0 + 1e-7
