@@ -5,27 +5,26 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
+from sgms_observer.settings.axis import AxisSettings, Settings
+from sgms_observer.settings.axis_check import checked_axis, elsewhere_in, resolved
 from sgms_observer.settings.check import checked_group, checked_value, unknown_key
-from sgms_observer.settings.consistency import axis_consistency, friction_consistency, is_file
+from sgms_observer.settings.consistency import is_file
 from sgms_observer.settings.declaration import STRINGS, Declared, declared_sections, declared_settings
-from sgms_observer.settings.effects import Catalogue, CatalogueSource, checked_effects
+from sgms_observer.settings.effects import Catalogue, CatalogueSource
 from sgms_observer.settings.faults import Faults, shown
-from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.parameter_file import (
     NODE_NAMES,
+    is_for_node,
     our_sections,
     parameter_tree,
     read_document,
     repeated_keys,
     sections,
 )
-from sgms_observer.settings.stage import StageSettings
 
 AXES = Declared(
     "axes", STRINGS, ("x",), "names of the axes, as in the messages; each has a group of settings of its own"
@@ -35,8 +34,6 @@ AXES = Declared(
 ROS_PARAMETERS = ("use_sim_time", "qos_overrides", "start_type_description_service", "diagnostic_updater")
 
 _AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
-_APART_IN_AXIS = ("effects", "stage", "friction")
-_APART_IN_STAGE = ("friction", "effects")
 
 
 def installed_catalogue(effect_files: Sequence[str]) -> Catalogue:
@@ -114,10 +111,13 @@ def repeated_faults(
     """Yield the parameters that the sections of these nodes give twice, each with its sentence.
 
     Args:
-        document: the tree of a file.
+        document: the tree of a file; only one that ``read_document`` returned knows.
         source_name: name of the file.
         node_names: whose sections count.
     """
+    for key, line in getattr(document, "repeated", ()):
+        if is_for_node(f"/{key.strip('/')}", node_names):
+            yield key, f"{key} in line {line} of {source_name} must be given once; join the two sections"
     for _, _, own in our_sections(document, node_names):
         for name, line in repeated_keys(own):
             yield name, f"{name} in line {line} of {source_name} must be given once; remove one of the two"
@@ -142,7 +142,9 @@ def _read(tree: dict[Any, Any], folder: Path, source: CatalogueSource, faults: F
     settings = replace(settings, effect_files=_found_files(settings.effect_files, folder, faults))
     _unknown_at_the_top(tree, names, faults)
     catalogue = _catalogue(source, settings.effect_files, faults)
-    axes = tuple(_axis(name, tree.get(name), settings.sample_period, folder, catalogue, faults) for name in names)
+    axes = tuple(
+        checked_axis(name, tree.get(name), settings.sample_period, folder, catalogue, faults) for name in names
+    )
     return replace(settings, axes=axes)
 
 
@@ -196,7 +198,7 @@ def _unknown_at_the_top(tree: Mapping[Any, Any], names: Sequence[str], faults: F
             )
         else:
             elsewhere = {name: f"{axis}.{name}" for axis in names[:1] for name in of_an_axis}
-            unknown_key("", key, known, elsewhere | _elsewhere(names[0] if names else "x"), faults)
+            unknown_key("", key, known, elsewhere | elsewhere_in(names[0] if names else "x"), faults)
 
 
 def _catalogue(source: CatalogueSource, effect_files: Sequence[str], faults: Faults) -> Catalogue | None:
@@ -213,94 +215,9 @@ def _found_files(files: Sequence[str], folder: Path, faults: Faults) -> tuple[st
     """Return the paths of files that the settings name; note the missing ones."""
     found = []
     for name in files:
-        path = _resolved(name, folder)
+        path = resolved(name, folder)
         if is_file(path):
             found.append(path)
         else:
             faults.add("effect_files", f"effect_files = {shown(name)} must be a readable Python file; correct the path")
     return tuple(found)
-
-
-def _resolved(name: str, folder: Path) -> str:
-    """Return a file name that works from the current folder, for one that starts at the parameter file's folder."""
-    if not name or Path(name).is_absolute() or folder == Path("."):
-        return name
-    beside = str(folder / name)
-    return beside if is_file(beside) else name
-
-
-def _axis(
-    name: str, tree: Any, period: float, folder: Path, catalogue: Catalogue | None, faults: Faults
-) -> AxisSettings:
-    """Return one axis."""
-    elsewhere = _elsewhere(name)
-    axis = checked_group(name, AxisSettings(name=name), tree, faults, apart=_APART_IN_AXIS, elsewhere=elsewhere)
-    if not isinstance(tree, Mapping):
-        tree = {}
-    friction = _friction(f"{name}.friction", axis.friction, tree.get("friction"), elsewhere, faults)
-    stage_tree = tree.get("stage")
-    stage: StageSettings = checked_group(
-        f"{name}.stage", axis.stage, stage_tree, faults, apart=_APART_IN_STAGE, elsewhere=elsewhere
-    )
-    reference = (
-        replace(stage.reference, file=_resolved(stage.reference.file, folder))
-        if stage.reference.file
-        else stage.reference
-    )
-    stage_friction: FrictionSettings | None = None
-    stage_effects: tuple[EffectSettings, ...] | None = None
-    if isinstance(stage_tree, Mapping):
-        if stage_tree.get("friction"):
-            stage_friction = _friction(
-                f"{name}.stage.friction", friction, stage_tree["friction"], elsewhere, faults, f"{name}.friction"
-            )
-        if stage_tree.get("effects") is not None:
-            stage_effects = checked_effects(f"{name}.stage.effects", stage_tree["effects"], catalogue, faults)
-    axis = replace(
-        axis,
-        friction=friction,
-        stage=replace(stage, reference=reference),
-        stage_friction=stage_friction,
-        stage_effects=stage_effects,
-        effects=checked_effects(f"{name}.effects", tree.get("effects"), catalogue, faults),
-    )
-    axis_consistency(axis, period, faults)
-    return axis
-
-
-def _friction(
-    path: str, defaults: FrictionSettings, tree: Any, elsewhere: Mapping[str, str], faults: Faults, parent: str = ""
-) -> FrictionSettings:
-    """Return one friction model on top of its parent's; damping that the file leaves out is zero."""
-    friction = checked_group(path, defaults, tree, faults, elsewhere=elsewhere)
-    given = tuple(key for key in tree if isinstance(key, str)) if isinstance(tree, Mapping) else ()
-    n_z = len(friction.element_stiffness)
-    if "element_damping" not in given and len(friction.element_damping) != n_z:
-        friction = replace(friction, element_damping=(0.0,) * n_z)
-    friction_consistency(path, friction, given, faults, parent)
-    return friction
-
-
-@lru_cache(maxsize=8)
-def _places() -> dict[str, str]:
-    """Return where in an axis each setting stands; names that stand in several places are left out."""
-    found: dict[str, str] = {}
-    twice: set[str] = set()
-
-    def walk(kind: type, prefix: str) -> None:
-        for key in declared_settings(kind):
-            if key in found:
-                twice.add(key)
-            found[key] = f"{prefix}.{key}"
-        for key, (nested, _) in declared_sections(kind).items():
-            found.setdefault(key, f"{prefix}.{key}")
-            walk(nested, f"{prefix}.{key}")
-
-    walk(AxisSettings, "")
-    return {key: place for key, place in found.items() if key not in twice}
-
-
-def _elsewhere(axis: str) -> dict[str, str]:
-    """Return the full name of every setting of an axis, by its short name."""
-    shared = {key: key for key in (*declared_settings(Settings), "axes")}
-    return {**{key: f"{axis}{place}" for key, place in _places().items()}, **shared}

@@ -44,21 +44,27 @@ def read_document(path: str | Path) -> dict[str, Any]:
     return document
 
 
-def sections(document: Mapping[Any, Any], keys: tuple[str, ...] = ()) -> Iterator[tuple[str, tuple[str, ...], Any]]:
+def sections(
+    document: Mapping[Any, Any], keys: tuple[str, ...] = (), _barren: set[int] | None = None
+) -> Iterator[tuple[str, tuple[str, ...], Any]]:
     """Yield every node's full name, the keys that lead to its parameters, and the parameters.
 
     Args:
         document: the tree of a file; namespaces may be nested or written with slashes.
         keys: keys so far.
     """
+    barren: set[int] = set() if _barren is None else _barren  # groups without a section, which aliases can repeat often
     for key, value in document.items():
         if not isinstance(key, str) or not isinstance(value, Mapping) or len(keys) > _DEEPEST_NAMESPACE:
             continue
         if _PARAMETERS in value:
             place = (*keys, key, _PARAMETERS)
             yield "/" + "/".join(name.strip("/") for name in place[:-1]), place, value[_PARAMETERS]
-        else:
-            yield from sections(value, (*keys, key))
+        elif id(value) not in barren:
+            found = list(sections(value, (*keys, key), barren))
+            yield from found
+            if not found:
+                barren.add(id(value))
 
 
 def is_for_node(section_name: str, node_names: tuple[str, ...]) -> bool:

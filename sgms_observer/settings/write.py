@@ -14,7 +14,7 @@ from sgms_observer.errors import RecordingError
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.normal_form import normal_parameters
 from sgms_observer.settings.parameter_file import expanded, our_sections, sections
-from sgms_observer.settings.parameter_tree import at, put, tree_of, updated_tree
+from sgms_observer.settings.tree import at, put, tree_of, updated_tree
 from sgms_observer.settings.yaml_text import text_of
 
 __all__ = ["tree_of", "updated_tree", "write_settings", "write_text", "write_yaml", "yaml_of"]
