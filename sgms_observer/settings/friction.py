@@ -33,5 +33,7 @@ class FrictionSettings:
     stribeck_velocity: float = setting(1.0e-3, "Stribeck velocity v_s", "m/s", above=0.0)
     attraction_rate: float = setting(50.0, "attraction parameter C of the GMS model", "N/s", above=0.0)
     smoothing_lambda: float = setting(1000.0, "slope lambda of the stick-slip transition (eq. 6)", above=0.0)
-    smoothing_zeta: float = setting(0.98, "ratio zeta at which an element starts to slip (eq. 6)", above=0.0, maximum=1.0)
+    smoothing_zeta: float = setting(
+        0.98, "ratio zeta at which an element starts to slip (eq. 6)", above=0.0, maximum=1.0
+    )
     smoothing_gamma: float = setting(100.0, "slope gamma of the reset (eq. 7)", above=0.0)

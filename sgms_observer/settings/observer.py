@@ -25,10 +25,15 @@ class FilterSettings:
     window: float = setting(3.0e-3, "length of the polynomial's window", "s", above=0.0)
     degree: int = setting(3, "degree of the polynomial", minimum=2, maximum=6)
     position_noise: float = setting(5.0e-9, "standard deviation of the position measurement", "m", above=0.0)
-    jerk_density: float = setting(300.0, "spectral density of the jerk for the kalman filter", "m/s^3/sqrt(Hz)", above=0.0)
-    lag: float = setting(3.0e-4, "how long the kalman filter waits to smooth with later samples", "s", minimum=0.0, maximum=0.1)
+    jerk_density: float = setting(
+        300.0, "spectral density of the jerk for the kalman filter", "m/s^3/sqrt(Hz)", above=0.0
+    )
+    lag: float = setting(
+        3.0e-4, "how long the kalman filter waits to smooth with later samples", "s", minimum=0.0, maximum=0.1
+    )
     effort_is_held: bool = setting(
-        True, "the effort acts from its stamp to the next one (a sampled controller); false: it is measured at its stamp"
+        True,
+        "the effort acts from its stamp to the next one (a sampled controller); false: it is measured at its stamp",
     )
     align_effort: bool = setting(True, "give the effort the same filter and delay as the acceleration (block Y)")
     maximum_gap: float = setting(0.02, "a longer pause between two samples restarts the filters", "s", above=0.0)
@@ -50,15 +55,27 @@ class EstimatorSettings:
     initial_std: float = setting(0.5, "initial force uncertainty as a share of nu f_C", above=0.0)
     state_bound: float = setting(1.3, "beta of eq. 14d: elements stay within beta times the Stribeck curve", above=1.0)
     parameters: tuple[str, ...] = setting((), "parameters p estimated with the state", choices=ESTIMABLE)
-    parameter_initial_std: float = setting(0.2, "initial uncertainty of each parameter as a share of its value", above=0.0)
+    parameter_initial_std: float = setting(
+        0.2, "initial uncertainty of each parameter as a share of its value", above=0.0
+    )
     parameter_walk: float = setting(
         0.0, "drift of each parameter per correction as a share of its value; 0 for constants", minimum=0.0
     )
-    parameter_minimum: float = setting(0.3, "lower bound of each parameter as a share of its value (eq. 14e)", above=0.0)
-    parameter_maximum: float = setting(3.0, "upper bound of each parameter as a share of its value (eq. 14e)", above=1.0)
-    offset_scale: float = setting(1.0, "unit in which an estimated offset is initialised, walks and is bounded (+-10)", "N", above=0.0)
-    outlier_nis: float = setting(0.0, "innovation squared over its variance above which a sample is rejected; 0 never", minimum=0.0)
-    deadline: float = setting(0.0, "computing time after which the next correction is left to the EKF; 0 only counts", "s", minimum=0.0)
+    parameter_minimum: float = setting(
+        0.3, "lower bound of each parameter as a share of its value (eq. 14e)", above=0.0
+    )
+    parameter_maximum: float = setting(
+        3.0, "upper bound of each parameter as a share of its value (eq. 14e)", above=1.0
+    )
+    offset_scale: float = setting(
+        1.0, "unit in which an estimated offset is initialised, walks and is bounded (+-10)", "N", above=0.0
+    )
+    outlier_nis: float = setting(
+        0.0, "innovation squared over its variance above which a sample is rejected; 0 never", minimum=0.0
+    )
+    deadline: float = setting(
+        0.0, "computing time after which the next correction is left to the EKF; 0 only counts", "s", minimum=0.0
+    )
 
 
 @dataclass(frozen=True)
@@ -69,9 +86,14 @@ class CompensationSettings:
     gain: float = setting(0.9, "share of the predicted friction that is compensated", minimum=0.0, maximum=1.0)
     limit: float = setting(10.0, "largest compensation", "N", minimum=0.0)
     slew_limit: float = setting(2.0e4, "fastest change of the compensation", "N/s", above=0.0)
-    look_ahead: float = setting(0.0, "delay from measurement to actuation that the prediction bridges", "s", minimum=0.0, maximum=0.1)
+    look_ahead: float = setting(
+        0.0, "delay from measurement to actuation that the prediction bridges", "s", minimum=0.0, maximum=0.1
+    )
     standstill_velocity: float = setting(
-        2.0e-5, "reference speed below which the stage is meant to stand still and the compensation holds", "m/s", minimum=0.0
+        2.0e-5,
+        "reference speed below which the stage is meant to stand still and the compensation holds",
+        "m/s",
+        minimum=0.0,
     )
     fade_std: float = setting(1.0, "friction_std at which the compensation has faded to zero", "N", above=0.0)
     timeout: float = setting(0.05, "without good samples for this long the compensation goes to zero", "s", above=0.0)

@@ -17,7 +17,9 @@ class ControllerSettings:
     bandwidth: float = setting(100.0, "closed-loop bandwidth", "Hz", above=0.0)
     damping_ratio: float = setting(0.7, "damping of the closed loop", above=0.0)
     integral_rate: float = setting(0.0, "integral action as a corner frequency; 0 for none", "Hz", minimum=0.0)
-    feedforward_mass: float = setting(0.0, "share of mass times reference acceleration fed forward", minimum=0.0, maximum=1.5)
+    feedforward_mass: float = setting(
+        0.0, "share of mass times reference acceleration fed forward", minimum=0.0, maximum=1.5
+    )
     effort_limit: float = setting(1.0e3, "largest effort of the actuator", "N", above=0.0)
 
 
@@ -55,9 +57,15 @@ class StageSettings:
     reference: ReferenceSettings = section(ReferenceSettings, "set-point")
     encoder: EncoderSettings = section(EncoderSettings, "position measurement")
     mass: float = setting(0.0, "true moving mass where it differs from the axis's; 0 for the same", "kg", minimum=0.0)
-    force_noise: float = setting(0.0, "standard deviation of the noise on the published effort, per sample", "N", minimum=0.0)
-    disturbance_noise: float = setting(0.0, "standard deviation of a white force on the mass, per sample", "N", minimum=0.0)
+    force_noise: float = setting(
+        0.0, "standard deviation of the noise on the published effort, per sample", "N", minimum=0.0
+    )
+    disturbance_noise: float = setting(
+        0.0, "standard deviation of a white force on the mass, per sample", "N", minimum=0.0
+    )
     substeps: int = setting(10, "integration steps per 0.1 ms", minimum=1, maximum=1000)
     accept_compensation: bool = setting(True, "add friction_compensation to the controller's output")
-    actuation_delay: float = setting(0.0, "delay from the controller's output to the force", "s", minimum=0.0, maximum=0.1)
+    actuation_delay: float = setting(
+        0.0, "delay from the controller's output to the force", "s", minimum=0.0, maximum=0.1
+    )
     seed: int = setting(1, "seed of every random number of this stage", minimum=0)
