@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -14,19 +15,20 @@ from numpy.typing import NDArray
 
 from sgms_observer.bags.writer import BagWriter
 from sim_plant.blind import menu, sizing
-from sim_plant.blind.hidden import Hidden
+from sim_plant.blind.hidden import Hidden, Kind, Maker
 from sim_plant.blind.motion import HELD_OUT, PERIOD, Motion, held_out_motion, rich_motion
 from sim_plant.blind.owner_file import write_owner_file
 from sim_plant.blind.recording import Track, coloured_noise, record
 from sim_plant.blind.reduction import NominalModel, nominal_model
 from sim_plant.blind.seal import seal
-from sim_plant.blind.stage import draw_stage
+from sim_plant.blind.stage import TrueStage, draw_stage
 
 Floats = NDArray[np.float64]
 START_NS = 1_700_000_000_000_000_000
 JOINT_STATE = "sensor_msgs/msg/JointState"
 OTHER_AXIS_SHARE = 0.08
 """Share of the seeds that record a second axis though nothing comes from it."""
+DRAWS = 5
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,37 @@ class Scene:
     motions: tuple[Motion, ...]
     tracks: tuple[dict[str, Track], ...]
     truths: dict[str, dict[str, float]]
+
+
+def draw_effect(
+    kind: Kind,
+    stage: TrueStage,
+    motion: Motion,
+    size: float,
+    purpose: tuple[int, int],
+    run: Callable[[Hidden], Track],
+) -> Hidden:
+    """Draw an effect that the motion shows, at the size asked for.
+
+    Args:
+        kind: menu entry.
+        stage: what it is hidden in.
+        motion: the main reference.
+        size: share of the Coulomb force; 0 for the stage without it.
+        purpose: seed, and place among the effects of the case.
+        run: records the main motion.
+    """
+    index = list(menu.KINDS).index(kind.name)
+
+    def maker(attempt: int) -> Maker:
+        return kind.draw(stage, motion, chance(purpose[0], 20 + purpose[1], index, attempt))
+
+    if size == 0.0:
+        return without_effect(maker(0)(0.1))
+    for attempt in range(DRAWS - 1):
+        with contextlib.suppress(sizing.NotShownError):
+            return sizing.sized(kind, maker(attempt), size, run)
+    return sizing.sized(kind, maker(DRAWS - 1), size, run)
 
 
 def without_effect(hidden: Hidden) -> Hidden:
@@ -124,13 +157,7 @@ def make_scene(seed: int, effect: str, size: float, duration: float = 30.0, mass
         kind = menu.KINDS[part]
         if 0.0 < size < kind.smallest:
             raise ValueError(f"{part} of {size:g} lies inside the owner's tolerance; use at least {kind.smallest:g}")
-        make = kind.draw(
-            found[0].known if found else stage, motions[0], chance(seed, 20 + i, list(menu.KINDS).index(part))
-        )
-        if size > 0.0:
-            found.append(sizing.sized(kind, make, size, main_run))
-        else:
-            found.append(without_effect(make(0.1)))
+        found.append(draw_effect(kind, found[0].known if found else stage, motions[0], size, (seed, i), main_run))
     hidden = Hidden(stage, stage) if not found else found[0] if len(found) == 1 else menu.together(*found)
     nominal = {"x": nominal_model(hidden.known, chance(seed, 13), mass_tolerance=mass_tolerance)} | nominal
     tracks = []

@@ -82,6 +82,7 @@ def run(
     at_rest = 0.0
     ridge_newer = np.inf
     ridge_older = np.inf
+    has_left = False
     shown_before = reading(x, p)
     speed_estimate = 0.0
     integral = 0.0
@@ -150,13 +151,18 @@ def run(
                 factor *= 1.0 + p[s.MEMORY_A] * remembered * side
             if p[s.RIDGE_A] != 0.0:
                 width = p[s.RIDGE_WIDTH]
-                at_rest = at_rest + dt if speed < 2.0e-4 else 0.0
-                if at_rest > 0.08 and abs(x - ridge_newer) > 2.0 * width:
+                at_rest = at_rest + dt if speed < 5.0e-4 else 0.0
+                if at_rest > 0.03 and abs(x - ridge_newer) > 2.0 * width:
                     ridge_older = ridge_newer
                     ridge_newer = x
+                    has_left = False
+                if abs(x - ridge_newer) > 3.0 * width:
+                    has_left = True
                 bump = 0.0
                 if at_rest == 0.0:
                     bump = math.exp(-(((x - ridge_older) / width) ** 2))
+                    if has_left:
+                        bump = max(bump, math.exp(-(((x - ridge_newer) / width) ** 2)))
                 factor *= 1.0 + p[s.RIDGE_A] * bump
             level *= factor * kept
             # --- forces on the carriage

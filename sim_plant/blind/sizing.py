@@ -13,6 +13,11 @@ PEAK = 0.995
 """Quantile of the hidden force's magnitude that counts as its peak: 150 ms of 30 s may lie above."""
 ROUNDS = 8
 CLOSE = 0.05
+VISIBLE = 0.5
+
+
+class NotShownError(ValueError):
+    """The motion does not show the effect as it was drawn; draw again."""
 
 
 def measured_size(track: Track, coulomb_force: float) -> float:
@@ -53,4 +58,7 @@ def sized(kind: Kind, make: Maker, size: float, run: Callable[[Hidden], Track]) 
             strength = guess
         else:
             strength = float(np.sqrt(max(low, 0.1 * high) * high))
-    return make(strength)
+    hidden = make(strength)
+    if measured_size(run(hidden), hidden.known.coulomb_force) < VISIBLE * size:
+        raise NotShownError(f"{kind.name} cannot be shown by this motion as it was drawn")
+    return hidden
