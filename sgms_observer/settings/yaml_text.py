@@ -30,6 +30,7 @@ class Group(dict[Any, Any]):
 
 
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_DEEPEST = 100
 _INT = "tag:yaml.org,2002:int"
 _FLOAT = "tag:yaml.org,2002:float"
 _TIMESTAMP = "tag:yaml.org,2002:timestamp"
@@ -74,6 +75,19 @@ _Reader.add_constructor("tag:yaml.org,2002:map", _construct_group)
 _Reader.add_constructor("tag:yaml.org,2002:str", _construct_text)
 
 
+def _is_too_deep(text: str) -> bool:
+    """Return whether a text nests deeper than any parameter file; libyaml crashes on 100,000."""
+    depth = 0
+    for event in yaml.parse(text, Loader=_SafeLoader):
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+            if depth > _DEEPEST:
+                return True
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+    return False
+
+
 def parse(text: str, source_name: str) -> Any:
     """Return the tree of a YAML text.
 
@@ -85,6 +99,8 @@ def parse(text: str, source_name: str) -> Any:
         ConfigurationError: the text is not YAML; one sentence.
     """
     try:
+        if _is_too_deep(text):
+            raise RecursionError
         return yaml.load(text, Loader=_Reader)  # a safe loader: it makes no objects
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
