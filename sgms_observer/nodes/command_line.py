@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 from sgms_observer import __version__
 from sgms_observer.cli.main import EXIT_INTERRUPTED, SentenceParser
 from sgms_observer.errors import SgmsError
-from sgms_observer.nodes.spin import MISSING_ROS, fail, run_node
+from sgms_observer.nodes.spin import MISSING_ROS, fail, leave_if_working, run_node
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
-    from rclpy.node import Node
+
+    from sgms_observer.nodes.lifecycle import ManagedNode
 
 _EPILOG = (
     "ROS arguments follow --ros-args: --params-file FILE, -p NAME:=VALUE, -r FROM:=TO, and what else ROS 2 knows. "
@@ -25,7 +26,7 @@ _EPILOG = (
 def start(
     name: str,
     description: str,
-    make_node: Callable[[Executor], Node],
+    make_node: Callable[[Executor], ManagedNode],
     arguments: Sequence[str] | None = None,
 ) -> int:
     """Read the command line, check the parameters in it, and run the node.
@@ -50,13 +51,19 @@ def start(
     if importlib.util.find_spec("rclpy") is None:
         return fail(MISSING_ROS)
     try:
-        from sgms_observer.settings.arguments import rewrite_arguments
+        return leave_if_working(_run_checked(name, make_node, ros))
+    except KeyboardInterrupt:  # before ROS took over the signals
+        return EXIT_INTERRUPTED
 
+
+def _run_checked(name: str, make_node: Callable[[Executor], ManagedNode], ros: Sequence[str]) -> int:
+    """Check the parameters in the ROS arguments and run the node with them."""
+    from sgms_observer.settings.arguments import rewrite_arguments
+
+    try:
         rewritten = rewrite_arguments([name, *ros], name)
     except SgmsError as error:
         return fail(str(error))
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
     try:
         return run_node(make_node, rewritten.argv)
     finally:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -11,8 +15,10 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from sgms_observer import jit
+from sgms_observer.cli.main import SHOW_TRACEBACK
 from sgms_observer.errors import SgmsError
 from sgms_observer.nodes.parameters import NodeParameters
+from sgms_observer.nodes.spin import LONG_WORK
 from sgms_observer.settings.axis import Settings
 
 
@@ -25,6 +31,7 @@ class ManagedNode(LifecycleNode):
 
     Attributes:
         kernels: full name of the module whose kernels take longest to compile.
+        fault: what ended the node's work, if it was not a signal or a shutdown.
 
     Raises:
         ConfigurationError: the parameters are wrong; told at once, so that no dead node is left behind.
@@ -40,6 +47,7 @@ class ManagedNode(LifecycleNode):
         self.settings: Settings = self.parameters.settings()
         self.is_configured = False
         self.is_active = False
+        self.fault: Exception | None = None
         self._failure: Exception | None = None
         self.add_on_set_parameters_callback(self._judge_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
@@ -56,6 +64,28 @@ class ManagedNode(LifecycleNode):
         for transition in (self.trigger_configure, self.trigger_activate):
             if transition() is not TransitionCallbackReturn.SUCCESS:
                 raise self._failure or SgmsError("the node could not be activated; see its log")
+
+    def guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """Return a callback that never raises into the executor, which a task's exception would crash.
+
+        A fault ends the process with one sentence; what fails because ROS is shutting down is no fault.
+
+        Args:
+            callback: any callback without a result.
+        """
+
+        def call(*arguments: Any) -> None:
+            try:
+                callback(*arguments)
+            except Exception as error:
+                if not self.context.ok():
+                    return
+                if os.environ.get(SHOW_TRACEBACK):
+                    traceback.print_exc()
+                self.fault = error
+                self.context.try_shutdown()
+
+        return call
 
     def warm_up(self) -> None:
         """Run the kernels once; called while configuring, after telling people that it may take long."""
@@ -85,9 +115,11 @@ class ManagedNode(LifecycleNode):
                 )
             elif not jit.HAS_NUMBA:
                 self.get_logger().warning("numba is missing: all works, a hundred times slower; install numba")
-            self.warm_up()
+            self._apart(self.warm_up)
             self.set_up()
         except Exception as error:
+            if not self.context.ok():
+                return TransitionCallbackReturn.FAILURE
             self._failure = error
             for sentence in str(error).splitlines():
                 self.get_logger().error(sentence)
@@ -122,6 +154,25 @@ class ManagedNode(LifecycleNode):
         """End the node; publishing is over when the context is."""
         self._stop()
         super().destroy_node()
+
+    def _apart(self, work: Callable[[], None]) -> None:
+        """Do long work in a thread: a signal then ends the process at once, not inside a compiler's callback."""
+        errors: list[BaseException] = []
+
+        def run() -> None:
+            try:
+                work()
+            except BaseException as error:
+                errors.append(error)
+
+        thread = threading.Thread(target=run, name=LONG_WORK, daemon=True)
+        thread.start()
+        while thread.is_alive() and self.context.ok():
+            thread.join(0.1)
+        if errors:
+            raise errors[0]
+        if thread.is_alive():
+            raise SgmsError("the node was told to stop while it got ready")
 
     def _stop(self) -> None:
         if self.is_active:

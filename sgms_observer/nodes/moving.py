@@ -25,6 +25,9 @@ POSITION, EFFORT, REFERENCE, TRUTH = "position", "control_effort", "reference", 
 _SHORTEST_TURN = 5.0e-4
 """Time from one turn of the stepping thread to the next [s]; a longer sample period sets the pace itself."""
 
+_LARGEST_BLOCK = 20
+"""Samples published topic by topic; a late thread publishes several blocks, so that no topic runs far ahead."""
+
 
 class StageNode(ManagedNode):
     """Simulates every axis of its parameters.
@@ -64,12 +67,12 @@ class StageNode(ManagedNode):
         axes = len(self.settings.axes)
         self._wanted, self._wanted_until = [0.0] * axes, [-math.inf] * axes
         self._topics = JointStateTopics(self, (POSITION, EFFORT, REFERENCE, TRUTH))
-        self._compensation_input = subscribe(self, "friction_compensation", self._on_compensation)
+        self._compensation_input = subscribe(self, "friction_compensation", self.guarded(self._on_compensation))
 
     def begin(self) -> None:
         """Let the stepping thread run."""
         self._must_stop.clear()
-        self._thread = threading.Thread(target=self._run, name="stage", daemon=True)
+        self._thread = threading.Thread(target=self.guarded(self._run), name="stage", daemon=True)
         self._thread.start()
 
     def end(self) -> None:
@@ -105,31 +108,27 @@ class StageNode(ManagedNode):
         clock = self.get_clock()
         pace: Pace | None = None
         deadline = time.monotonic()
-        try:
-            while not self._must_stop.is_set() and self.context.ok():
-                now_ns = clock.now().nanoseconds
-                if pace is None and now_ns > 0:  # simulated time stands at zero until someone publishes it
-                    pace = Pace(self.settings.sample_period, now_ns)
-                if pace is not None:
-                    self._give(pace, pace.due(now_ns))
-                deadline = max(deadline + turn, time.monotonic() - turn)
-                self._must_stop.wait(max(0.0, deadline - time.monotonic()))
-        except Exception as error:
-            if self.context.ok() and not self._must_stop.is_set():
-                self.get_logger().fatal(f"the simulated stage stopped: {type(error).__name__}: {error}")
-                self.context.try_shutdown()
+        while not self._must_stop.is_set() and self.context.ok():
+            now_ns = clock.now().nanoseconds
+            if pace is None and now_ns > 0:  # simulated time stands at zero until someone publishes it
+                pace = Pace(self.settings.sample_period, now_ns)
+            if pace is not None:
+                count = pace.due(now_ns)
+                for first in range(pace.done - count, pace.done, _LARGEST_BLOCK):
+                    last = min(first + _LARGEST_BLOCK, pace.done)
+                    self._give(np.array([pace.stamp_ns(i) for i in range(first, last)], dtype=np.int64))
+            deadline = max(deadline + turn, time.monotonic() - turn)
+            self._must_stop.wait(max(0.0, deadline - time.monotonic()))
 
-    def _give(self, pace: Pace, count: int) -> None:
-        """Step the stage by ``count`` samples and publish them."""
-        if count == 0 or self._table is None or self._topics is None:
+    def _give(self, stamps: NDArray[np.int64]) -> None:
+        """Step the stage by as many samples as there are stamps and publish them."""
+        if self._table is None or self._topics is None:
             return
-        first = pace.done - count
-        stamps = np.array([pace.stamp_ns(first + i) for i in range(count)], dtype=np.int64)
         now = time.monotonic()
         forces = [
             wanted if now <= until else 0.0 for wanted, until in zip(self._wanted, self._wanted_until, strict=True)
         ]
-        records = self._table.step(count, forces)
+        records = self._table.step(len(stamps), forces)
         names = tuple(axis.name for axis in self.settings.axes)
         for topic, fields in (
             (REFERENCE, {"position": "reference_position", "velocity": "reference_velocity"}),

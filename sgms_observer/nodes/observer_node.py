@@ -10,12 +10,13 @@ from sgms_observer.nodes.command_line import start
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
-    from rclpy.node import Node
+
+    from sgms_observer.nodes.lifecycle import ManagedNode
 
 NAME = "observer_node"
 
 
-def make_node(executor: Executor) -> Node:
+def make_node(executor: Executor) -> ManagedNode:
     """Return the node; ROS is imported only here, so that ``--help`` needs none.
 
     Args:

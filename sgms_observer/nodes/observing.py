@@ -52,6 +52,7 @@ class ObserverNode(ManagedNode):
         self._topics: JointStateTopics | None = None
         self._subscriptions_of_inputs: list[Subscription] = []
         self._is_scheduled = False
+        self._task = self.guarded(self._process)
         self._processed_at = time.monotonic()
         self._reported_at = time.monotonic()
         self._sentences = Sentences()
@@ -61,7 +62,7 @@ class ObserverNode(ManagedNode):
         self._parameter_topic: Publisher = self.create_publisher(DiagnosticArray, PARAMETERS, 100)
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(Trigger, "~/save_parameters", self._save_parameters)
-        self.create_timer(_REPORT_PERIOD, self._report, clock=self.steady_clock)
+        self.create_timer(_REPORT_PERIOD, self.guarded(self._report), clock=self.steady_clock)
         self.start_by_itself()
 
     def warm_up(self) -> None:
@@ -79,9 +80,13 @@ class ObserverNode(ManagedNode):
             else {"position": self._on_position, "control_effort": self._on_effort}
         )
         inputs["reference"] = self._on_reference
-        self._subscriptions_of_inputs = [subscribe(self, topic, callback) for topic, callback in inputs.items()]
+        self._subscriptions_of_inputs = [
+            subscribe(self, topic, self.guarded(callback)) for topic, callback in inputs.items()
+        ]
         timeout = min(axis.compensation.timeout for axis in self.settings.axes)
-        self._watchdog = self.create_timer(max(timeout / 2, _SHORTEST_WATCH), self._watch, clock=self.steady_clock)
+        self._watchdog = self.create_timer(
+            max(timeout / 2, _SHORTEST_WATCH), self.guarded(self._watch), clock=self.steady_clock
+        )
 
     def begin(self) -> None:
         """Start from nothing: what came before is not trusted."""
@@ -143,7 +148,7 @@ class ObserverNode(ManagedNode):
         """Have complete samples processed behind the events that wait already."""
         if not self._is_scheduled and self._working_engine().intake.has_samples:
             self._is_scheduled = True
-            self.own_executor.create_task(self._process)
+            self.own_executor.create_task(self._task)
 
     def _process(self) -> None:
         self._is_scheduled = False
@@ -212,7 +217,7 @@ class ObserverNode(ManagedNode):
         try:
             response.message = self._save()
             response.success = True
-        except (SgmsError, OSError) as error:
+        except Exception as error:  # the answer is the place to say it
             response.success, response.message = False, str(error)
         return response
 

@@ -5,18 +5,24 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from sgms_observer.cli.main import EXIT_FAILED, SHOW_TRACEBACK
 from sgms_observer.errors import SgmsError
+from sgms_observer.nodes.transport import use_shipped_transport
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
-    from rclpy.node import Node
+
+    from sgms_observer.nodes.lifecycle import ManagedNode
 
 #: ``EventsExecutor`` hangs after one event when it spins without an end; with a time-out it works.
 _SPIN_AT_ONCE = 3600.0
+
+#: Name of a thread that may still compile when the process is told to stop.
+LONG_WORK = "long work"
 
 MISSING_ROS = (
     "ROS 2 is not importable (no module rclpy): source your ROS 2 installation, "
@@ -36,7 +42,7 @@ def make_executor() -> Executor:
     return EventsExecutor()
 
 
-def run_node(make_node: Callable[[Executor], Node], arguments: list[str]) -> int:
+def run_node(make_node: Callable[[Executor], ManagedNode], arguments: list[str]) -> int:
     """Run a node until it is told to stop.
 
     Args:
@@ -52,6 +58,8 @@ def run_node(make_node: Callable[[Executor], Node], arguments: list[str]) -> int
 
     executor = node = None
     try:
+        use_shipped_transport()
+        signal.signal(signal.SIGINT, _leave_it_to_ros)
         rclpy.init(args=arguments)
         executor = make_executor()
         node = make_node(executor)
@@ -59,14 +67,14 @@ def run_node(make_node: Callable[[Executor], Node], arguments: list[str]) -> int
         never: Future[None] = Future()
         while rclpy.ok():
             executor.spin_until_future_complete(never, timeout_sec=_SPIN_AT_ONCE)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
-    except SgmsError as error:
-        return fail(str(error))
     except Exception as error:
         # A signal during the start invalidates the context under the node's feet: that is an end, not a fault.
         if node is None and executor is not None and not rclpy.ok():
             return 0
+        if isinstance(error, SgmsError):
+            return fail(str(error))
         if os.environ.get(SHOW_TRACEBACK):
             raise
         return fail(_own_fault(error))
@@ -75,7 +83,7 @@ def run_node(make_node: Callable[[Executor], Node], arguments: list[str]) -> int
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    return 0 if node is None or node.fault is None else fail(_own_fault(node.fault))
 
 
 def fail(sentences: str) -> int:
@@ -86,6 +94,26 @@ def fail(sentences: str) -> int:
     """
     print(sentences, file=sys.stderr)
     return EXIT_FAILED
+
+
+def _leave_it_to_ros(number: int, frame: object) -> None:
+    """Do nothing: rclpy's own handler ends the context, and no KeyboardInterrupt falls into a callback."""
+
+
+def leave_if_working(code: int) -> int:
+    """End the process at once where a thread is still compiling, which nothing else can stop.
+
+    Args:
+        code: the exit code.
+
+    Returns:
+        The same code, if there is no such thread.
+    """
+    if any(thread.name == LONG_WORK for thread in threading.enumerate()):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
 
 
 def _own_fault(error: Exception) -> str:

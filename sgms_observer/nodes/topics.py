@@ -15,10 +15,10 @@ from sgms_observer.bags.blocks import encode_joint_states
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.observer.outgoing import OutgoingBlock
 
-#: A depth of 10 loses samples at 1 kHz; this one holds a fifth of a second at 10 kHz.
+#: A depth of 10 loses samples at 1 kHz; this one holds a second at 10 kHz.
 SAMPLE_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
-    depth=2000,
+    depth=10_000,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
