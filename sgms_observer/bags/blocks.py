@@ -70,6 +70,7 @@ class JointStates:
         velocity: [m/s] or [rad/s], shape (n, k); NaN where the message had none.
         effort: [N] or [N m], shape (n, k); NaN where the message had none.
         row: which row of the block each one was, shape (n,).
+        filled: how many positions, velocities and efforts each message had; empty where messages differ in that.
     """
 
     names: tuple[str, ...]
@@ -78,6 +79,7 @@ class JointStates:
     velocity: Floats
     effort: Floats
     row: NDArray[np.intp]
+    filled: tuple[int, ...] = ()
 
 
 def join_blocks(first: MessageBlock, second: MessageBlock) -> MessageBlock:
@@ -167,7 +169,8 @@ def _read(
         if used:
             values[:, :used] = _column(messages, start, order + "f8", used)
         fields.append(values)
-    return found, JointStates(layout.names, seconds * _SECOND + nanoseconds, fields[0], fields[1], fields[2], rows)
+    stamps = seconds * _SECOND + nanoseconds
+    return found, JointStates(layout.names, stamps, fields[0], fields[1], fields[2], rows, layout.counts)
 
 
 def _column(messages: Bytes, start: int, kind: str, count: int) -> NDArray[np.generic]:

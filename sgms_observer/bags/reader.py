@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -242,10 +243,7 @@ def read_joint_states(path: str | Path, topic: str) -> JointStates:
         total = 0
         for block in bag.blocks((name,)):
             found, _ = decode_joint_states(block, np.arange(len(block)))
-            groups += [
-                JointStates(part.names, part.stamp_ns, part.position, part.velocity, part.effort, part.row + total)
-                for part in found
-            ]
+            groups += [replace(part, row=part.row + total) for part in found]
             total += len(block)
     names = tuple(dict.fromkeys(joint for group in groups for joint in group.names))
     row = np.concatenate([group.row for group in groups]) if groups else np.empty(0, np.intp)
@@ -272,6 +270,8 @@ def _select(groups: list[JointStates], axis: str, name: str) -> Messages:
         if axis in group.names:
             column = group.names.index(axis)
             first = group.effort if name == "control_effort" else group.position
+            if column >= group.filled[2 if name == "control_effort" else 0]:
+                continue  # an array that the sender left empty or too short
             parts.append((group.stamp_ns, group.row, first[:, column], group.velocity[:, column]))
     if not parts:
         return Messages.none()

@@ -95,6 +95,7 @@ def test_fields_of_another_shape_are_refused() -> None:
         encode_joint_states(np.full(1, 2**62), ("x",), {"position": np.zeros((1, 1))})
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 255), st.binary(max_size=20)), max_size=20), st.binary(max_size=30))
 def test_records_are_found_with_and_without_numba(records: list[tuple[int, bytes]], rest: bytes) -> None:
     data = b"".join(mcap_records.RECORD_HEAD.pack(op, len(content)) + content for op, content in records) + rest
