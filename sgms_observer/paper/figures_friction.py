@@ -1,0 +1,213 @@
+"""Figures 2 and 3: what GMS and S-GMS friction do, on the paper's eight elements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sgms_observer.formulas import friction as formulas
+from sgms_observer.friction.gms import gms_step
+from sgms_observer.friction.sgms import sgms_step
+from sgms_observer.jit import njit
+from sgms_observer.observer.samples import Floats
+from sgms_observer.settings.friction import FrictionSettings
+
+_N = 8
+EIGHT = FrictionSettings(
+    model="sgms",
+    reset="paper",
+    element_stiffness=tuple(1.0e7 * i / _N for i in range(1, _N + 1)),
+    element_fraction=tuple(2.0 * i / (_N * (_N + 1)) for i in range(1, _N + 1)),
+    element_damping=(0.0,) * _N,
+    viscous_coefficient=0.0,
+    static_force=3.0,
+    coulomb_force=2.0,
+    stribeck_velocity=1.0e-6,
+    attraction_rate=50.0,
+    smoothing_lambda=1000.0,
+    smoothing_zeta=0.99,
+    smoothing_gamma=10.0,
+)
+SLIP_DISTANCE = EIGHT.element_fraction[0] * EIGHT.static_force / EIGHT.element_stiffness[0]
+"""All eight elements of the caption slip at this deflection [m]: nu_i / kappa_i is the same for each."""
+
+_STEP = 1.0e-4  # s
+_level = njit(formulas.stribeck_level)
+
+
+@njit
+def _friction_along(
+    is_gms: bool,
+    kappa: Floats,
+    nu: Floats,
+    constants: Floats,
+    velocity: Floats,
+    period: float,
+    force: Floats,
+    slip: Floats,
+) -> Floats:
+    """Friction after each step of a prescribed motion [N]; ``force`` and ``slip`` are the elements', updated."""
+    static, coulomb, stribeck, rate, lam, zeta, gamma = constants
+    total = np.zeros(velocity.shape[0])
+    for k in range(velocity.shape[0]):
+        v = velocity[k]
+        s = _level(v, static, coulomb, stribeck)
+        for i in range(kappa.shape[0]):
+            if is_gms:
+                force[i], mode = gms_step(force[i], int(slip[i]), v, period, kappa[i], nu[i], s, rate)
+                slip[i] = mode
+            else:
+                gain = gamma * abs(v) / stribeck
+                force[i] = sgms_step(force[i], v, period, kappa[i], nu[i] * s, lam, zeta, gain)
+            total[k] += force[i]
+    return total
+
+
+@dataclass
+class Elements:
+    """The elements of a model with what they remember.
+
+    Args:
+        settings: the model.
+        is_gms: GMS rather than S-GMS.
+    """
+
+    settings: FrictionSettings
+    is_gms: bool
+
+    def __post_init__(self) -> None:
+        count = len(self.settings.element_stiffness)
+        self.force, self.slip = np.zeros(count), np.zeros(count)
+
+    def follow(self, velocity: Floats, period: float = _STEP) -> Floats:
+        """Return the friction after each step of a prescribed motion [N].
+
+        Args:
+            velocity: over each step [m/s].
+            period: of a step [s].
+        """
+        p = self.settings
+        constants = np.array(
+            [p.static_force, p.coulomb_force, p.stribeck_velocity, p.attraction_rate,
+             p.smoothing_lambda, p.smoothing_zeta, p.smoothing_gamma]
+        )  # fmt: skip
+        friction: Floats = _friction_along(
+            self.is_gms, np.array(p.element_stiffness), np.array(p.element_fraction), constants,
+            velocity, period, self.force, self.slip,
+        )  # fmt: skip
+        return friction
+
+
+def hysteresis_path() -> Floats:
+    """Return positions with two minor loops inside a major one, in presliding [m]; one per step."""
+    turns = np.array([0.0, 1.8, -1.4, 0.6, -0.6, 1.0, 0.0, 1.8]) * SLIP_DISTANCE
+    speed = 4.0e-6 * _STEP
+    parts = [np.linspace(a, b, round(abs(b - a) / speed) + 1)[1:] for a, b in pairwise(turns)]
+    return np.concatenate(parts)
+
+
+def hysteresis(settings: FrictionSettings, is_gms: bool) -> tuple[Floats, Floats]:
+    """Return position [m] and friction [N] along ``hysteresis_path``."""
+    position = hysteresis_path()
+    return position, Elements(settings, is_gms).follow(np.diff(position, prepend=0.0) / _STEP)
+
+
+def drift(settings: FrictionSettings, is_gms: bool) -> tuple[Floats, Floats]:
+    """Return time [s] and position [m] of a mass after sliding, under an oscillating force below breakaway.
+
+    The force swings between 0 and 75 % of f_C, starting at its top; the mass starts at rest from sliding friction.
+    """
+    elements = Elements(settings, is_gms)
+    period, mass, damping = 1.0e-5, 1.0, 2.0e3
+    elements.follow(np.full(2000, 2.0e-6))
+    elements.follow(np.full(10, 1.0e-12), period)
+    time = np.arange(0.0, 2.0, period)
+    top = float(elements.force.sum())
+    force = 0.375 * settings.coulomb_force * (1.0 + np.cos(2.0 * np.pi * 4.0 * time))
+    blend = np.minimum(time / 0.05, 1.0)
+    force = (1.0 - blend) * top + blend * force
+    position, velocity = np.zeros(len(time)), 0.0
+    friction = top
+    for k in range(1, len(time)):
+        velocity = (velocity + period / mass * (force[k] - friction)) / (1.0 + period * damping / mass)
+        friction = float(elements.follow(np.array([velocity]), period)[0])
+        position[k] = position[k - 1] + velocity * period
+    return time, position
+
+
+def lag(settings: FrictionSettings, is_gms: bool, has_reversals: bool) -> tuple[Floats, Floats]:
+    """Return velocity [m/s] and friction [N] over the last period of an oscillating velocity.
+
+    Args:
+        settings: the model.
+        is_gms: GMS rather than S-GMS.
+        has_reversals: oscillate about 0 rather than about the Stribeck velocity.
+    """
+    period, frequency = 1.0e-4, 5.0
+    time = np.arange(0.0, 4.0 / frequency, period)
+    stribeck = settings.stribeck_velocity
+    velocity = stribeck * (3.0 * np.cos(2.0 * np.pi * frequency * time)) if has_reversals else stribeck * (
+        1.05 - np.cos(2.0 * np.pi * frequency * time)
+    )  # fmt: skip
+    friction = Elements(settings, is_gms).follow(velocity, period)
+    last = time >= 3.0 / frequency
+    return velocity[last], friction[last]
+
+
+def figure_two(folder: Path) -> None:
+    """Write Figures 2 a-d."""
+    panels: dict[str, tuple[str, str, str, Callable[[bool], tuple[Floats, Floats]], float]] = {
+        "a": ("hysteresis with nonlocal memory", "position [nm]", "friction [N]", lambda g: hysteresis(EIGHT, g), 1e9),
+        "b": ("no drift under a force below breakaway", "time [s]", "position [nm]", lambda g: drift(EIGHT, g), 1.0),
+        "c": ("frictional lag", "velocity [µm/s]", "friction [N]", lambda g: lag(EIGHT, g, False), 1e6),
+        "d": ("periodic motion with sliding", "velocity [µm/s]", "friction [N]", lambda g: lag(EIGHT, g, True), 1e6),
+    }
+    for name, (title, x_label, y_label, curve, x_scale) in panels.items():
+        figure, axis = _panel(f"Figure 2({name}): {title}", x_label, y_label)
+        for is_gms, label, style in ((True, "GMS", "-"), (False, "S-GMS", "--")):
+            x, y = curve(is_gms)
+            axis.plot(x * x_scale, y * (1e9 if name == "b" else 1.0), style, label=label)
+        _save(figure, axis, folder / f"figure2{name}.png")
+
+
+def figure_three(folder: Path) -> None:
+    """Write Figures 3 a-d: lambda, gamma and zeta at the closing of a minor loop, and where that lies."""
+    variants: dict[str, tuple[str, list[tuple[str, dict[str, float]]]]] = {
+        "a": ("lambda", [(f"lambda = {x:g}", {"smoothing_lambda": x}) for x in (1000.0, 100.0, 30.0)]),
+        "b": ("gamma", [(f"gamma = {x:g}", {"smoothing_gamma": x}) for x in (10.0, 1.0, 0.3)]),
+        "c": ("zeta", [(f"zeta = {x:g}", {"smoothing_zeta": x}) for x in (0.99, 0.95, 0.9)]),
+        "d": ("the whole loop", [("S-GMS", {})]),
+    }
+    position, gms = hysteresis(EIGHT, True)
+    top = float(np.max(position))
+    for name, (title, entries) in variants.items():
+        figure, axis = _panel(f"Figure 3({name}): {title}", "position [nm]", "friction [N]")
+        axis.plot(position * 1e9, gms, "k-", label="GMS", linewidth=1.0)
+        for label, change in entries:
+            axis.plot(position * 1e9, hysteresis(replace(EIGHT, **change), False)[1], "--", label=label)
+        if name != "d":
+            axis.set_xlim(0.1 * top * 1e9, 1.02 * top * 1e9)
+            axis.set_ylim(0.5 * float(np.max(gms)), 1.06 * float(np.max(gms)))
+        _save(figure, axis, folder / f"figure3{name}.png")
+
+
+def _panel(title: str, x_label: str, y_label: str) -> tuple[Any, Any]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.0, 3.6), layout="constrained")
+    axis = figure.subplots()
+    axis.set_title(title)
+    axis.set_xlabel(x_label)
+    axis.set_ylabel(y_label)
+    axis.grid(alpha=0.3)
+    return figure, axis
+
+
+def _save(figure: Any, axis: Any, path: Path) -> None:
+    axis.legend()
+    figure.savefig(path, dpi=150)
