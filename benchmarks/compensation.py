@@ -193,8 +193,9 @@ def delay_table() -> dict[str, Any]:
         axis = replace(base, stage=stage, compensation=replace(base.compensation, look_ahead=look_ahead))
         row = figures(run(axis, 1.0, observed(axis)))
         print(
-            f"  look_ahead {1e3 * look_ahead:.1f} ms:"
-            f" rms {1e9 * row.rms:.0f} nm, {without.rms / row.rms:.1f} times less; reversal {1e9 * row.peak:.0f} nm, {without.peak / row.peak:.1f} times less"
+            f"  look_ahead {1e3 * look_ahead:.1f} ms: rms {1e9 * row.rms:.0f} nm,"
+            f" {without.rms / row.rms:.1f} times less; reversal {1e9 * row.peak:.0f} nm,"
+            f" {without.peak / row.peak:.1f} times less"
         )
         out[f"{look_ahead:g}"] = vars(row)
     return out

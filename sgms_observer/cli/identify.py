@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="HZ",
-        help="corner of the zero-phase low-pass on position and effort",
+        help="corner of the zero-phase low-pass on the force balance",
     )
 
 

@@ -44,7 +44,8 @@ Floats = NDArray[np.float64]
 _OTHER_CORNER = 2.0**-0.5
 _HOPELESS = 0.5  # half interval over value beyond which a shared parameter stays at its start value
 _SMALLEST_DEFLECTION = 1.0e-8  # m
-_HIGHEST_CUTOFF = 400.0  # Hz
+_HIGHEST_CUTOFF = 160.0  # Hz
+_CUTOFF_SHARE = 0.06  # of the sample rate
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class IdentifyOptions:
 
     Attributes:
         model: ``sgms`` or ``gms``.
-        cutoff: corner of the low-pass on position and effort [Hz]; 0 takes 15 % of the sample rate, at most 400 Hz.
+        cutoff: corner of the low-pass on the force balance [Hz]; 0 takes 6 % of the sample rate, at most 160 Hz.
         largest_count: most elements to try.
         count: elements to use; 0 lets the held-out error choose.
     """
@@ -121,7 +122,7 @@ def identify(
     if not recordings:
         raise DataError("there is no recording to identify from; name at least one bag")
     shape = ElementShape.of(axis.friction, options.model)
-    cutoff = options.cutoff or min(_HIGHEST_CUTOFF, *(0.15 / recording.period for recording in recordings))
+    cutoff = options.cutoff or min(_HIGHEST_CUTOFF, *(_CUTOFF_SHARE / recording.period for recording in recordings))
     known = KnownEffects(tuple(item for item in axis.effects if item.name != "offset"), axis.friction)
     main = [prepare(recording, cutoff, known) for recording in recordings]
     other = [prepare(recording, _OTHER_CORNER * cutoff, known) for recording in recordings]

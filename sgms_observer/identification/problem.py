@@ -1,7 +1,9 @@
 """The identification problem: a recording prepared once, and residual with Jacobian as functions of the parameters.
 
 Both sides of ``u(t - delay) = m a + sigma_v v + friction(x) + offset`` pass the same zero-phase low-pass, so that no
-filter delay enters and the noise of the twice differentiated position stays small.
+filter delay enters and the noise of the twice differentiated position stays small. The friction is driven by a position
+that is filtered less: it may follow sharp reversals, while the noise that mass times acceleration would add, and that
+a stiff element could imitate, is gone from the balance.
 """
 
 from __future__ import annotations
@@ -30,43 +32,49 @@ SCALARS = ("mass", "viscous_coefficient", "offset", "delay", "stribeck_ratio", "
 
 stribeck_level = vectorised("friction").stribeck_level
 
+MOTION_OVER_BALANCE = 2.5
+"""Corner of the low-pass on the position that drives the friction, over the corner of the balance."""
+
 _ORDER = 4
-_HIGHEST_RATE = 5000.0  # working rate [Hz]
+_WORKING_RATE = 10.0  # samples of the driving position per period of its corner
+_ROW_RATE = 8.0  # rows of the balance per period of its corner
 _BORDER = 4.0  # of the filter's time constants 1/cutoff dropped at either end
 _FORGET = 3.0  # slip deflections of one-way travel after which the unknown start no longer matters
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """One recording on the working rate, filtered.
+    """One recording, filtered: the driving position at the working rate, the balance in fewer rows.
 
     Attributes:
         name: where it comes from.
         period: working period [s].
-        position: filtered position [m].
-        velocity: filtered velocity [m/s].
-        acceleration: filtered acceleration [m/s^2].
+        position: position that drives the friction [m], at the working rate.
+        factor: known effects' factor on the Stribeck level [-], at the working rate.
+        sections: second-order sections of the balance's low-pass at the working rate.
+        stride: working samples per row.
+        time: of each row [s], from 0.
+        velocity: of each row [m/s].
+        acceleration: of each row [m/s^2].
         effort: spline through the filtered effort [N] over time [s].
-        time: [s], from 0.
-        sections: second-order sections of the low-pass at the working rate.
         usable: rows away from the filter's borders.
-        factor: known effects' factor on the Stribeck level [-].
     """
 
     name: str
     period: float
     position: Floats
+    factor: Floats
+    sections: Floats
+    stride: int
+    time: Floats
     velocity: Floats
     acceleration: Floats
     effort: CubicSpline
-    time: Floats
-    sections: Floats
     usable: Booleans
-    factor: Floats
 
     def low_pass(self, values: Floats) -> Floats:
-        """Apply the zero-phase low-pass along the first axis."""
-        return np.asarray(signal.sosfiltfilt(self.sections, values, axis=0))
+        """Return the rows of signals at the working rate, through the balance's zero-phase low-pass."""
+        return np.asarray(signal.sosfiltfilt(self.sections, values, axis=0)[:: self.stride])
 
     def settled(self, slip_deflection: float) -> Booleans:
         """Return usable rows after the elements have forgotten how they started.
@@ -74,12 +82,13 @@ class Prepared:
         Args:
             slip_deflection: largest deflection at which an element slips [m].
         """
-        turning = np.concatenate(([True], np.sign(np.diff(self.position))[1:] != np.sign(np.diff(self.position))[:-1]))
+        way = np.sign(np.diff(self.position))
+        turning = np.concatenate(([True], way[1:] != way[:-1]))
         since = np.maximum.accumulate(np.where(turning, np.arange(len(turning)), 0))
         run = np.abs(self.position[1:] - self.position[since])
         far = np.flatnonzero(run > _FORGET * slip_deflection)
         mask = self.usable.copy()
-        mask[: (far[0] + 1 if len(far) else len(mask))] = False
+        mask[: (int(far[0]) // self.stride + 1 if len(far) else len(mask))] = False
         return mask
 
 
@@ -101,53 +110,74 @@ def prepare(recording: Recording, cutoff: float, known: KnownEffects | None = No
 
     Args:
         recording: evenly sampled position and effort.
-        cutoff: corner of the low-pass [Hz].
+        cutoff: corner of the balance's low-pass [Hz].
         known: effects to take out first.
 
     Raises:
         DataError: if the recording is too short or too slowly sampled.
     """
     rate = 1.0 / recording.period
-    if cutoff >= 0.45 * rate:
+    motion_cutoff = MOTION_OVER_BALANCE * cutoff
+    if motion_cutoff >= 0.45 * rate:
         raise DataError(
-            f"{recording.name} is sampled at {rate:.4g} Hz; choose a cutoff below 0.45 times that, not {cutoff:.4g} Hz"
+            f"{recording.name} is sampled at {rate:.4g} Hz; choose a cutoff below {0.18 * rate:.4g} Hz,"
+            f" not {cutoff:.4g} Hz"
         )
     if recording.duration < 20.0 * _BORDER / cutoff:
         raise DataError(f"{recording.name} lasts {recording.duration:.3g} s; a cutoff of {cutoff:.4g} Hz needs more")
     effects = CompiledEffects(known.settings if known else (), recording.period)
     state = effects.initial_state()
-    full = signal.butter(_ORDER, 2.0 * cutoff / rate, output="sos")
-    position = signal.sosfiltfilt(full, effects.corrected_position(recording.position))
-    velocity: Floats = np.gradient(position) / recording.period
-    acceleration: Floats = np.gradient(velocity) / recording.period
-    effort = signal.sosfiltfilt(full, effects.arrived_effort(recording.effort, state))
+    sharp = _low_pass(motion_cutoff, rate)
+    both = np.concatenate([sharp, _low_pass(cutoff, rate)])
+    measured = effects.corrected_position(recording.position)
+    effort = effects.arrived_effort(recording.effort, state)
+    position = signal.sosfiltfilt(sharp, measured)
     factor = np.ones(len(position))
     if known and effects.has_force_or_level:
-        curve = known.friction
-        level = stribeck_level(velocity, curve.static_force, curve.coulomb_force, curve.stribeck_velocity)
-        seconds: Floats = np.asarray(recording.period * np.arange(len(position)))
-        periods = np.full(len(position), recording.period)
-        force, factor = effects.evaluate(position, velocity, acceleration, seconds, effort, periods, level, state)
+        force, factor = _known_force(effects, known, recording.period, position, effort, state)
         effort = effort - force
-    step = max(1, int(rate / max(_HIGHEST_RATE, 10.0 * cutoff) + 1e-6))
+    step = max(1, int(rate / (_WORKING_RATE * motion_cutoff) + 1e-6))
     period = recording.period * step
-    keep = slice(None, None, step)
-    time = np.asarray(period * np.arange(len(position[keep])))
-    border = int(np.ceil(_BORDER / cutoff / period))
+    stride = max(1, int(1.0 / (_ROW_RATE * cutoff * period) + 1e-6))
+    smooth = signal.sosfiltfilt(both, measured)
+    velocity: Floats = np.gradient(smooth) / recording.period
+    acceleration: Floats = np.gradient(velocity) / recording.period
+    keep = slice(None, None, step * stride)
+    time = np.asarray(period * stride * np.arange(len(smooth[keep])))
+    border = int(np.ceil(_BORDER / cutoff / (period * stride)))
     usable = np.zeros(len(time), dtype=bool)
     usable[border:-border] = True
     return Prepared(
-        recording.name,
-        period,
-        np.ascontiguousarray(position[keep]),
-        velocity[keep],
-        acceleration[keep],
-        CubicSpline(time, effort[keep]),
-        time,
-        signal.butter(_ORDER, 2.0 * cutoff * period, output="sos"),
-        usable,
-        np.ascontiguousarray(factor[keep]),
+        name=recording.name,
+        period=period,
+        position=np.ascontiguousarray(position[::step]),
+        factor=np.ascontiguousarray(factor[::step]),
+        sections=np.concatenate([_low_pass(motion_cutoff, 1.0 / period), _low_pass(cutoff, 1.0 / period)]),
+        stride=stride,
+        time=time,
+        velocity=velocity[keep],
+        acceleration=acceleration[keep],
+        effort=CubicSpline(time, signal.sosfiltfilt(both, effort)[keep]),
+        usable=usable,
     )
+
+
+def _low_pass(cutoff: float, rate: float) -> Floats:
+    """Return the second-order sections of the low-pass."""
+    return np.asarray(signal.butter(_ORDER, 2.0 * cutoff / rate, output="sos"))
+
+
+def _known_force(
+    effects: CompiledEffects, known: KnownEffects, period: float, position: Floats, effort: Floats, state: Floats
+) -> tuple[Floats, Floats]:
+    """Return the known effects' force [N] and factor on the Stribeck level along the motion."""
+    velocity: Floats = np.gradient(position) / period
+    acceleration: Floats = np.gradient(velocity) / period
+    curve = known.friction
+    level = stribeck_level(velocity, curve.static_force, curve.coulomb_force, curve.stribeck_velocity)
+    seconds: Floats = np.asarray(period * np.arange(len(position)))
+    periods = np.full(len(position), period)
+    return effects.evaluate(position, velocity, acceleration, seconds, effort, periods, level, state)
 
 
 @dataclass(frozen=True)

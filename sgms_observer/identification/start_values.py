@@ -92,8 +92,9 @@ def _fit(
         if not np.any(mask):
             mask = piece.usable
         elements = unit_elements(piece.position, piece.period, grid, shape)
-        bumps = [np.exp(-((piece.velocity / (share * stribeck_velocity)) ** 2)) for share in _BUMPS]
-        columns = piece.low_pass(np.column_stack([elements, *(np.sign(piece.velocity) * bump for bump in bumps)]))
+        velocity: Floats = np.gradient(piece.position) / piece.period
+        bumps = [np.sign(velocity) * np.exp(-((velocity / (share * stribeck_velocity)) ** 2)) for share in _BUMPS]
+        columns = piece.low_pass(np.column_stack([elements, *bumps]))
         stride = max(1, int(mask.sum()) * len(data) // _ROWS)
         ones = np.ones(len(piece.time))
         matrix = np.column_stack([columns, piece.acceleration, piece.velocity, ones, -ones])

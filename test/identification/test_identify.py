@@ -1,0 +1,139 @@
+"""Identification of a simulated table: its own noise and encoder, its own truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sgms_observer.errors import DataError
+from sgms_observer.identification.answer import identification_answer
+from sgms_observer.identification.excitation import ExcitationLimits, build_excitation
+from sgms_observer.identification.identify import Identification, IdentifyOptions, force_error, identify
+from sgms_observer.identification.problem import ELEMENTS, Parameters
+from sgms_observer.identification.recording import Recording, recordings_from_samples
+from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
+from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.stage import ControllerSettings, EncoderSettings, ReferenceSettings, StageSettings
+from sim_plant.table import SimulatedTable
+
+PERIOD = 2.5e-4
+TRUE = AxisSettings(
+    mass=10.0,
+    friction=FrictionSettings(
+        element_stiffness=(5.0e6, 0.8e6),
+        element_fraction=(0.2, 0.8),
+        element_damping=(0.0, 0.0),
+        viscous_coefficient=30.0,
+        static_force=5.2,
+        coulomb_force=4.0,
+        stribeck_velocity=2.0e-3,
+    ),
+    effects=(EffectSettings("offset", (-0.4,)),),
+    stage=StageSettings(
+        controller=ControllerSettings(feedforward_mass=0.7),
+        encoder=EncoderSettings(resolution=1.0e-8, noise=5.0e-9),
+        force_noise=0.05,
+    ),
+)
+START = AxisSettings(
+    mass=6.0,
+    friction=FrictionSettings(
+        element_stiffness=(4.0e6,),
+        element_fraction=(1.0,),
+        element_damping=(0.0,),
+        static_force=3.5,
+        coulomb_force=3.0,
+        stribeck_velocity=5.0e-3,
+    ),
+)
+
+
+def _record(reference: ReferenceSettings, duration: float, seed: int = 3) -> tuple[Recording, ...]:
+    axis = replace(TRUE, stage=replace(TRUE.stage, reference=reference, seed=seed))
+    table = SimulatedTable(Settings(axes=(axis,), sample_period=PERIOD), 1_000_000_000)
+    return recordings_from_samples(table.step(round(duration / PERIOD))[0].samples, "simulated")
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, ...]:
+    reference = build_excitation(START, ExcitationLimits(0.01, 0.05, 1.0), PERIOD)
+    csv = tmp_path_factory.mktemp("excite") / "reference.csv"
+    np.savetxt(csv, np.column_stack([reference.time, np.round(reference.position, 12)]), delimiter=",", fmt="%.12g")
+    return _record(ReferenceSettings(kind="file", file=str(csv)), float(reference.time[-1]))
+
+
+@pytest.fixture(scope="module")
+def result(recorded: tuple[Recording, ...]) -> Identification:
+    return identify(recorded, START, IdentifyOptions(largest_count=3))
+
+
+def _truth() -> Parameters:
+    friction = TRUE.friction
+    scalars = np.array([10.0, 30.0, -0.4, PERIOD / 2, 1.3, 2.0e-3, friction.attraction_rate / 4.0])
+    return Parameters(scalars, np.array(friction.element_stiffness), 4.0 * np.array(friction.element_fraction))
+
+
+def test_held_out_error_finds_the_number_of_elements(result: Identification) -> None:
+    assert result.parameters.count == 2
+
+
+def test_what_is_told_to_be_shown_is_within_five_percent(result: Identification) -> None:
+    names = result.parameters.names()
+    estimate, true = result.parameters.vector(), _truth().vector()
+    told = [j for j in range(len(names)) if result.confidence.is_shown[j] and names[j] not in ("delay", "offset")]
+    assert {"mass", "viscous_coefficient", "stribeck_ratio"} <= {names[j] for j in told}
+    assert sum(j >= ELEMENTS for j in told) >= 3
+    for j in told:
+        assert estimate[j] == pytest.approx(true[j], rel=0.05), names[j]
+
+
+def test_intervals_hold_the_truth(result: Identification) -> None:
+    estimate, true = result.parameters.vector(), _truth().vector()
+    width = result.confidence.half_width
+    estimated = [j for j in range(len(true)) if np.isfinite(width[j])]
+    inside = [abs(estimate[j] - true[j]) <= width[j] for j in estimated]
+    assert np.mean(inside) >= 0.8
+
+
+def test_force_error_is_at_the_floor_of_the_truth(recorded: tuple[Recording, ...], result: Identification) -> None:
+    floor = force_error(recorded, _truth(), START, "sgms", result.cutoff)
+    assert force_error(recorded, result.parameters, START, "sgms", result.cutoff) <= 1.10 * floor
+
+
+def test_the_answer_makes_a_valid_axis_with_remarks(result: Identification) -> None:
+    answer = identification_answer(result, START, PERIOD)
+    assert sum(answer.changes["friction.element_fraction"]) == pytest.approx(1.0, abs=1e-9)
+    assert answer.changes["friction.static_force"] >= answer.changes["friction.coulomb_force"]
+    assert answer.changes["effects.offset.force"] == pytest.approx(-0.4, abs=0.02)
+    assert "95 %" in answer.remarks["mass"]
+    assert {row.name for row in answer.rows} >= {"mass", "delay", "friction.element_stiffness[1]"}
+
+
+def test_a_recording_without_reversals_says_so() -> None:
+    still = _record(ReferenceSettings(kind="sine", amplitude=1.0e-9, frequency=1.0), 3.0)
+    with pytest.raises(DataError, match=r"moves by|never slide"):
+        identify(still, START)
+
+
+def test_one_fast_stroke_does_not_claim_the_presliding_stiffness() -> None:
+    fast = _record(ReferenceSettings(kind="sine", amplitude=5.0e-3, frequency=4.0), 4.0)
+    found = identify(fast, START, IdentifyOptions(count=2))
+    estimate, true = found.parameters.vector(), _truth().vector()
+    for j in range(len(true)):
+        if found.confidence.is_shown[j] and found.parameters.names()[j] not in ("delay", "offset"):
+            assert estimate[j] == pytest.approx(true[j], rel=0.05), found.parameters.names()[j]
+    assert not np.all(found.confidence.is_shown[ELEMENTS:])
+
+
+def test_limits_of_the_excitation_are_kept() -> None:
+    limits = ExcitationLimits(stroke=0.012, speed=0.03, acceleration=0.5)
+    for period in (1e-4, 1e-3):
+        made = build_excitation(START, limits, period)
+        assert np.ptp(made.position) <= limits.stroke
+        assert np.max(np.abs(made.velocity)) <= limits.speed * (1.0 + 1e-9)
+        assert np.max(np.abs(np.diff(made.velocity))) / period <= limits.acceleration * (1.0 + 1e-3)
+        assert abs(made.position[-1]) < 1e-12
+        assert [section.name for section in made.sections][0] == "nested reversals"
