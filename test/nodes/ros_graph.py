@@ -1,0 +1,227 @@
+"""The real ROS graph for tests: node processes that are started and stopped, and a node of the test's own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+
+from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
+from sgms_observer.nodes.topics import SAMPLE_QOS
+
+ONE_AXIS = """/**:
+  ros__parameters:
+    axes: [x]
+    sample_period: 1.0e-3
+    x:
+      mass: 3.0
+      stage: {friction: {model: gms}, encoder: {noise: 1.0e-9}, force_noise: 0.01}
+      filter: {window: 8.0e-3}
+      estimator: {kind: mhe, correction_every: 2, parameters: [kappa]}
+"""
+TWO_AXES = """/**:
+  ros__parameters:
+    axes: [x, "y"]
+    sample_period: 1.0e-3
+    x: {mass: 3.0, estimator: {kind: ekf}}
+    "y": {mass: 2.0, estimator: {kind: ekf}, friction: {coulomb_force: 3.0, static_force: 3.5}}
+"""
+
+PATIENCE = 120.0
+"""How long anything may take on a busy machine that compiles kernels first [s]."""
+
+CONFIGURE, ACTIVATE = Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE
+DEACTIVATE, CLEAN_UP = Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP
+
+
+def wait_until(condition: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
+    """Return what ``condition`` gives once it is true.
+
+    Args:
+        condition: asked again and again.
+        what: for the failure.
+        patience: how long to ask [s].
+    """
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        if value := condition():
+            return value
+        time.sleep(0.02)
+    raise AssertionError(f"waited {patience:g} s for {what}")
+
+
+class NodeProcess:
+    """One of the package's nodes in a process of its own.
+
+    Args:
+        name: ``stage_node`` or ``observer_node``.
+        folder: where its output goes.
+        arguments: its command line.
+    """
+
+    def __init__(self, name: str, folder: Path, *arguments: str) -> None:
+        self.name = name
+        self.output = folder / f"{name}.{time.monotonic_ns()}.log"
+        with self.output.open("w") as file:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", f"sgms_observer.nodes.{name}", *arguments],
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                cwd=folder,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *sys.path])},
+            )
+
+    def text(self) -> str:
+        """Return everything the node said."""
+        return self.output.read_text()
+
+    def wait_active(self) -> None:
+        """Wait until the node is active."""
+        wait_until(
+            lambda: "active: axes" in self.text() or self.process.poll() is not None, f"{self.name} to be active"
+        )
+        assert self.process.poll() is None, self.text()
+
+    def wait_end(self) -> int:
+        """Return the exit code once the process ended by itself."""
+        return self.process.wait(PATIENCE)
+
+    def stop(self, number: int = signal.SIGINT) -> int:
+        """Send a signal and return the exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        try:
+            return self.process.wait(30.0)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            raise AssertionError(f"{self.name} did not end after signal {number}: {self.text()}") from None
+
+
+Start = Callable[..., NodeProcess]
+
+
+class Graph:
+    """A node of the test's own: it listens, publishes and calls while a thread spins it."""
+
+    def __init__(self) -> None:
+        self.node: Node = rclpy.create_node("test_graph")
+        self.messages: dict[str, list[bytes]] = {}
+        self._executor = EventsExecutor()
+        self._executor.add_node(self.node)
+        self._must_stop = False
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        never: Future = Future()
+        while not self._must_stop and rclpy.ok():
+            self._executor.spin_until_future_complete(never, timeout_sec=0.05)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._must_stop = True
+        self._thread.join()
+        self.node.destroy_node()
+
+    def listen(self, *topics: str) -> None:
+        """Keep the bytes of every message of these topics, in ``messages``."""
+        for topic in topics:
+            kind = DiagnosticArray if topic in ("/diagnostics", "friction_parameters") else JointState
+            kept = self.messages.setdefault(topic, [])
+            self.node.create_subscription(kind, topic, kept.append, SAMPLE_QOS, raw=True)
+
+    def wait_messages(self, topic: str, count: int) -> list[bytes]:
+        """Return a topic's messages once there are so many."""
+        return wait_until(
+            lambda: self.messages[topic] if len(self.messages[topic]) >= count else None, f"{count} messages of {topic}"
+        )
+
+    def publisher(self, topic: str) -> Callable[[bytes], None]:
+        """Return a function that publishes bytes, once somebody subscribes."""
+        publisher = self.node.create_publisher(JointState, topic, SAMPLE_QOS)
+        wait_until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
+        return publisher.publish
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        """Call a service and return its answer."""
+        client = self.node.create_client(kind, name)
+        wait_until(client.service_is_ready, f"the service {name}")
+        future = client.call_async(request)
+        wait_until(future.done, f"the answer of {name}")
+        self.node.destroy_client(client)
+        return future.result()
+
+    def state(self, node: str) -> str:
+        """Return a lifecycle node's state."""
+        return self.call(GetState, f"/{node}/get_state", GetState.Request()).current_state.label
+
+    def change(self, node: str, transition: int) -> bool:
+        """Ask for a transition; return whether it succeeded."""
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return self.call(ChangeState, f"/{node}/change_state", request).success
+
+    def axis_diagnostics(self, axis: str) -> dict[str, str]:
+        """Return the latest diagnostics of an axis: its values, and ``message``."""
+        for message in reversed(self.messages["/diagnostics"]):
+            for entry in decode_diagnostics(message)[1]:
+                if entry.hardware_id == axis:
+                    return {**dict(entry.values), "message": entry.message}
+        return {}
+
+
+class Sender:
+    """Publishes samples of made-up axes to an observer.
+
+    Args:
+        graph: publishes them.
+        axes: names.
+        single: one topic for position and effort.
+    """
+
+    def __init__(self, graph: Graph, axes: Sequence[str], single: str = "") -> None:
+        self._single = single
+        if single:
+            self._both = graph.publisher(single)
+            self._both_encoder = JointStateEncoder(axes, ("position", "velocity", "effort"))
+        else:
+            self._position, self._effort = graph.publisher("position"), graph.publisher("control_effort")
+            self._position_encoder = JointStateEncoder(axes, ("position",))
+            self._effort_encoder = JointStateEncoder(axes, ("effort",))
+
+    def send(self, stamp_ns: int, position: Sequence[float], effort: Sequence[float]) -> None:
+        """Publish one sample of all axes."""
+        if self._single:
+            self._both(self._both_encoder.encode(stamp_ns, position, [0.0] * len(position), effort))
+        else:
+            self._position(self._position_encoder.encode(stamp_ns, position))
+            self._effort(self._effort_encoder.encode(stamp_ns, effort))
+
+    def send_paced(
+        self, rate: float, stamps: Sequence[int], position: Sequence[Sequence[float]], effort: Sequence[Sequence[float]]
+    ) -> None:
+        """Publish samples at a rate [Hz] by the clock; a late turn sends all that is due."""
+        start = time.monotonic()
+        sent = 0
+        while sent < len(stamps):
+            due = min(len(stamps), int((time.monotonic() - start) * rate) + 1)
+            for i in range(sent, due):
+                self.send(stamps[i], position[i], effort[i])
+            sent = due
+            time.sleep(5.0e-4)
