@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import shutil
 import sqlite3
 import time
@@ -21,7 +23,8 @@ from sgms_observer.bags.metadata import METADATA, STORAGES, dump_metadata
 from sgms_observer.bags.sqlite_writer import SqliteWriter
 from sgms_observer.errors import DataError, RecordingError
 
-PARTIAL = ".partial"
+PARTIAL = ".partial"  # a recording, worth keeping if it is interrupted
+UNFINISHED = ".unfinished"  # what can be made again; a leftover of a killed process is replaced
 _FLUSH_PERIOD = 0.5  # s
 
 
@@ -39,9 +42,10 @@ class _Storage(Protocol):
 class BagWriter:
     """A rosbag2 folder being written, as a context manager.
 
-    The folder is called ``NAME.partial`` until it is complete; at the end of the ``with`` block it gets its
-    metadata.yaml and its name. What was written longer than half a second ago survives the process (``flush`` helps
-    when nothing more is written). If the block ends with an error the folder is removed, unless it shall be kept.
+    The folder is called ``NAME.unfinished`` (``NAME.partial`` for a recording to keep) until it is complete; at the end
+    of the ``with`` block it gets its metadata.yaml and its name. What was written longer than half a second ago survives
+    the process (``flush`` helps when nothing more is written). If the block ends with an error the folder is removed,
+    unless it shall be kept.
 
     Args:
         path: the bag's folder; must not exist.
@@ -54,25 +58,30 @@ class BagWriter:
 
     def __init__(self, path: str | Path, storage: str = "mcap", *, keep_on_failure: bool = False) -> None:
         self.path = Path(path)
-        self._partial = self.path.with_name(self.path.name + PARTIAL)
+        self._partial = self.path.with_name(self.path.name + (PARTIAL if keep_on_failure else UNFINISHED))
         self._keep = keep_on_failure
         self._kind = storage
         self._topics: dict[str, tuple[int, MessageType]] = {}
         self._counts: dict[str, int] = {}
         self._span = (2**63 - 1, 0)
         self._flush_due = 0.0
+        self._lock: int | None = None
         if storage not in STORAGES:
             raise RecordingError(f"{storage} is no storage for a bag; choose one of {', '.join(STORAGES)}")
         if not self.path.name:
             raise RecordingError(f"{path} cannot name a bag; give a folder that does not exist yet")
         if self.path.exists() or self.path.is_symlink():
             raise RecordingError(f"{self.path} exists already and is not overwritten; give another name or remove it")
-        if self._partial.exists():
+        if keep_on_failure and self._partial.exists():
             raise RecordingError(
                 f"{self._partial} holds an interrupted recording; rename it to keep it, or remove it, and start again"
             )
         with self._own_errors():
+            if self._partial.exists():
+                self._replace_leftover()
             self._partial.mkdir(parents=True)
+            self._lock = os.open(self._partial, os.O_RDONLY)
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         self._file_name = f"{self.path.name}_0{STORAGES[storage]}"
         self._storage: _Storage | None = None
         try:
@@ -175,6 +184,7 @@ class BagWriter:
                 self._storage = None
                 (self._partial / METADATA).write_text(metadata, encoding="utf-8")
                 self._partial.rename(self.path)
+                self._unlock()
         except RecordingError:
             self.abort()
             raise
@@ -187,6 +197,7 @@ class BagWriter:
                 storage.abort()
         if not self._keep:
             shutil.rmtree(self._partial, ignore_errors=True)
+        self._unlock()
 
     def discard(self) -> None:
         """Stop and remove what was written, whatever was to be kept."""
@@ -205,6 +216,22 @@ class BagWriter:
             self.close()
         else:
             self.abort()
+
+    def _replace_leftover(self) -> None:
+        """Remove what a killed process left; refuse if the process is alive."""
+        lock = os.open(self._partial, os.O_RDONLY)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(self._partial)
+        except BlockingIOError:
+            raise RecordingError(f"{self.path} is being written by another process; give another name") from None
+        finally:
+            os.close(lock)
+
+    def _unlock(self) -> None:
+        lock, self._lock = self._lock, None
+        if lock is not None:
+            os.close(lock)
 
     def _open_storage(self) -> _Storage:
         if self._storage is None:

@@ -61,6 +61,16 @@ def test_messages_come_in_order_of_time_as_in_rosbags(tmp_path: Path, storage: s
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_packed_files_are_found_without_metadata(tmp_path: Path, storage: str) -> None:
+    path = write_with_rosbags(tmp_path / "bag", recorded_messages(COUNT), storage, "file")
+    (path / "metadata.yaml").unlink()
+    check_samples(path)
+    (packed,) = path.iterdir()
+    packed.write_bytes(packed.read_bytes()[:-100])
+    attempt(path)
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 def test_metadata_is_not_needed(tmp_path: Path, storage: str) -> None:
     path = write_with_rosbags(tmp_path / "bag", recorded_messages(COUNT), storage)
     check_samples(next(file for file in path.iterdir() if file.name != "metadata.yaml"))

@@ -132,7 +132,7 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
         BagWriter(tmp_path / "file")
     (tmp_path / "next.partial").mkdir()
     with pytest.raises(RecordingError, match="interrupted recording"):
-        BagWriter(tmp_path / "next")
+        BagWriter(tmp_path / "next", keep_on_failure=True)
     with pytest.raises(RecordingError, match="cannot be written"):
         BagWriter(tmp_path / "file" / "bag")
     with pytest.raises(RecordingError, match="choose one of mcap, sqlite3"):
@@ -148,13 +148,23 @@ def test_a_failure_leaves_nothing_under_the_final_name(tmp_path: Path, storage: 
         for topic, log_ns, data in recorded_messages(50):
             writer.write(topic, JOINT_STATE, log_ns, data)
         writer.flush()
-        assert [entry.name for entry in tmp_path.iterdir()] == ["bag.partial"]
+        assert [entry.name for entry in tmp_path.iterdir()] == ["bag.partial" if keep else "bag.unfinished"]
         raise RuntimeError
     assert [entry.name for entry in tmp_path.iterdir()] == (["bag.partial"] if keep else [])
     if keep:
         assert sum(block.stamp_ns.size for block in read_samples(tmp_path / "bag.partial", "x")) == 50
         with pytest.raises(RecordingError, match=r"bag\.partial holds an interrupted recording, give that"):
             find_files(tmp_path / "bag")
+
+
+def test_the_leftover_of_a_killed_process_is_replaced_but_not_another_process_s_work(tmp_path: Path) -> None:
+    (tmp_path / "bag.unfinished").mkdir()
+    (tmp_path / "bag.unfinished" / "bag_0.mcap").write_bytes(b"half")
+    with BagWriter(tmp_path / "bag") as writer:
+        with pytest.raises(RecordingError, match="is being written by another process"):
+            BagWriter(tmp_path / "bag")
+        writer.add_topic("position", JOINT_STATE)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
 
 
 @pytest.mark.parametrize("storage", STORAGES)
