@@ -1,0 +1,203 @@
+"""Refits: nominal parameters within their tolerance, together with the parameters of effects, on whitened residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.discrepancy.model import Model, predict
+from sgms_observer.discrepancy.motion import Motion
+from sgms_observer.discrepancy.noise import Noise
+from sgms_observer.effects.catalogue import effect
+from sgms_observer.settings.axis import EffectSettings
+
+Floats = NDArray[np.float64]
+
+ELEMENT_SLACK = 15.0
+STEP = 1.0e-4
+LONGEST_PITCH = 0.7
+"""Longest period in position, as a share of the stroke."""
+_MAX_ITERATIONS = 12
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Motions with the noise and weights every column passes.
+
+    Attributes:
+        motions: recordings.
+        noise: of each recording.
+        weights: of each recording at the rate of residuals.
+    """
+
+    motions: tuple[Motion, ...]
+    noise: tuple[Noise, ...]
+    weights: tuple[Floats, ...]
+
+    def whitened(self, columns: Sequence[Floats]) -> Floats:
+        """Return one column of all recordings, from working-rate series, in units of the noise."""
+        parts = [
+            noise.whitened(motion.low_pass(column), weights)
+            for motion, noise, weights, column in zip(self.motions, self.noise, self.weights, columns, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    def residual(self, model: Model) -> Floats:
+        """Return the model's residual in units of the noise."""
+        return self.whitened([predict(model, motion).residual for motion in self.motions])
+
+    @property
+    def count(self) -> int:
+        """Number of whitened residuals."""
+        return len(self.whitened([np.zeros(len(motion.time)) for motion in self.motions]))
+
+
+def prior_widths(model: Model, tolerance: float) -> Floats:
+    """Return how far the logarithm of each nominal parameter may be off (one standard deviation).
+
+    Args:
+        model: the nominal model.
+        tolerance: largest relative error its owner expects; elements may be off ``ELEMENT_SLACK`` times as far, because
+            few elements stand for a continuous contact.
+    """
+    names = model.parameter_names()
+    one = tolerance / np.sqrt(3.0)
+    return np.array([ELEMENT_SLACK * one if name.startswith("element") else one for name in names])
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A refitted model.
+
+    Attributes:
+        model: with the refitted parameters and effects.
+        logs: logarithms of the nominal parameters over the given ones.
+        effects: the effects of this fit.
+        residual: whitened residual.
+        cost: half its square plus the prior's.
+        jacobian: of residual and prior rows by (logs, free effect parameters), at the solution.
+        scales: unit of each free effect parameter in ``jacobian``.
+        free: index (effect, parameter) of each free effect parameter.
+    """
+
+    model: Model
+    logs: Floats
+    effects: tuple[EffectSettings, ...]
+    residual: Floats
+    cost: float
+    jacobian: Floats
+    scales: Floats
+    free: tuple[tuple[int, int], ...]
+
+    def deviations(self) -> Floats:
+        """Return the standard deviation of each free effect parameter, SI units."""
+        n = len(self.free)
+        if n == 0:
+            return np.zeros(0)
+        normal = self.jacobian.T @ self.jacobian
+        covariance = np.linalg.pinv(normal)
+        return np.sqrt(np.maximum(np.diag(covariance)[-n:], 0.0)) * self.scales
+
+
+def refit(
+    judged: Judged,
+    nominal: Model,
+    tolerance: float,
+    effects: Sequence[EffectSettings] = (),
+    start: Floats | None = None,
+    fixed: Sequence[tuple[int, int]] = (),
+    iterations: int = _MAX_ITERATIONS,
+    nominal_columns: Floats | None = None,
+) -> Refit:
+    """Fit nominal parameters and effects by Levenberg-Marquardt with numerical derivatives.
+
+    Args:
+        judged: recordings.
+        nominal: the given model.
+        tolerance: of its parameters, see ``prior_widths``.
+        effects: effects to add, at their start values.
+        start: start of the logarithms; zero if None.
+        fixed: (effect, parameter) pairs that keep their value.
+        iterations: largest number of steps.
+        nominal_columns: derivatives of the whitened residual by the nominal parameters, when they are known well
+            enough: they hardly change while an effect is fitted.
+
+    Returns:
+        The best point found.
+    """
+    widths = prior_widths(nominal, tolerance)
+    free = tuple((i, j) for i, e in enumerate(effects) for j in range(len(e.values)) if (i, j) not in fixed)
+    catalogue = [effect(e.name) for e in effects]
+    minimum = np.array([catalogue[i].parameters[j].minimum for i, j in free])
+    maximum = np.array([catalogue[i].parameters[j].maximum for i, j in free])
+    stroke = max(float(np.ptp(motion.position)) for motion in judged.motions)
+    for k, (i, j) in enumerate(free):
+        if catalogue[i].parameters[j].name == "pitch":  # a longer period is a slope, not a ripple
+            maximum[k] = min(maximum[k], LONGEST_PITCH * stroke)
+    values = np.array([effects[i].values[j] for i, j in free])
+    scales = np.array([_scale(effects[i], j, nominal) for i, j in free])
+    n = len(widths)
+    x = np.concatenate([np.zeros(n) if start is None else start, values / np.where(scales > 0, scales, 1.0)])
+    low = np.concatenate([np.full(n, -3.0), minimum / scales]) if len(free) else np.full(n, -3.0)
+    high = np.concatenate([np.full(n, 3.0), maximum / scales]) if len(free) else np.full(n, 3.0)
+    x = np.clip(x, low, high)
+
+    def unpack(z: Floats) -> tuple[Model, tuple[EffectSettings, ...]]:
+        lists = [list(e.values) for e in effects]
+        for (i, j), value, scale in zip(free, z[n:], scales, strict=True):
+            lists[i][j] = float(value * scale)
+        moved = tuple(EffectSettings(e.name, tuple(v)) for e, v in zip(effects, lists, strict=True))
+        return nominal.shifted(z[:n]).with_effects(moved), moved
+
+    def residual(z: Floats) -> Floats:
+        return np.concatenate([judged.residual(unpack(z)[0]), z[:n] / widths])
+
+    here = residual(x)
+    cost = 0.5 * float(here @ here)
+    damping = 1.0e-3
+    jacobian = np.zeros((len(here), len(x)))
+    if nominal_columns is not None:
+        jacobian[:, :n] = np.vstack([nominal_columns, np.diag(1.0 / widths)])
+    for _ in range(iterations):
+        for k in range(n if nominal_columns is not None else 0, len(x)):
+            step = STEP if x[k] + STEP <= high[k] else -STEP
+            shifted = x.copy()
+            shifted[k] += step
+            jacobian[:, k] = (residual(shifted) - here) / step
+        normal, gradient = jacobian.T @ jacobian, jacobian.T @ here
+        improved = 0.0
+        for _attempt in range(6):
+            lhs = normal + damping * np.diag(np.diag(normal) + 1e-12)
+            candidate = np.clip(x - np.linalg.solve(lhs, gradient), low, high)
+            there = residual(candidate)
+            new_cost = 0.5 * float(there @ there)
+            if np.isfinite(new_cost) and new_cost < cost:
+                improved = cost - new_cost
+                x, here, cost = candidate, there, new_cost
+                damping = max(damping / 5.0, 1e-7)
+                break
+            damping *= 6.0
+        if improved < 1.0e-4 * cost + 0.2:
+            break
+    model, moved = unpack(x)
+    return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, scales, free)
+
+
+def _scale(settings: EffectSettings, index: int, nominal: Model) -> float:
+    """Return the unit in which an effect's parameter is moved."""
+    parameter = effect(settings.name).parameters[index]
+    if parameter.unit == "N":
+        return nominal.friction.coulomb_force
+    if parameter.unit == "rad" or (parameter.unit == "-" and parameter.is_strength):
+        return 1.0
+    if parameter.unit == "kg":
+        return nominal.mass
+    if parameter.unit == "N s/m":
+        return max(nominal.friction.viscous_coefficient, abs(settings.values[index]), 1e-9)
+    value = abs(settings.values[index])
+    if parameter.name in ("center", "rest_position"):
+        return 1.0e-2
+    return value if value > 0.0 else 1.0

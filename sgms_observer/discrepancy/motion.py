@@ -1,0 +1,198 @@
+"""Motion and effort of a record, every signal through the same zero-phase low-pass.
+
+The effort is held from one sample to the next, so that the second difference of the position at a sample answers to the
+mean of the efforts before and after it (half-sample hold correction).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from sgms_observer.discrepancy.record import Record
+from sgms_observer.errors import DataError
+from sgms_observer.jit import njit
+
+Floats = NDArray[np.float64]
+
+WORKING_RATE = 1000.0
+"""Records sampled faster are thinned to about this rate after the low-pass [Hz]."""
+BAND = 100.0
+"""Residuals are judged below this frequency [Hz]."""
+MOTION_BAND = 250.0
+"""The motion keeps frequencies up to here: a mass rings on its own contact well above ``BAND`` [Hz]."""
+PLAY = 0.6
+"""Half the play that takes the encoder's flicker off the contact's motion, in steps of its grid."""
+EDGE = 0.1
+"""Time dropped at either end, where the low-pass has no past or future [s]."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A record on the working rate.
+
+    Attributes:
+        name: where it comes from.
+        period: working period [s].
+        time: [s], from 0.
+        position: filtered position [m].
+        velocity: filtered velocity [m/s].
+        acceleration: filtered acceleration [m/s^2].
+        effort: effort, hold-corrected but not filtered [N].
+        first, second: displacement within the step that ends at each sample, before and after a reversal [m].
+        other_velocity, other_acceleration: of the other axis; zero where there is none.
+        has_other: whether there is another axis.
+        thinning: factor from the working rate to the rate of residuals.
+        smoothing: the low-pass of the motion at the rate of the record.
+        step: factor from the record's rate to the working rate.
+        raw: position as recorded [m].
+        resolution: step of the grid the recorded positions lie on; 0 if none [m].
+    """
+
+    name: str
+    period: float
+    time: Floats
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    effort: Floats
+    first: Floats
+    second: Floats
+    other_velocity: Floats
+    other_acceleration: Floats
+    has_other: bool
+    thinning: int
+    smoothing: Floats
+    step: int
+    raw: Floats
+    resolution: float
+
+    def smoothed(self, raw: Floats) -> Floats:
+        """Return a position as recorded, filtered like ``position`` [m]."""
+        return np.asarray(signal.sosfiltfilt(self.smoothing, raw)[:: self.step], dtype=np.float64)
+
+    def low_pass(self, values: Floats) -> Floats:
+        """Return ``values`` below the band, at the rate of residuals, edges dropped."""
+        drop = int(EDGE / self.period)
+        filtered = signal.sosfiltfilt(_band_filter(self.period), values)
+        return np.asarray(filtered[drop : len(filtered) - drop : self.thinning], dtype=np.float64)
+
+    def thinned(self, values: Floats) -> Floats:
+        """Return ``values`` at the samples of ``low_pass``."""
+        drop = int(EDGE / self.period)
+        return values[drop : len(values) - drop : self.thinning]
+
+    @property
+    def residual_period(self) -> float:
+        """Time between two residuals [s]."""
+        return self.period * self.thinning
+
+
+@lru_cache(maxsize=16)
+def _band_filter(period: float) -> Floats:
+    """Return the low-pass of residuals."""
+    return np.asarray(signal.butter(4, min(2.0 * BAND * period * 1.1, 0.8), output="sos"), dtype=np.float64)
+
+
+def motion_of(record: Record) -> Motion:
+    """Filter a record and bring it to the working rate.
+
+    Raises:
+        DataError: if it is too short or too slow to judge.
+    """
+    rate = 1.0 / record.period
+    if rate < 100.0:
+        raise DataError(f"{record.name} is sampled at {rate:.3g} Hz; the workflow needs 100 Hz or more")
+    if record.duration < 3.0:
+        raise DataError(f"{record.name} lasts {record.duration:.2g} s; record at least 3 s")
+    step = max(1, round(rate / WORKING_RATE))
+    period = record.period * step
+    effort = np.concatenate(([record.effort[0]], 0.5 * (record.effort[1:] + record.effort[:-1])))
+    corner = min(MOTION_BAND, 0.35 / period)
+    if step > 1:  # the noise between the samples that are dropped must not fold into the band
+        guard = signal.butter(4, 0.4 / period / (0.5 * rate), output="sos")
+        effort = signal.sosfiltfilt(guard, effort)
+    smooth = signal.butter(4, 2.0 * corner * record.period, output="sos")
+    position = signal.sosfiltfilt(smooth, record.position)[::step]
+    other_v = other_a = np.zeros(len(position))
+    if record.other_position is not None:
+        other = signal.sosfiltfilt(smooth, record.other_position)[::step]
+        other_v = np.gradient(other, period)
+        other_a = second_difference(other, period)
+    velocity = np.gradient(position, period)
+    resolution = grid_of(record.position)
+    first, second = split_at_reversals(without_flicker(position, PLAY * resolution), period)
+    rest = 0.5 / (period * BAND * 1.25)
+    return Motion(
+        record.name,
+        period,
+        period * np.arange(len(position)),
+        position,
+        velocity,
+        second_difference(position, period),
+        effort[::step],
+        first,
+        second,
+        other_v,
+        other_a,
+        record.other_position is not None,
+        max(1, int(rest)),
+        smooth,
+        step,
+        record.position,
+        resolution,
+    )
+
+
+def grid_of(position: Floats) -> float:
+    """Return the step of the grid that recorded positions lie on, or 0 when they lie on none [m]."""
+    moved = np.abs(np.diff(position))
+    moved = moved[moved > 1.0e-15]
+    if len(moved) < 10:
+        return 0.0
+    step = float(np.quantile(moved, 0.001))
+    small = moved[moved < 20.5 * step]
+    off = np.abs(small / step - np.round(small / step))
+    return step if np.mean(off < 0.02) > 0.98 and len(small) > 10 else 0.0
+
+
+@njit
+def _play(position: Floats, half: float, out: Floats) -> None:
+    """Write the position of a body that is carried along with a play of twice ``half``."""
+    place = position[0]
+    for k in range(position.shape[0]):
+        if position[k] > place + half:
+            place = position[k] - half
+        elif position[k] < place - half:
+            place = position[k] + half
+        out[k] = place
+
+
+def without_flicker(position: Floats, half: float) -> Floats:
+    """Return a motion without to and fro below ``half`` [m], which an encoder's grid makes and a contact remembers."""
+    if half <= 0.0:
+        return position
+    out = np.empty_like(position)
+    _play(position, half, out)
+    return out
+
+
+def split_at_reversals(position: Floats, period: float) -> tuple[Floats, Floats]:
+    """Return each step's displacement before and after a reversal inside it (parabola through its end velocities)."""
+    velocity = np.gradient(position, period)
+    travel = np.concatenate(([0.0], np.diff(position)))
+    before = np.concatenate(([0.0], velocity[:-1]))
+    turning = before * velocity < 0.0
+    share = np.where(turning, before / np.where(turning, before - velocity, 1.0), 0.0)
+    first = 0.5 * before * share * period
+    return first, travel - first
+
+
+def second_difference(position: Floats, period: float) -> Floats:
+    """Return the acceleration [m/s^2]."""
+    middle = (position[2:] - 2.0 * position[1:-1] + position[:-2]) / period**2
+    return np.concatenate(([middle[0]], middle, [middle[-1]]))

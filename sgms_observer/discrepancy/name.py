@@ -1,0 +1,146 @@
+"""Naming: every effect that the first look does not exclude is fitted fully, and the best ones are compared."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.discrepancy.fit import Judged, Refit, refit
+from sgms_observer.discrepancy.model import Model
+from sgms_observer.discrepancy.screen import Screen
+from sgms_observer.effects.catalogue import effect
+from sgms_observer.settings.axis import EffectSettings
+
+Floats = NDArray[np.float64]
+
+TRIED = 8
+"""Effects that are fitted fully in one round."""
+WORTH = 0.15
+"""An effect is fitted when the first look gives it this share of the largest gain."""
+CLOSE = 0.97
+"""Effects that take this share of what the best one takes are told as alternatives."""
+CLOSE_CHI2 = 10.0
+"""Or that come this close to it in squared noise units."""
+FIXED_SHAPES = {"cogging": (3, 4), "nonlinear_viscous": (2,)}
+"""Parameters that are not free in a first fit: (effect, indices)."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect, fitted.
+
+    Attributes:
+        name: the effect.
+        refit: nominal model, effects so far and this one.
+        taken: twice the fall of the cost: squared residual, in units of the noise, that it takes.
+        at_bound: names of its parameters that the fit drove to the end of their physical range.
+    """
+
+    name: str
+    refit: Refit
+    taken: float
+    at_bound: tuple[str, ...]
+
+
+def fitted(
+    judged: Judged,
+    nominal: Model,
+    tolerance: float,
+    before: Refit,
+    start: EffectSettings,
+    columns: Floats,
+) -> Candidate:
+    """Fit one effect next to those already there.
+
+    Args:
+        judged: recordings.
+        nominal: the given model.
+        tolerance: of its parameters.
+        before: fit without the effect.
+        start: the effect at its start.
+        columns: derivatives by the nominal parameters.
+    """
+    effects = (*before.effects, start)
+    fixed = [(len(effects) - 1, j) for j in FIXED_SHAPES.get(start.name, ())]
+    fixed += [(i, j) for i, e in enumerate(before.effects) for j in FIXED_SHAPES.get(e.name, ()) if j == 2]
+    found = refit(judged, nominal, tolerance, effects, before.logs, fixed, 8, columns)
+    if start.name == "cogging":
+        found = _with_second_harmonic(judged, nominal, tolerance, found, columns)
+    taken = 2.0 * (before.cost - found.cost) - math.log(len(found.residual)) * len(start.values)
+    return Candidate(start.name, found, taken, _at_bound(found.effects[-1]))
+
+
+def _with_second_harmonic(judged: Judged, nominal: Model, tolerance: float, found: Refit, columns: Floats) -> Refit:
+    """Return the fit of a cogging with its second harmonic, if that is worth its two parameters."""
+    best = found
+    for phase in (0.0, 2.1, -2.1):
+        last = found.effects[-1]
+        values = (*last.values[:3], 0.1 * abs(last.values[0]), phase)
+        effects = (*found.effects[:-1], replace(last, values=values))
+        other = refit(judged, nominal, tolerance, effects, found.logs, (), 4, columns)
+        if other.cost < best.cost - 15.0:
+            best = other
+            break
+    return best
+
+
+def _at_bound(settings: EffectSettings) -> tuple[str, ...]:
+    """Return the names of parameters at the end of their physical range (strengths of nothing do not count)."""
+    found = []
+    for parameter, value in zip(effect(settings.name).parameters, settings.values, strict=True):
+        span = parameter.maximum - parameter.minimum
+        near = min(abs(value - parameter.minimum), abs(value - parameter.maximum)) < 1e-9 * span
+        if near and value != parameter.default and parameter.unit != "rad":
+            found.append(parameter.name)
+    return tuple(found)
+
+
+def candidates(
+    screen: Screen, nominal: Model, before: Refit, workers: int, extra: Sequence[str] = ()
+) -> list[Candidate]:
+    """Fit the effects that the first look does not exclude.
+
+    Args:
+        screen: first look at the residual of ``before``.
+        nominal: the given model.
+        before: fit without the effect.
+        workers: threads.
+        extra: effects to fit in any case.
+
+    Returns:
+        Candidates, the best first.
+    """
+    gains = screen.gains()
+    left = screen.left_over()
+    largest = max((gain for gain, _ in gains.values()), default=0.0)
+    ranked = sorted(gains, key=lambda name: -gains[name][0])
+    chosen = [name for name in ranked if gains[name][0] > WORTH * largest][:TRIED]
+    chosen += [name for name in extra if name not in chosen and gains[name][1] is not None]
+    jobs: list[EffectSettings] = []
+    for name in chosen:
+        column = gains[name][1]
+        if column is not None:
+            jobs.append(column.start(left))
+            jobs += screen.other_starts(name, left)
+
+    def one(start: EffectSettings) -> Candidate:
+        return fitted(screen.judged, nominal, screen.tolerance, before, start, screen.nominal_columns)
+
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        done = list(pool.map(one, jobs))
+    best: dict[str, Candidate] = {}
+    for item in done:
+        if item.name not in best or item.taken > best[item.name].taken:
+            best[item.name] = item
+    return sorted(best.values(), key=lambda item: -item.taken)
+
+
+def alternatives(listed: Sequence[Candidate]) -> tuple[str, ...]:
+    """Return the names that the recordings cannot tell from the first one."""
+    best = listed[0].taken
+    return tuple(item.name for item in listed[1:] if item.taken > max(min(CLOSE * best, best - CLOSE_CHI2), 0.0))

@@ -1,0 +1,183 @@
+"""A first look at every effect at once: how much of the residual its columns take, beyond the nominal parameters."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.discrepancy import search
+from sgms_observer.discrepancy.fit import STEP, Judged, prior_widths
+from sgms_observer.discrepancy.model import Model, predict
+from sgms_observer.effects.catalogue import effect, is_built_in
+from sgms_observer.effects.effect import Effect, Place
+from sgms_observer.formulas import vectorised
+from sgms_observer.settings.axis import EffectSettings
+
+Floats = NDArray[np.float64]
+
+SCANNED = ("cogging", "position_periodic_friction")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Orthonormal columns of one shape, the nominal parameters' columns taken out.
+
+    Attributes:
+        shape: the shape.
+        basis: orthonormal, shape (n, k).
+        to_coefficients: from projections on ``basis`` to the shape's coefficients, shape (k, k).
+        kept: norm of the columns after the nominal parameters were taken out, over before.
+        norm: norm of the columns before, in units of the noise, for unit coefficients.
+    """
+
+    shape: search.Shape
+    basis: Floats
+    to_coefficients: Floats
+    kept: float
+    norm: float
+
+    def gain(self, residual: Floats) -> float:
+        """Return how much of the squared residual the columns take."""
+        projection = self.basis.T @ residual
+        if self.shape.is_positive and (self.to_coefficients @ projection)[0] > 0.0:
+            return 0.0
+        return float(projection @ projection)
+
+    def start(self, residual: Floats) -> EffectSettings:
+        """Return the effect at the strengths that take most of the residual."""
+        return self.shape.settings(-(self.to_coefficients @ (self.basis.T @ residual)))
+
+
+class Screen:
+    """All shapes of all effects for one set of recordings.
+
+    Args:
+        judged: recordings with noise.
+        model: refitted nominal model.
+        tolerance: of its parameters.
+        names: effects to look for.
+    """
+
+    def __init__(self, judged: Judged, model: Model, tolerance: float, names: Sequence[str], logs: Floats | None = None) -> None:
+        self.judged, self.model, self.tolerance = judged, model, tolerance
+        base = [predict(model, motion) for motion in judged.motions]
+        self._base = [item.residual for item in base]
+        self._friction = [item.friction for item in base]
+        self.residual = judged.whitened(self._base)
+        self._thin = [
+            {
+                "q": motion.thinned(motion.position),
+                "v": motion.low_pass(motion.velocity),
+                "a": motion.low_pass(motion.acceleration),
+                "t": motion.thinned(motion.time),
+                "u": motion.low_pass(motion.effort),
+                "v2": motion.low_pass(motion.other_velocity),
+                "a2": motion.low_pass(motion.other_acceleration),
+                "friction": motion.low_pass(friction),
+            }
+            for motion, friction in zip(judged.motions, self._friction, strict=True)
+        ]
+        widths = prior_widths(model, tolerance)
+        columns = []
+        for k in range(len(widths)):
+            logs = np.zeros(len(widths))
+            logs[k] = STEP
+            columns.append((judged.residual(model.shifted(logs)) - self.residual) / STEP)
+        self._prior = 1.0 / widths
+        self._prior_residual = np.zeros(len(widths)) if logs is None else logs / widths
+        self.nominal_columns = np.column_stack(columns)
+        stacked = np.vstack([self.nominal_columns, np.diag(self._prior)])
+        self._nominal_basis = np.linalg.qr(stacked)[0]
+        self.columns: dict[str, list[Columns]] = {name: self._columns_of(name) for name in names}
+
+    def without_nominal(self, values: Floats, prior: Floats | None = None) -> Floats:
+        """Return whitened columns (or a residual) with what nominal parameters can take removed; prior rows below."""
+        padded = np.concatenate([values, np.zeros((len(self._prior), *values.shape[1:])) if prior is None else prior])
+        return np.asarray(padded - self._nominal_basis @ (self._nominal_basis.T @ padded))
+
+    def left_over(self) -> Floats:
+        """Return the recordings' residual without what the nominal parameters can take."""
+        return self.without_nominal(self.residual, self._prior_residual)
+
+    def gains(self, residual: Floats | None = None) -> dict[str, tuple[float, Columns | None]]:
+        """Return each effect's largest gain and its shape.
+
+        Args:
+            residual: whitened residual; the recordings' own if None.
+        """
+        left = self.left_over() if residual is None else self.without_nominal(residual)
+        found: dict[str, tuple[float, Columns | None]] = {}
+        for name, listed in self.columns.items():
+            best: tuple[float, Columns | None] = (0.0, None)
+            for item in listed:
+                gain = item.gain(left)
+                if gain > best[0]:
+                    best = (gain, item)
+            found[name] = best
+        return found
+
+    def other_starts(self, name: str, left: Floats, share: float = 0.8) -> list[EffectSettings]:
+        """Return one more start for an effect whose next best, clearly different shape takes nearly as much."""
+        listed = sorted(self.columns[name], key=lambda item: -item.gain(left))
+        if len(listed) < 4 or listed[0].gain(left) <= 0.0:
+            return []
+        first = listed[0]
+        for item in listed[1:]:
+            if item.gain(left) < share * first.gain(left):
+                break
+            if abs(float(first.basis[:, 0] @ item.basis[:, 0])) < 0.8:
+                return [item.start(left)]
+        return []
+
+    def _columns_of(self, name: str) -> list[Columns]:
+        """Return the columns of every shape of an effect."""
+        made = []
+        for shape in search.shapes(name, self.judged.motions, self.model):
+            raw = np.column_stack([self._column(name, values) for values in shape.bases])
+            item = self._orthonormal(shape, raw)
+            if item is not None:
+                made.append(item)
+        return made
+
+    def _orthonormal(self, shape: search.Shape, raw: Floats) -> Columns | None:
+        """Return a shape's columns ready for projections, or None when nothing of them is left."""
+        norm = float(np.linalg.norm(raw))
+        if not np.isfinite(norm) or norm < 1.0e-9:
+            return None
+        left = self.without_nominal(raw)
+        kept = float(np.linalg.norm(left)) / norm
+        q, r = np.linalg.qr(left)
+        diagonal = np.abs(np.diag(r))
+        if diagonal.min() < 1.0e-6 * norm:
+            return None
+        return Columns(shape, q, np.linalg.inv(r), kept, norm)
+
+    def _column(self, name: str, values: tuple[float, ...]) -> Floats:
+        """Return what an effect changes in the whitened residual."""
+        entry = effect(name)
+        if entry.advance is None and entry.place in (Place.ADDED_FORCE, Place.LEVEL_FACTOR) and is_built_in(name):
+            return self._thin_column(entry, values)
+        model = self.model.with_effects([EffectSettings(name, values)])
+        changes = [
+            predict(model, motion, friction).residual - base
+            for motion, friction, base in zip(self.judged.motions, self._friction, self._base, strict=True)
+        ]
+        return self.judged.whitened(changes)
+
+    def _thin_column(self, entry: Effect, values: tuple[float, ...]) -> Floats:
+        """Return the column of an effect without memory, at the rate of residuals alone."""
+        formula = getattr(vectorised(entry.output.__module__), entry.output.__name__)
+        wanted = inspect.signature(formula).parameters
+        parts = []
+        for motion, noise, weights, thin in zip(
+            self.judged.motions, self.judged.noise, self.judged.weights, self._thin, strict=True
+        ):
+            known = {**thin, "p": values}
+            result = formula(*(known[key] for key in wanted))
+            force = thin["friction"] * (result - 1.0) if entry.place is Place.LEVEL_FACTOR else result
+            parts.append(noise.whitened(-np.broadcast_to(force, thin["q"].shape), weights))
+        return np.concatenate(parts)

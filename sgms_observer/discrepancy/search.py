@@ -1,0 +1,200 @@
+"""Where to look for each effect: columns over a grid of shapes, linear in the strengths.
+
+Everything comes from the catalogue's own formulas: a column is what the effect at a small strength changes in the
+residual. Grids say only which shapes are worth a look; the refit moves them to their best values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.discrepancy.model import Model
+from sgms_observer.discrepancy.motion import Motion
+from sgms_observer.effects.catalogue import effect
+from sgms_observer.settings.axis import EffectSettings
+
+Floats = NDArray[np.float64]
+Combine = Callable[[Floats], tuple[float, ...]]
+
+STANDARD_SIGNAL_PERIODS = (4e-6, 8e-6, 1e-5, 2e-5, 4e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3)  # m
+LOOK = 0.05  # strengths are tried at this share of the Coulomb force
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One shape of an effect.
+
+    Attributes:
+        name: the effect.
+        bases: parameter values of each column.
+        combine: parameter values for given coefficients of the columns.
+        is_positive: whether a single column's coefficient has to be positive.
+    """
+
+    name: str
+    bases: tuple[tuple[float, ...], ...]
+    combine: Combine
+    is_positive: bool = False
+
+    def settings(self, coefficients: Floats) -> EffectSettings:
+        """Return the effect at these coefficients, inside its bounds."""
+        values = self.combine(coefficients)
+        parameters = effect(self.name).parameters
+        return EffectSettings(
+            self.name,
+            tuple(float(min(max(v, p.minimum), p.maximum)) for v, p in zip(values, parameters, strict=True)),
+        )
+
+
+def scaled(name: str, strengths: Sequence[int], values: Sequence[float], is_positive: bool = False) -> Shape:
+    """Return a shape with one column: ``values``, whose entries ``strengths`` scale together."""
+
+    def combine(c: Floats) -> tuple[float, ...]:
+        return tuple(v * float(c[0]) if i in strengths else v for i, v in enumerate(values))
+
+    return Shape(name, (tuple(values),), combine, is_positive)
+
+
+def whole(name: str, values: Sequence[float]) -> Shape:
+    """Return a shape with one column whose coefficient should be one: strength and shape are the same number."""
+    return Shape(name, (tuple(values),), lambda c: tuple(values), is_positive=True)
+
+
+def wave(name: str, size: float, period: float) -> Shape:
+    """Return a sine and a cosine of one period."""
+    tail = (0.0,) * (len(effect(name).parameters) - 3)
+
+    def combine(c: Floats) -> tuple[float, ...]:
+        return (size * math.hypot(c[0], c[1]), period, math.atan2(c[1], c[0]), *tail)
+
+    return Shape(name, ((size, period, 0.0, *tail), (size, period, 0.5 * math.pi, *tail)), combine)
+
+
+def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
+    """Return the shapes of an effect that these recordings could show.
+
+    Args:
+        name: the effect.
+        motions: recordings.
+        model: nominal model; gives the units.
+    """
+    force = LOOK * model.friction.coulomb_force
+    position = np.concatenate([motion.position for motion in motions])
+    speed = np.concatenate([np.abs(motion.velocity) for motion in motions])
+    effort = np.concatenate([np.abs(motion.effort) for motion in motions])
+    middle, stroke = float(np.mean([position.min(), position.max()])), float(np.ptp(position))
+    fast = float(np.quantile(speed, 0.995))
+    hard = float(np.quantile(np.concatenate([np.abs(motion.acceleration) for motion in motions]), 0.99))
+    length = max(float(motion.time[-1]) for motion in motions)
+    travel = max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
+    knee = model.friction.stribeck_velocity
+    grid = np.geomspace
+    match name:
+        case "cogging":
+            return [wave(name, force, 1.0 / f) for f in spatial_frequencies(stroke)]
+        case "position_periodic_friction":
+            return [wave(name, LOOK, 1.0 / f) for f in spatial_frequencies(stroke)]
+        case "periodic_disturbance":
+            return []  # scanned by its own spectrum, see ``screen``
+        case "spring":
+            bases = ((force / stroke, middle), (2.0 * force / stroke, middle + 0.5 * stroke))
+
+            def line(c: Floats) -> tuple[float, ...]:
+                slope = force / stroke * (c[0] + 2.0 * c[1])
+                constant = -middle * force / stroke * c[0] - (middle + 0.5 * stroke) * 2.0 * force / stroke * c[1]
+                return (slope, -constant / slope if slope != 0.0 else middle)
+
+            return [Shape(name, bases, line)]
+        case "offset":
+            return [scaled(name, (0,), (force,))]
+        case "asymmetric_viscous":
+            return [scaled(name, (0,), (force / fast,))]
+        case "nonlinear_viscous":
+            return [scaled(name, (0,), (force, n, fast)) for n in (0.2, 0.3, 0.45, 0.6, 0.75, 1.4, 3.0)]
+        case "quadratic_drag":
+            return [scaled(name, (0,), (force / fast**2,))]
+        case "eddy_current":
+            return [scaled(name, (0,), (force, fast * r), True) for r in (0.08, 0.15, 0.25, 0.4, 0.7, 1.2)]
+        case "cross_axis_coupling":
+            if not any(motion.has_other for motion in motions):
+                return []
+            size = max(float(np.std(np.concatenate([motion.other_acceleration for motion in motions]))), 1e-12)
+            speed2 = max(float(np.std(np.concatenate([motion.other_velocity for motion in motions]))), 1e-12)
+            a, v = force / size, force / speed2
+            return [Shape(name, ((a, 0.0), (0.0, v)), lambda c: (a * float(c[0]), v * float(c[1])))]
+        case "presliding":
+            return [scaled(name, (0,), (force, d)) for d in grid(5e-6, 6e-4, 9)]
+        case "mass_error":
+            return [scaled(name, (0,), (LOOK * model.mass,))]
+        case "flexible_mode":
+            zetas = (0.03, 0.15)
+            return [scaled(name, (0,), (LOOK * model.mass, f, z), True) for f in grid(15.0, 140.0, 24) for z in zetas]
+        case "position_dependent_friction":
+            places = np.linspace(position.min(), position.max(), 17)
+            widths = stroke * np.array([0.04, 0.09, 0.2])
+            return [scaled(name, (0,), (LOOK, q, w)) for q in places for w in widths]
+        case "asymmetric_coulomb":
+            return [scaled(name, (0,), (LOOK,))]
+        case "stribeck":
+            return [scaled(name, (0,), (LOOK, v)) for v in grid(3.0 * knee, max(0.5 * fast, 4.0 * knee), 7)]
+        case "load_dependent_friction":
+            return [scaled(name, (0,), (LOOK / hard,))]
+        case "thermal_drift":
+            return [scaled(name, (0,), (LOOK, tau)) for tau in length * np.array([0.1, 0.25, 0.5, 1.0, 3.0])]
+        case "wear_step":
+            moments = travel * np.linspace(0.05, 0.95, 19)
+            return [scaled(name, (0,), (LOOK, s, w * travel)) for s in moments for w in (0.01, 0.05)]
+        case "dwell_breakaway":
+            return [scaled(name, (0,), (LOOK, t, d)) for t in (0.05, 0.2, 0.8) for d in (1e-5, 4e-5, 1.5e-4, 5e-4)]
+        case "frictional_lag":
+            curve, distance = model.friction, max(3.0 * _reach(model), 1e-6)
+            return [whole(name, (curve.coulomb_force / tau, distance)) for tau in grid(0.002, 0.2, 7)]
+        case "backlash":
+            return [scaled(name, (1,), (gap, LOOK), True) for gap in grid(1e-5, 2e-4, 8)]
+        case "actuator_gain":
+            return [Shape(name, ((1.0 + LOOK,),), lambda c: (1.0 + LOOK * float(c[0]),))]
+        case "actuator_saturation":
+            return [whole(name, (float(np.quantile(effort, q)),)) for q in (0.93, 0.96, 0.98, 0.99, 0.995, 0.998)]
+        case "actuator_dead_zone":
+            return [scaled(name, (0,), (force,), True)]
+        case "actuator_delay":
+            return [scaled(name, (0,), (2.0e-4,), True)]
+        case "encoder_interpolation_error":
+            return [wave(name, 1.0e-3 * p, p) for p in STANDARD_SIGNAL_PERIODS if p < 0.2 * stroke]
+        case "quantisation":
+            return []  # read off the position itself, see ``audit``
+        case _:
+            return _generic(name, force)
+
+
+def spatial_frequencies(stroke: float, shortest: float = 2.0e-3) -> Floats:
+    """Return spatial frequencies [1/m] of pitches from two thirds of the stroke down to ``shortest`` [m]."""
+    step = 0.3 / stroke
+    return np.arange(1.5 / stroke, 1.0 / shortest, step)
+
+
+def _reach(model: Model) -> float:
+    """Return the mean reach of the contact [m]."""
+    friction = model.friction
+    shares = np.array(friction.element_fraction)
+    return float(np.sum(shares * shares * friction.coulomb_force / np.array(friction.element_stiffness)))
+
+
+def _generic(name: str, force: float) -> list[Shape]:
+    """Return shapes of a user's effect: strengths small, shape parameters around their defaults."""
+    entry = effect(name)
+    strong = [i for i, p in enumerate(entry.parameters) if p.is_strength]
+    found = []
+    for factor in (0.3, 1.0, 3.0):
+        values = []
+        for i, p in enumerate(entry.parameters):
+            size = force if p.unit == "N" else LOOK
+            value = size if i in strong else p.default * factor
+            values.append(min(max(value, p.minimum), p.maximum))
+        found.append(scaled(name, strong, values))
+    return found if len(strong) < len(entry.parameters) else found[1:2]

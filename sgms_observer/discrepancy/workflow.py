@@ -1,0 +1,251 @@
+"""The workflow: refit the nominal model, calibrate on null twins, name, refit fully, repeat, judge on held-out data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.discrepancy import audit
+from sgms_observer.discrepancy.fit import Judged, Refit, refit
+from sgms_observer.discrepancy.model import Model, predict
+from sgms_observer.discrepancy.motion import Motion, motion_of
+from sgms_observer.discrepancy.name import Candidate, alternatives, candidates
+from sgms_observer.discrepancy.noise import fit_noise
+from sgms_observer.discrepancy.record import Record
+from sgms_observer.discrepancy.screen import Screen
+from sgms_observer.discrepancy.structure import excess, frequencies
+from sgms_observer.discrepancy.tolerance import Deviation, named_deviation
+from sgms_observer.discrepancy.twins import Calibration, calibrate
+from sgms_observer.effects.catalogue import names as catalogue_names
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
+
+Floats = NDArray[np.float64]
+Report = Callable[[str, float], None]
+
+MOST_EFFECTS = 3
+ALARM = 45.0
+"""Standardised gain that counts as an alarm, if the twins' own largest is below: what few elements leave behind has
+reached 31 on the tuning seeds."""
+ALARM_GAIN = 60.0
+"""Squared residual, in units of the noise, that an effect has to take."""
+CLOSES = 0.6
+"""An effect is accepted when it takes this share of what is more than noise."""
+NEXT_SHARE = 0.05
+"""A further effect has to take this share of what the first one took: less is the first one's shape."""
+NEVER_SEARCHED = ("actuator_gain", "mass_error", "quantisation")
+"""Effects that are judged by the parameters' tolerance or read off the data, not by the residual."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to run.
+
+    Attributes:
+        tolerance: largest relative error of the nominal parameters that their owner expects.
+        seed: of all chance.
+        workers: threads.
+    """
+
+    tolerance: float = 0.05
+    seed: int = 1
+    workers: int = 2
+
+
+@dataclass(frozen=True)
+class Round:
+    """One pass through the loop.
+
+    Attributes:
+        screen: first look.
+        scores: standardised gain of each effect.
+        listed: fitted candidates, best first.
+        excess_before: squared residual beyond noise, per band.
+        excess_after: the same with the best candidate.
+        accepted: whether the best candidate was taken into the model.
+        alternatives: names the recordings cannot tell from it.
+    """
+
+    screen: Screen
+    scores: dict[str, float]
+    listed: tuple[Candidate, ...]
+    excess_before: Floats
+    excess_after: Floats
+    accepted: bool
+    alternatives: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything the run decided.
+
+    Attributes:
+        verdict: see docs/discrepancy.md.
+        nominal: the given model.
+        before: refit of the nominal model alone, with its own number of elements.
+        after: refit with the effects that were found; ``before`` when there are none.
+        rounds: passes through the loop.
+        calibration: twins of the nominal model.
+        deviation: mass error or actuator gain, or None.
+        resolution: coarser encoder step than the settings say [m], or None.
+        judged: recordings as judged in the end.
+        motions: recordings to learn from.
+        held_out: recordings to judge on.
+        notes: sentences of the audit.
+    """
+
+    verdict: str
+    nominal: Model
+    before: Refit
+    after: Refit
+    rounds: tuple[Round, ...]
+    calibration: Calibration
+    deviation: Deviation | None
+    resolution: float | None
+    judged: Judged
+    motions: tuple[Motion, ...]
+    held_out: tuple[Motion, ...]
+    notes: tuple[str, ...] = field(default=())
+
+
+def judged_with(motions: Sequence[Motion], model: Model) -> Judged:
+    """Return motions with the noise that the model's residual has."""
+    noises, weights = [], []
+    for motion in motions:
+        prediction = predict(model, motion)
+        doubt = motion.thinned(prediction.doubt)
+        noise = fit_noise(motion.low_pass(prediction.residual), doubt, motion.residual_period)
+        noises.append(noise)
+        weights.append(noise.weights(doubt))
+    return Judged(tuple(motions), tuple(noises), tuple(weights))
+
+
+def diagnose(
+    records: Sequence[Record],
+    holdouts: Sequence[Record],
+    axis: AxisSettings,
+    options: Options,
+    report: Report = lambda text, share: None,
+) -> Diagnosis:
+    """Find what the model of an axis misses.
+
+    Args:
+        records: recordings to learn from.
+        holdouts: recordings to judge on; a part of the first ones if empty.
+        axis: settings with the nominal model.
+        options: how to run.
+        report: called with what is being done and the share that is done.
+
+    Raises:
+        DataError: the recordings cannot be judged at all.
+    """
+    tolerance, workers = options.tolerance, options.workers
+    report("audit", 0.0)
+    motions = tuple(motion_of(record) for record in records)
+    held_out = tuple(motion_of(record) for record in holdouts)
+    notes, is_poor = audit.findings(motions, axis)
+    resolution = audit.coarser_grid(motions, axis.stage.encoder.resolution)
+    nominal = Model.of(axis)
+    fine = nominal.refined()
+    report("refit of the nominal model", 0.03)
+    judged = judged_with(motions, fine)
+    found = refit(judged, fine, tolerance, iterations=5)
+    judged = judged_with(motions, found.model)
+    found = refit(judged, fine, tolerance, start=found.logs, iterations=4)
+    names = [name for name in catalogue_names() if name not in NEVER_SEARCHED]
+    names = [name for name in names if name not in {item.name for item in nominal.effects}]
+    rounds: list[Round] = []
+    calibration: Calibration | None = None
+    current = found
+    for number in range(MOST_EFFECTS + 1):
+        report(f"first look at {len(names)} effects", 0.15 + 0.2 * number)
+        screen = Screen(judged, current.model, tolerance, names, current.logs)
+        if calibration is None:
+            calibration = calibrate(screen, options.seed, workers, lambda share: report("null twins", 0.2 + 0.1 * share))
+        gains = screen.gains()
+        scores = {name: calibration.standardised(name, gains[name][0]) for name in names}
+        frequency = frequencies(judged)
+        now = excess(current.residual, frequency)
+        threshold = max(ALARM, float(calibration.largest.max()))
+        strong = [name for name in names if scores[name] > threshold and gains[name][0] > ALARM_GAIN]
+        if not (strong or now.sum() > 0.0) or number == MOST_EFFECTS:
+            rounds.append(Round(screen, scores, (), now, now, False, ()))
+            break
+        report("full refits", 0.32 + 0.2 * number)
+        listed = candidates(screen, fine, current, workers)
+        step = _judge(screen, scores, listed, now, current, rounds, bool(strong))
+        rounds.append(step)
+        if not step.accepted:
+            break
+        best = step.listed[0].refit
+        judged = judged_with(motions, best.model)
+        current = refit(
+            judged, fine, tolerance, best.effects, best.logs, _kept(best.effects), 3, screen.nominal_columns
+        )
+        names = [name for name in names if name != listed[0].name]
+    assert calibration is not None
+    report("refit of the model as it is", 0.9)
+    before = refit(judged, nominal, tolerance, iterations=5)
+    after = before
+    if current.effects:
+        after = refit(judged, nominal, tolerance, current.effects, before.logs, _kept(current.effects), 8)
+    deviation = named_deviation(nominal, after, tolerance)
+    verdict = _verdict(rounds, current, deviation, resolution, is_poor)
+    return Diagnosis(
+        verdict, nominal, before, after, tuple(rounds), calibration, deviation, resolution, judged, motions,
+        held_out, tuple(notes),
+    )  # fmt: skip
+
+
+def _kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+    """Return the parameters that are never fitted: the unit of a power law, an absent second harmonic."""
+    kept = [(i, 2) for i, item in enumerate(effects) if item.name == "nonlinear_viscous"]
+    for i, item in enumerate(effects):
+        if item.name == "cogging" and item.values[3] == 0.0:
+            kept += [(i, 3), (i, 4)]
+    return kept
+
+
+def _judge(
+    screen: Screen,
+    scores: dict[str, float],
+    listed: Sequence[Candidate],
+    now: Floats,
+    current: Refit,
+    rounds: Sequence[Round],
+    is_strong: bool,
+) -> Round:
+    """Return the round with the decision whether its best candidate belongs into the model."""
+    if not listed:
+        return Round(screen, scores, (), now, now, False, ())
+    best = listed[0]
+    after = excess(best.refit.residual, frequencies(screen.judged))
+    share = best.taken / (best.taken + float(after.sum())) if best.taken > 0.0 else 0.0
+    accepted = is_strong and best.taken > ALARM_GAIN and not best.at_bound
+    if rounds:
+        accepted = accepted and best.taken > NEXT_SHARE * rounds[0].listed[0].taken
+    else:
+        accepted = accepted and (share > CLOSES or best.taken > 4.0 * ALARM_GAIN and share > 0.3)
+    return Round(screen, scores, tuple(listed), now, after, accepted, alternatives(listed) if accepted else ())
+
+
+def _verdict(
+    rounds: Sequence[Round], current: Refit, deviation: Deviation | None, resolution: float | None, is_poor: bool
+) -> str:
+    """Return the verdict of the whole run."""
+    accepted = [item for item in rounds if item.accepted]
+    if accepted:
+        total = sum(item.listed[0].taken for item in accepted)
+        left = float(rounds[-1].excess_before.sum())
+        if total / (total + left) < CLOSES:
+            return "unknown_effect"
+        return "ambiguous" if any(item.alternatives for item in accepted) else "effect_found"
+    if any(item.listed for item in rounds) or float(rounds[0].excess_before.sum()) > 0.0:
+        return "unknown_effect"
+    if deviation is not None:
+        return "ambiguous" if deviation.alternatives else "effect_found"
+    if resolution is not None:
+        return "effect_found"
+    return "cannot_tell" if is_poor else "no_effect"
