@@ -29,6 +29,8 @@ Booleans = NDArray[np.bool_]
 _LOWEST = {MASS: 1e-3, VISCOUS: 1e-4, RHO: 1.0, V_S: 1e-6, RATE: 1e-2}
 _HIGHEST = {MASS: 1e5, VISCOUS: 1e6, RHO: 5.0, V_S: 1.0, RATE: 1e5}
 _LARGEST_DELAY = 0.02
+_SMALLEST_DEFLECTION = 3e-9  # of all of the friction [m]: below, no encoder tells an element from a step
+_LARGEST_DEFLECTION = 1e-2
 _OFFSET_SCALE = 1.0
 _DELAY_SCALE = 1e-3
 _MAX_DAMPING = 1e8
@@ -88,8 +90,8 @@ def search_bounds(parameters: Parameters) -> tuple[Floats, Floats]:
     n_z = parameters.count
     low[ELEMENTS + n_z :] = np.log(1e-5 * total)
     high[ELEMENTS + n_z :] = np.log(20.0 * total)
-    low[ELEMENTS : ELEMENTS + n_z] = np.log(1e-4 * parameters.kappa.min())
-    high[ELEMENTS : ELEMENTS + n_z] = np.log(1e4 * parameters.kappa.max())
+    low[ELEMENTS : ELEMENTS + n_z] = np.log(1e-3 * total / _LARGEST_DEFLECTION)
+    high[ELEMENTS : ELEMENTS + n_z] = np.log(total / _SMALLEST_DEFLECTION)
     return low, high
 
 

@@ -1,0 +1,248 @@
+"""EMPS from the raw files to a report: convert, identify, observe, and (with --live) the same through the nodes.
+
+    python examples/emps.py --data FOLDER_WITH_MAT_FILES --out out/emps [--live]
+
+The data are measurements by A. Janot, M. Gautier and M. Brunot, "Data set and reference models of EMPS", 2019 Workshop
+on Nonlinear System Identification Benchmarks; see docs/emps.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import html
+import io
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from sgms_observer.bags.conversion import parse_map, read_table, write_table
+from sgms_observer.bags.estimate_topics import write_estimates
+from sgms_observer.bags.reader import read_joint_states, read_samples
+from sgms_observer.bags.writer import BagWriter
+from sgms_observer.cli.main import main as sgms
+from sgms_observer.errors import SgmsError
+from sgms_observer.identification.least_squares import (
+    ASYMMETRIC,
+    InverseModelFit,
+    fit_inverse_model,
+    inverse_model_error,
+)
+from sgms_observer.identification.recording import Recording, join_samples, recordings_from_samples
+from sgms_observer.observer.axis_observer import AxisObserver
+from sgms_observer.observer.samples import Estimates, Samples
+from sgms_observer.settings.load import load_settings
+
+ROOT = Path(__file__).resolve().parents[1]
+START = ROOT / "config" / "emps.yaml"
+FILES = {"train": "DATA_EMPS.mat", "pulses": "DATA_EMPS_PULSES.mat"}
+MAP = ("time=t", "position=qm", "control_effort=vir*gtau", "reference=qg")
+PERIOD = 1.0e-3
+PUBLISHED = {"mass": 95.1089, "viscous_coefficient": 203.5034, "coulomb_force": 20.3935, "offset": -3.1648}
+PUBLISHED_ERROR = {"train": 4.08, "pulses": 5.98, "train, asymmetric": 3.11}
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What the observer said of one record."""
+
+    name: str
+    samples: Samples
+    estimates: Estimates
+
+    @property
+    def sentence(self) -> str:
+        """Innovations and one-step force error in one sentence."""
+        estimates = self.estimates
+        at = np.isfinite(estimates.innovation)
+        innovation, expected = estimates.innovation[at], estimates.innovation_std[at]
+        force = float(np.sqrt(np.mean(self.samples.effort[at] ** 2)))
+        rms = float(np.sqrt(np.mean(innovation**2)))
+        nis = float(np.mean((innovation / expected) ** 2))
+        step = float(np.median(np.diff(self.samples.stamp_ns[at]))) * 1e-6
+        return (
+            f"{self.name}: one-step force error {rms:.3f} N rms = {100.0 * rms / force:.2f} % of the rms force,"
+            f" {step:.0f} ms ahead; mean innovation {float(np.mean(innovation)):+.3f} N; mean squared innovation over its"
+            f" variance {nis:.2f}; {int(at.sum())} corrections"
+        )
+
+
+def main() -> int:
+    """Run the example."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    default = os.environ.get("SGMS_DATA", str(ROOT.parent / "shared" / "data"))
+    parser.add_argument("--data", default=str(Path(default) / "emps"), help="folder with the two .mat files")
+    parser.add_argument("--out", default="out/emps", help="folder to write (emptied first)")
+    parser.add_argument("--live", action="store_true", help="also play the train record through observer_node")
+    args = parser.parse_args()
+    out = Path(args.out)
+    try:
+        lines, observed = run(Path(args.data), out)
+        if args.live:
+            lines.append(live(out))
+    except SgmsError as error:
+        print(error, file=sys.stderr)
+        return 1
+    for line in lines:
+        print(line)
+    (out / "report.html").write_text(report(lines, observed), encoding="utf-8")
+    print(f"wrote {out / 'report.html'}")
+    return 0
+
+
+def run(data: Path, out: Path) -> tuple[list[str], list[Observed]]:
+    """Convert, identify and observe.
+
+    Args:
+        data: folder with the two .mat files.
+        out: folder to write.
+
+    Returns:
+        Sentences, and what the observer said of each record.
+    """
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir(parents=True)
+    recordings = {}
+    for name, file in FILES.items():
+        write_table(read_table(data / file, parse_map(MAP)), out / name, "x")
+        recordings[name] = recordings_from_samples(_samples(out / name), name)[0]
+    lines = published(recordings)
+    for model in ("least_squares", "sgms"):
+        arguments = ["identify", str(out / "train"), "--config", str(START), "--model", model]
+        if sgms([*arguments, "--out", str(out / f"{model}.yaml")]) != 0:
+            raise SgmsError(f"sgms identify --model {model} failed")
+    observed = []
+    for model in ("least_squares", "sgms"):
+        axis = load_settings(out / f"{model}.yaml").axes[0]
+        for name in FILES:
+            samples = _samples(out / name)
+            estimates = AxisObserver(axis, PERIOD).step(samples)
+            observed.append(Observed(f"{name}, {model}.yaml", samples, estimates))
+            lines.append(observed[-1].sentence)
+            if model == "sgms":
+                with BagWriter(out / f"{name}_observed") as bag:
+                    write_estimates(bag, ("x",), (estimates,))
+    return lines, observed
+
+
+def published(recordings: dict[str, Recording]) -> list[str]:
+    """Return the published least-squares figures beside ours."""
+    fit: InverseModelFit = fit_inverse_model([_published_timing(recordings["train"])])
+    lines = ["least squares, published / here:"]
+    lines += [
+        f"  {name}: {value:g} / {fit.value(name):.4f} ({100.0 * (fit.value(name) / value - 1.0):+.3f} %)"
+        for name, value in PUBLISHED.items()
+    ]
+    asymmetric = fit_inverse_model([_published_timing(recordings["train"])], ASYMMETRIC)
+    errors = {
+        "train": fit.relative_error,
+        "pulses": inverse_model_error(fit, _published_timing(recordings["pulses"])),
+        "train, asymmetric": asymmetric.relative_error,
+    }
+    lines += [
+        f"  relative force error, {name}: {PUBLISHED_ERROR[name]:.2f} % / {100.0 * error:.2f} %"
+        for name, error in errors.items()
+    ]
+    return lines
+
+
+def _published_timing(recording: Recording) -> Recording:
+    """Return the record with the period its authors state: 1 kHz."""
+    return replace(recording, period=PERIOD)
+
+
+def _samples(bag: Path) -> Samples:
+    return join_samples(list(read_samples(bag, "x", PERIOD)))
+
+
+def live(out: Path) -> str:
+    """Play the train record through observer_node on the ROS graph and compare with the replay.
+
+    Args:
+        out: folder of ``run``; the recorded topics go there.
+    """
+    environment = {
+        **os.environ,
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID", str(os.getpid() % 100)),
+    }
+    python = [sys.executable, "-m"]
+    node = [*python, "sgms_observer.nodes.observer_node", "--ros-args", "--params-file", str(out / "sgms.yaml")]
+    record = [*python, "sgms_observer.cli.main", "record", "friction_estimate", "--out", str(out / "live")]
+    play = [*python, "sgms_observer.cli.main", "play", str(out / "train")]
+    processes = [subprocess.Popen(command, env=environment, cwd=ROOT) for command in (node, record)]
+    try:
+        time.sleep(8.0)
+        subprocess.run(play, env=environment, cwd=ROOT, check=True)
+        time.sleep(2.0)
+    finally:
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        for process in processes:
+            process.wait(timeout=20.0)
+    recorded = read_joint_states(out / "live", "friction_estimate")
+    replayed = read_joint_states(out / "train_observed", "friction_estimate")
+    common, first, second = np.intersect1d(recorded.stamp_ns, replayed.stamp_ns, return_indices=True)
+    same = np.array_equal(recorded.effort[first], replayed.effort[second])
+    return (
+        f"live through the nodes: {len(common)} of {len(replayed.stamp_ns)} estimates arrived;"
+        f" {'the same bits as' if same else 'they differ from'} the replay"
+    )
+
+
+def report(lines: list[str], observed: list[Observed]) -> str:
+    """Return a self-contained page.
+
+    Args:
+        lines: sentences with the figures.
+        observed: what the observer said of each record.
+    """
+    body = [f"<p>{html.escape(line)}</p>" for line in lines]
+    for item in observed:
+        body.append(f"<h2>{html.escape(item.name)}</h2><img alt='force and innovation' src='{_picture(item)}'>")
+    return (
+        "<!doctype html><html lang='en'><head><meta charset='utf-8'><title>EMPS</title><style>body{font:15px/1.5"
+        " sans-serif;max-width:60em;margin:2em auto;padding:0 1em}img{max-width:100%}</style></head><body>"
+        f"<h1>EMPS: identified and observed</h1>{''.join(body)}</body></html>\n"
+    )
+
+
+def _picture(item: Observed) -> str:
+    """Return force and innovations over time as an embedded PNG."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    seconds = (item.samples.stamp_ns - item.samples.stamp_ns[0]) * 1e-9
+    estimates = item.estimates
+    at = np.isfinite(estimates.innovation)
+    figure, (upper, lower) = pyplot.subplots(2, 1, figsize=(10, 5), sharex=True, layout="constrained")
+    upper.plot(seconds, item.samples.effort, lw=0.6, label="actuator force")
+    upper.plot(seconds, estimates.friction, lw=1.0, label="estimated friction")
+    upper.set_ylabel("N")
+    upper.legend(loc="upper right")
+    lower.plot(seconds[at], estimates.innovation[at], lw=0.6, label="innovation")
+    lower.fill_between(
+        seconds[at], -2.0 * estimates.innovation_std[at], 2.0 * estimates.innovation_std[at], alpha=0.2, label="2 std"
+    )
+    lower.set_ylabel("N")
+    lower.set_xlabel("s")
+    lower.legend(loc="upper right")
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=90)
+    pyplot.close(figure)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
