@@ -1,4 +1,4 @@
-# make setup | demo | test | lint. Where ROS 2 is sourced it is used; elsewhere its wheels from PyPI go into .venv.
+# make setup | demo | test | lint | docs. Where ROS 2 is sourced it is used; elsewhere its wheels from PyPI go into .venv.
 SHELL := bash
 .DELETE_ON_ERROR:
 PYTHON ?= python3
@@ -6,7 +6,7 @@ HAS_ROS := $(shell test -n "$$ROS_DISTRO" && $(PYTHON) -c 'import rclpy' 2>/dev/
 VENV := $(if $(HAS_ROS),.venv-ros,.venv)
 OUT ?= out/demo
 
-.PHONY: setup demo test lint clean
+.PHONY: setup demo test lint docs clean
 
 setup: $(VENV)/.complete
 
@@ -23,6 +23,10 @@ test: setup
 lint: setup
 	$(VENV)/bin/python -m ruff check .
 	$(VENV)/bin/python -m mypy
+
+# The same pages as HTML, readable without a network: out/site/index.html.
+docs: setup
+	$(VENV)/bin/python -m mkdocs build --strict --site-dir out/site
 
 clean:
 	rm -rf .venv .venv-ros build install log out *.egg-info

@@ -26,7 +26,11 @@ ROS_WHEELS = [
     "ros-jazzy-rclpy>=7.1,<7.2",
     "ros-jazzy-rmw-fastrtps-cpp>=8.4,<8.5",
 ]
+DOCUMENTATION = [
+    "mkdocs>=1.6,<2",
+]
 DEVELOPMENT = [
+    *DOCUMENTATION,
     "colcon-common-extensions>=0.3,<1",
     "hypothesis>=6.100,<7",
     "mypy>=1.10,<3",
@@ -58,10 +62,12 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", files("config/*")),
+        (f"share/{NAME}/config/layouts", files("config/layouts/*")),
+        (f"share/{NAME}/config/sros2", files("config/sros2/*")),
         (f"share/{NAME}/launch", files("launch/*.launch.py")),
     ],
     install_requires=RUNTIME,
-    extras_require={"ros": ROS_WHEELS, "dev": DEVELOPMENT},
+    extras_require={"ros": ROS_WHEELS, "dev": DEVELOPMENT, "docs": DOCUMENTATION},
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -1,0 +1,50 @@
+"""The page on troubleshooting explains every sentence that a node can say, and none that no node says."""
+
+from __future__ import annotations
+
+import re
+
+from node_sentences import HOLE, ROOT, sentences
+
+PAGE = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+HEADINGS = re.compile(r"^\*\*(.+)\*\*$", re.MULTILINE)
+
+NOT_MESSAGES = {
+    "Observe the friction of positioning axes from position and control effort.",
+    "Simulate positioning axes with friction and publish what a real stage would.",
+    "Written by … on … after … samples.",
+    "step time p50 [us]",
+    "step time p99 [us]",
+    "step time max [us]",
+}
+
+
+def test_every_sentence_is_explained() -> None:
+    said = sentences()
+    assert len(said) > 30
+    missing = {text: file for text, file in said.items() if text not in HEADINGS.findall(PAGE)}
+    assert set(missing) <= NOT_MESSAGES, "explain in docs/troubleshooting.md, in bold on a line of its own"
+
+
+def test_no_other_sentence_is_explained() -> None:
+    stale = [text for text in HEADINGS.findall(PAGE) if text not in sentences()]
+    assert not stale, "no node says this any more; remove it from docs/troubleshooting.md"
+
+
+def test_each_explanation_is_more_than_its_sentence() -> None:
+    for text, explanation in re.findall(r"^\*\*(.+)\*\*\n\n(.+)$", PAGE, re.MULTILINE):
+        assert explanation.strip() not in ("", text), text
+
+
+def test_sentences_of_diagnostics_are_found_by_the_scan() -> None:
+    """The scan of the source sees what the code really says."""
+    from sgms_observer.nodes.intake import IntakeCounts
+    from sgms_observer.observer.pairing import PairingCounts
+    from sgms_observer.status import Status
+
+    spoken = [status.sentence for status in Status]
+    spoken += PairingCounts(*[7] * 9).sentences()
+    spoken += IntakeCounts(*[7] * 5).sentences(["x"])
+    pattern = "|".join(re.escape(text).replace(re.escape(HOLE), ".+") for text in sentences())
+    for sentence in spoken:
+        assert re.fullmatch(rf"(7 )?({pattern})", sentence), sentence
