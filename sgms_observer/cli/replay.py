@@ -1,0 +1,156 @@
+"""``sgms replay``: the observer over a recorded bag, without a ROS graph; the same numbers as the live node."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sgms_observer.bags.writer import BagWriter
+    from sgms_observer.observer.outgoing import Outgoing
+    from sgms_observer.observer.samples import Estimates, Samples
+
+NAME = "replay"
+HELP = "run the observer over a recorded bag and write its estimates into another; deterministic"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments.
+
+    Args:
+        parser: the command's own parser.
+    """
+    parser.add_argument("bag", metavar="BAG", help="recorded bag with position and control_effort")
+    parser.add_argument("--config", required=True, metavar="F", help="parameter file (YAML)")
+    parser.add_argument("--out", required=True, metavar="BAG2", help="folder of the new bag")
+    parser.add_argument(
+        "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the new bag (default: mcap)"
+    )
+    parser.add_argument(
+        "--topic",
+        action="append",
+        default=[],
+        metavar="NAME=TOPIC",
+        help="where the bag's topic is called otherwise, such as position=/joint_states; may be given several times",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do the job.
+
+    Args:
+        args: what the user gave.
+
+    Returns:
+        The exit code, 0 only on success.
+    """
+    from sgms_observer.bags.reader import BagSamples
+    from sgms_observer.bags.writer import BagWriter
+    from sgms_observer.cli.progress import Progress
+    from sgms_observer.observer.axis_observer import AxisObserver
+    from sgms_observer.observer.outgoing import Outgoing
+    from sgms_observer.settings.load import load_settings
+
+    settings = load_settings(args.config)
+    names = [axis.name for axis in settings.axes]
+    observers = [AxisObserver(axis, settings.sample_period) for axis in settings.axes]
+    source = BagSamples(args.bag, names, settings.sample_period, topics=_renamed(args.topic))
+    first, last = source.span_ns
+    outgoing = Outgoing(settings)
+    tallies = [_Tally() for _ in names]
+    start = time.perf_counter()
+    with BagWriter(args.out, args.storage) as bag, Progress("replay", max(1, last - first)) as progress:
+        for block in _blocks_of_all_axes(source, names):
+            estimates = {number: observers[number].step(samples) for number, samples in block.items()}
+            for number, estimate in estimates.items():
+                tallies[number].add(estimate)
+            _write(bag, outgoing, estimates)
+            progress.show(max(int(samples.stamp_ns[-1]) for samples in block.values()) - first)
+    seconds = time.perf_counter() - start
+    for name, tally in zip(names, tallies, strict=True):
+        print(f"{name}: {tally.sentence()}")
+    for warning in source.warnings:
+        print(f"note: {warning}")
+    messages = sum(bag.counts.values())
+    duration = (last - first) * 1e-9
+    print(f"{args.out}: {messages} messages in {seconds:.1f} s, {duration / seconds:.1f} times real time")
+    return 0
+
+
+def _renamed(arguments: Sequence[str]) -> dict[str, str]:
+    """Return the topics the user renamed."""
+    from sgms_observer.errors import ConfigurationError
+
+    found = {}
+    for argument in arguments:
+        name, equals, topic = argument.partition("=")
+        if not (name and equals and topic):
+            raise ConfigurationError([f"--topic {argument} must read NAME=TOPIC, such as position=/joint_states"])
+        found[name] = topic
+    return found
+
+
+def _blocks_of_all_axes(source: Iterator[tuple[str, Samples]], names: Sequence[str]) -> Iterator[dict[int, Samples]]:
+    """Gather blocks of the axes that came together, so that axes with the same stamps share their messages."""
+    gathered: dict[int, Samples] = {}
+    for name, samples in source:
+        number = names.index(name)
+        if number in gathered:
+            yield gathered
+            gathered = {}
+        gathered[number] = samples
+    if gathered:
+        yield gathered
+
+
+def _write(bag: BagWriter, outgoing: Outgoing, estimates: dict[int, Estimates]) -> None:
+    """Write what the node would publish."""
+    from sgms_observer.bags.diagnostics_cdr import encode_diagnostics
+    from sgms_observer.nodes.report import parameter_entry
+    from sgms_observer.observer.outgoing import PARAMETERS
+
+    for block in outgoing.blocks(estimates):
+        bag.write_joint_states(block.topic, block.stamp_ns, block.names, **block.values)
+    for report in outgoing.reports(estimates):
+        message = encode_diagnostics(report.stamp_ns, [parameter_entry(report)])
+        bag.write(PARAMETERS, "diagnostic_msgs/msg/DiagnosticArray", report.stamp_ns, message)
+
+
+class _Tally:
+    """What is said of one axis at the end: innovations and statuses."""
+
+    def __init__(self) -> None:
+        self._samples = 0
+        self._corrections = 0
+        self._squares = 0.0
+        self._nis = 0.0
+        self._statuses: dict[int, int] = {}
+
+    def add(self, estimates: Estimates) -> None:
+        """Count a block of estimates."""
+        import numpy as np
+
+        taken = np.isfinite(estimates.innovation)
+        innovation = estimates.innovation[taken]
+        self._samples += len(taken)
+        self._corrections += len(innovation)
+        self._squares += float(np.sum(innovation**2))
+        self._nis += float(np.sum((innovation / estimates.innovation_std[taken]) ** 2))
+        for status, count in zip(*np.unique(estimates.status, return_counts=True), strict=True):
+            self._statuses[int(status)] = self._statuses.get(int(status), 0) + int(count)
+
+    def sentence(self) -> str:
+        """Return the axis's sentence."""
+        from sgms_observer.status import Status
+
+        corrections = max(self._corrections, 1)
+        parts = [
+            f"{self._samples} samples, {self._corrections} corrections, innovation"
+            f" {(self._squares / corrections) ** 0.5:.4g} N rms, NIS {self._nis / corrections:.3g}"
+        ]
+        for status in Status:
+            if status not in (Status.RUNNING, Status.STARTING) and self._statuses.get(status):
+                parts.append(f"{self._statuses[status]} samples: {status.sentence}")
+        return "; ".join(parts)
