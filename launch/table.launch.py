@@ -1,7 +1,7 @@
 """The observer on a real table: ``ros2 launch sgms_observer table.launch.py params_file:=my_table.yaml``.
 
-The drive's topics are remapped by ``position_topic``, ``effort_topic`` and ``reference_topic``; give the same name to the
-first two for a joint_states topic that carries both.
+The drive's topics are remapped by ``position_topic``, ``effort_topic`` and ``reference_topic``; give the same name
+to the first two for a joint_states topic that carries both.
 """
 
 from launch import LaunchDescription
