@@ -43,9 +43,9 @@ class BagWriter:
     """A rosbag2 folder being written, as a context manager.
 
     The folder is called ``NAME.unfinished`` (``NAME.partial`` for a recording to keep) until it is complete; at the
-    end of the ``with`` block it gets its metadata.yaml and its name. What was written longer than half a second ago survives
-    the process (``flush`` helps when nothing more is written). If the block ends with an error the folder is removed,
-    unless it shall be kept.
+    end of the ``with`` block it gets its metadata.yaml and its name. What was written longer than half a second ago
+    survives the process (``flush`` helps when nothing more is written). If the block ends with an error the folder is
+    removed, unless it shall be kept.
 
     Args:
         path: the bag's folder; must not exist.
