@@ -53,12 +53,15 @@ class JointStateTopics:
         self._encoders: dict[tuple[str, tuple[str, ...]], JointStateEncoder] = {}
 
     def publish(self, block: OutgoingBlock) -> None:
-        """Send every message of a block.
+        """Send every message of a block, if anybody listens.
 
         Args:
             block: messages of one of the topics.
         """
-        publish = self._publishers[block.topic].publish
+        publisher = self._publishers[block.topic]
+        if not publisher.get_subscription_count():
+            return
+        publish = publisher.publish
         if len(block.stamp_ns) >= _BY_ARRAYS:
             for row in encode_joint_states(block.stamp_ns, block.names, dict(block.values)):
                 publish(row.tobytes())

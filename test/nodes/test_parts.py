@@ -1,0 +1,193 @@
+"""The parts of the nodes that need no ROS: intake, pace, statistics, reports, rows to publish."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.nodes.engine import Engine
+from sgms_observer.nodes.intake import Intake
+from sgms_observer.nodes.pace import LONGEST_CATCH_UP, Pace
+from sgms_observer.nodes.report import NO_SAMPLES, STALE, WARN, axis_entry
+from sgms_observer.nodes.statistics import AxisStatistics, Sentences, StepClock
+from sgms_observer.observer.learnt import learnt_changes
+from sgms_observer.observer.outgoing import ELEMENTS, ESTIMATE, Outgoing
+from sgms_observer.observer.pairing import PairingCounts
+from sgms_observer.observer.samples import Estimates
+from sgms_observer.settings.load import default_settings, settings_from_tree
+from sgms_observer.status import Status
+
+SECOND = 1_000_000_000
+
+
+def estimates(stamps: list[int], status: Status = Status.RUNNING) -> Estimates:
+    """Return made-up estimates with these stamps."""
+    n = len(stamps)
+    ramp = np.arange(n, dtype=float)
+    return Estimates(
+        stamp_ns=np.array(stamps, dtype=np.int64),
+        **{
+            name: ramp + i
+            for i, name in enumerate(("position", "velocity", "acceleration", "friction", "friction_std"))
+        },
+        element_force=np.tile(ramp[:, None], (1, 4)),
+        element_deflection=np.tile(ramp[:, None], (1, 4)),
+        parameters=np.ones((n, 1)),
+        parameter_std=np.ones((n, 1)),
+        innovation=np.full(n, 2.0),
+        innovation_std=np.ones(n),
+        compensation=ramp,
+        status=np.full(n, status, dtype=np.uint8),
+    )
+
+
+class TestIntake:
+    """Names, order of arrival, and messages that are wrong."""
+
+    def test_axes_are_found_by_name_in_any_order(self) -> None:
+        intake = Intake(["x", "y"], 1.0e-3)
+        for names, position in ((("y", "z", "x"), (2.0, 9.0, 1.0)), (("x", "y"), (1.0, 2.0))):
+            stamp = SECOND * len(names)
+            intake.effort(JointStateEncoder(names, ("effort",)).encode(stamp, position))
+            intake.position(JointStateEncoder(names, ("position",)).encode(stamp, position))
+        found = {number: samples.position.tolist() for number, samples in intake.pop()}
+        assert found == {0: [1.0], 1: [2.0]} or found == {0: [1.0, 1.0], 1: [2.0, 2.0]}
+
+    @pytest.mark.parametrize("message", [b"", b"\x00\x01\x00\x00", b"\x00\x01" + bytes(20) + b"\xff" * 30])
+    def test_garbage_is_counted(self, message: bytes) -> None:
+        intake = Intake(["x"], 1.0e-3)
+        for take in (intake.position, intake.effort, intake.position_and_effort, intake.reference):
+            take(message)
+        assert intake.counts.malformed == 4 and not intake.has_samples
+
+    def test_foreign_and_short_messages_are_counted_and_told(self) -> None:
+        intake = Intake(["x"], 1.0e-3)
+        intake.position(JointStateEncoder(["other"], ("position",)).encode(1, [1.0]))
+        intake.position(JointStateEncoder(["x"], ("effort",)).encode(2, [1.0]))
+        assert (intake.counts.foreign, intake.counts.short) == (1, 1)
+        assert len(intake.counts.sentences(["x"])) == 2
+
+    def test_memory_of_names_is_bounded(self) -> None:
+        intake = Intake(["x"], 1.0e-3)
+        for i in range(300):
+            intake.position(JointStateEncoder([f"a{i}", "x"], ("position",)).encode(i + 1, [0.0, 1.0]))
+        assert len(intake._known) < 100 and intake.counts.short == 0
+
+
+class TestPace:
+    """Samples due by the clock, whatever it does."""
+
+    def test_late_turns_give_every_sample_once(self) -> None:
+        pace = Pace(1.0e-4, 5)
+        generator = np.random.default_rng(1)
+        now, total = 5, 0
+        for _ in range(500):
+            total += pace.due(now)
+            assert pace.stamp_ns(total - 1) <= now < pace.stamp_ns(total)
+            now += int(generator.integers(0, 20_000_000))
+        assert pace.done == total and pace.skipped == 0
+
+    def test_a_clock_that_stands_gives_nothing_more(self) -> None:
+        pace = Pace(1.0e-3, 0)
+        assert [pace.due(0), pace.due(0), pace.due(10)] == [1, 0, 0]
+
+    def test_a_leap_is_not_caught_up(self) -> None:
+        pace = Pace(1.0e-3, 0)
+        pace.due(0)
+        leap = int(3 * LONGEST_CATCH_UP * SECOND)
+        assert pace.due(leap) == 1 and pace.skipped > 1000
+        assert pace.stamp_ns(0) == leap
+
+    def test_a_clock_that_goes_back_starts_anew(self) -> None:
+        pace = Pace(1.0e-3, 10 * SECOND)
+        pace.due(11 * SECOND // 1)
+        assert pace.due(2 * SECOND) == 1
+        assert pace.resets == 1 and pace.stamp_ns(0) == 2 * SECOND
+
+
+class TestOutgoing:
+    """Which rows leave, and with whom."""
+
+    @pytest.mark.parametrize("split", [1, 2, 7, 100])
+    def test_every_third_row_for_any_split(self, split: int) -> None:
+        settings = settings_from_tree({"publish_every": 3})
+        outgoing = Outgoing(settings)
+        stamps: list[int] = []
+        compensated = 0
+        for first in range(0, 100, split):
+            for block in outgoing.blocks({0: estimates(list(range(first, min(100, first + split))))}):
+                stamps += block.stamp_ns.tolist() if block.topic == ESTIMATE else []
+                compensated += len(block.stamp_ns) if block.topic == "friction_compensation" else 0
+        assert stamps == list(range(0, 100, 3)) and compensated == 100
+
+    def test_axes_share_a_message_only_where_their_stamps_agree(self) -> None:
+        outgoing = Outgoing(default_settings(["x", "y"]))
+        blocks = outgoing.blocks({0: estimates([1, 2, 3]), 1: estimates([2, 3, 4])})
+        found = [(block.names, block.stamp_ns.tolist()) for block in blocks if block.topic == ESTIMATE]
+        assert found == [(("x", "y"), [2, 3]), (("x",), [1]), (("y",), [4])]
+        names = next(block.names for block in blocks if block.topic == ELEMENTS)
+        assert names == tuple(f"{axis}/{i}" for axis in "xy" for i in range(1, 5))
+
+    def test_parameters_are_reported_ten_times_per_second(self) -> None:
+        outgoing = Outgoing(settings_from_tree({"x": {"estimator": {"parameters": ["kappa"]}}}))
+        stamps = [i * 1_000_000 for i in range(1000)]
+        reports = [r for i in range(0, 1000, 7) for r in outgoing.reports({0: estimates(stamps[i : i + 7])})]
+        assert [report.stamp_ns for report in reports] == list(range(0, SECOND, SECOND // 10))
+
+
+class TestStatistics:
+    """What diagnostics say."""
+
+    def test_counts_and_worst_status(self) -> None:
+        statistics = AxisStatistics()
+        statistics.add(estimates([1, 2], Status.SAMPLE_REJECTED))
+        statistics.add(estimates([3, 4, 5]))
+        assert (statistics.samples, statistics.rejected, statistics.worst) == (5, 2, Status.SAMPLE_REJECTED)
+        assert statistics.nis == 4.0
+        entry = axis_entry("node", "x", statistics, PairingCounts(late=1, invalid=2), 2.5)
+        assert entry.level == WARN and entry.message == Status.SAMPLE_REJECTED.sentence
+        assert dict(entry.values)["rate [Hz]"] == "2" and dict(entry.values)["dropped"] == "3"
+        statistics.start_anew()
+        assert statistics.worst is Status.RUNNING and math.isnan(statistics.nis)
+        assert axis_entry("node", "x", statistics, PairingCounts(), 1.0).level == STALE
+        assert axis_entry("node", "x", statistics, PairingCounts(), 1.0).message == NO_SAMPLES
+
+    def test_steps_slower_than_their_samples_are_misses(self) -> None:
+        clock = StepClock(1.0e-3)
+        clock.add(0.5e-3, 1)
+        clock.add(1.5e-3, 1)
+        clock.add(1.5e-3, 2)
+        times = clock.take()
+        assert clock.deadline_misses == 1 and times.longest == 1.5e-3
+        assert math.isnan(clock.take().median)
+
+    def test_a_sentence_is_said_once_until_it_was_gone(self) -> None:
+        sentences = Sentences()
+        assert sentences.new(["1 late"]) == ["1 late"]
+        assert sentences.new(["5 late", "other"]) == ["other"]
+        assert sentences.new([]) == []
+        assert sentences.new(["6 late"]) == ["6 late"]
+
+
+def test_what_was_learnt_goes_where_it_belongs() -> None:
+    axis = default_settings().axes[0]
+    changes = learnt_changes(axis, {"kappa": 0.5, "coulomb_force": 3.0, "mass": 12.0, "offset": 0.2}, added_mass=1.0)
+    assert changes["friction.element_stiffness"] == [0.5 * kappa for kappa in axis.friction.element_stiffness]
+    assert changes["friction.coulomb_force"] == 3.0 and changes["mass"] == 11.0
+    assert changes["effects.names"] == ["offset"] and changes["effects.offset.force"] == 0.2
+
+
+def test_the_engine_starts_a_new_block_when_the_clock_was_reset() -> None:
+    engine = Engine(settings_from_tree({"sample_period": 1.0e-3, "x": {"filter": {"window": 8.0e-3}}}))
+    pairing = engine.intake.pairings[0]
+    for origin in (100 * SECOND, 5 * SECOND):
+        for i in range(50):
+            pairing.push_position(origin + i * 1_000_000, 1.0e-6 * i)
+            pairing.push_effort(origin + i * 1_000_000, 0.1)
+    processed = engine.process()
+    stamps = [stamp for block in processed.blocks if block.topic == ESTIMATE for stamp in block.stamp_ns.tolist()]
+    assert len(stamps) == 100 and stamps[0] == 100 * SECOND and stamps[-1] == 5 * SECOND + 49_000_000
+    assert engine.statistics[0].total == 100

@@ -1,0 +1,61 @@
+"""The simulated stage on the graph, alone and with the observer."""
+
+from __future__ import annotations
+
+import numpy as np
+from ros_graph import ONE_AXIS, TWO_AXES, Graph, Start, wait_until
+
+from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
+from sgms_observer.settings.load import settings_from_tree
+from sgms_observer.settings.yaml_text import parse
+from sim_plant.table import SimulatedTable
+
+MILLISECOND = 1_000_000
+
+
+def test_samples_are_the_simulation_whatever_the_timer_does(graph: Graph, start: Start) -> None:
+    topics = ("position", "control_effort", "reference", "friction_true")
+    graph.listen(*topics)
+    start("stage_node", TWO_AXES)
+    decoded = {topic: [decode_joint_state(data) for data in list(graph.wait_messages(topic, 1000))] for topic in topics}
+    stamps = [message[0] for message in decoded["position"]]
+    assert set(np.diff(stamps)) == {MILLISECOND}
+    assert all(message[1] == ("x", "y") for messages in decoded.values() for message in messages)
+    truth = SimulatedTable(settings_from_tree(parse(TWO_AXES, "the test")))
+    records = truth.step(20_000)
+    measured = np.stack([record.measured_position for record in records], axis=1)
+    position = np.array([message[2] for message in decoded["position"]])
+    first = int(np.flatnonzero((measured == position[0]).all(axis=1))[0])
+    assert np.array_equal(position, measured[first : first + len(position)])
+    efforts = {message[0]: message[4] for message in decoded["control_effort"]}
+    row = stamps[500]
+    assert efforts[row] == tuple(record.control_effort[first + 500] for record in records)
+
+
+def test_compensation_is_taken_in_and_times_out(graph: Graph, start: Start) -> None:
+    graph.listen("friction_true", "control_effort")
+    still = "reference: {kind: sine, amplitude: 0.0}, controller: {bandwidth: 0.01}"
+    start("stage_node", ONE_AXIS.replace("friction: {model: gms}", f"friction: {{model: gms}}, {still}"))
+    publish = graph.publisher("friction_compensation")
+    encoder = JointStateEncoder(["x"], ("effort",))
+
+    def effort() -> float:
+        return float(np.mean([decode_joint_state(data)[4][0] for data in graph.messages["control_effort"][-20:]]))
+
+    graph.wait_messages("control_effort", 100)
+    assert abs(effort()) < 0.1
+    wait_until(lambda: publish(encoder.encode(1, [2.0])) or effort() > 1.0, "the compensation in the effort")
+    wait_until(lambda: abs(effort()) < 0.1, "the compensation to time out")
+
+
+def test_stage_and_observer_together(graph: Graph, start: Start) -> None:
+    graph.listen("friction_true", "friction_estimate")
+    start("observer_node", ONE_AXIS)
+    start("stage_node", ONE_AXIS)
+    graph.wait_messages("friction_estimate", 3000)
+    truth = {stamp: effort[0] for stamp, _, _, _, effort in map(decode_joint_state, graph.messages["friction_true"])}
+    estimates = [decode_joint_state(data) for data in list(graph.messages["friction_estimate"])]
+    pairs = np.array([(effort[0], truth[stamp]) for stamp, _, _, _, effort in estimates[1000:] if stamp in truth])
+    assert len(pairs) > 1500
+    error = pairs[:, 0] - pairs[:, 1]
+    assert np.sqrt(np.mean(error**2)) < 0.1 * np.ptp(pairs[:, 1])
