@@ -1,1 +1,1 @@
-"""TODO."""
+"""Reports: one self-contained page, readable offline, on a phone and on paper."""

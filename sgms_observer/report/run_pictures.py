@@ -1,0 +1,173 @@
+"""Pictures of one axis's run: motion, friction with its band, friction over velocity and position, a reversal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, Sheet, sheet
+from sgms_observer.report.page import Picture
+
+Floats = NDArray[np.float64]
+_MOST_POINTS = 20_000
+
+
+@dataclass(frozen=True)
+class Run:
+    """What there is to draw of one axis; all arrays of shape (n,), NaN where nothing is known.
+
+    Attributes:
+        time: since the first sample [s].
+        position: measured [m].
+        velocity: estimated [m/s].
+        reference: set-point [m].
+        friction: estimated [N].
+        friction_std: its standard deviation [N].
+        truth: true friction [N].
+        compensation: feedforward [N].
+    """
+
+    time: Floats
+    position: Floats
+    velocity: Floats
+    reference: Floats
+    friction: Floats
+    friction_std: Floats
+    truth: Floats
+    compensation: Floats
+
+    def between(self, start: float, end: float) -> Run:
+        """Return the part from ``start`` to ``end`` [s]."""
+        rows = slice(*np.searchsorted(self.time, [start, end]))
+        return Run(**{name: getattr(self, name)[rows] for name in self.__dataclass_fields__})
+
+    @property
+    def has_truth(self) -> bool:
+        """Return whether the true friction is known."""
+        return bool(np.isfinite(self.truth).any())
+
+
+def last_reversal(run: Run) -> float:
+    """Return the time of the last reversal that has at least a little motion on both sides [s].
+
+    Args:
+        run: the run; its end if it never reverses.
+    """
+    fast = np.flatnonzero(np.abs(run.velocity) > 0.2 * np.nanmax(np.abs(run.velocity), initial=0.0))
+    signs = np.sign(run.velocity[fast])
+    turns = np.flatnonzero(np.diff(signs) != 0)
+    if not turns.size:
+        return float(run.time[-1])
+    turn = turns[max(0, turns.size - 2)]
+    between = run.velocity[fast[turn] : fast[turn + 1]]
+    return float(run.time[fast[turn] + int(np.argmin(np.abs(between)))])
+
+
+def run_pictures(run: Run, window: tuple[float, float], name: str = "") -> tuple[Picture, ...]:
+    """Draw the run.
+
+    Args:
+        run: the whole run.
+        window: the part that the time series show [s].
+        name: put in front of the pictures' names.
+    """
+    part = run.between(*window)
+    reversal = last_reversal(part)
+    return (
+        _motion(part, name),
+        _friction(part, name),
+        _maps(part, name),
+        _zoom(part.between(reversal - 0.015, reversal + 0.035), reversal, name),
+    )
+
+
+def _motion(run: Run, name: str) -> Picture:
+    caption = "Position with its set-point, tracking error and estimated velocity."
+    with sheet(f"{name}motion", caption, rows=3, height=1.9, sharex=True) as drawn:
+        top, middle, bottom = drawn.axes
+        _line(top, run.time, 1e6 * run.reference, REFERENCE, "set-point", linestyle="--")
+        _line(top, run.time, 1e6 * run.position, MEASURED, "measured")
+        top.set_ylabel("position [um]")
+        _line(middle, run.time, 1e6 * (run.position - run.reference), MEASURED)
+        middle.set_ylabel("tracking error [um]")
+        _line(bottom, run.time, 1e3 * run.velocity, ESTIMATE, "estimated")
+        bottom.set(xlabel="time [s]", ylabel="velocity [mm/s]")
+        _legends(drawn)
+    return _finished(drawn)
+
+
+def _friction(run: Run, name: str) -> Picture:
+    caption = "Friction: truth (where known), estimate with its two-sigma band, and the compensation that was sent."
+    with sheet(f"{name}friction", caption, rows=2, height=2.5, sharex=True) as drawn:
+        top, bottom = drawn.axes
+        _band(top, run)
+        _line(top, run.time, run.compensation, MEASURED, "compensation", linestyle=":")
+        top.set_ylabel("friction [N]")
+        if run.has_truth:
+            _line(bottom, run.time, run.friction - run.truth, ESTIMATE, "estimate - truth")
+        width = 2.0 * run.friction_std
+        bottom.fill_between(run.time, -width, width, color=ESTIMATE, alpha=0.15, linewidth=0, label="two sigma")
+        bottom.set(xlabel="time [s]", ylabel="error [N]")
+        _legends(drawn)
+    return _finished(drawn)
+
+
+def _maps(run: Run, name: str) -> Picture:
+    caption = "Friction over velocity and over position: the hysteresis a Coulomb model cannot draw."
+    with sheet(f"{name}hysteresis", caption, columns=2, height=3.6, sharey=True) as drawn:
+        for axes, abscissa, label in zip(
+            drawn.axes, (1e3 * run.velocity, 1e6 * run.position), ("velocity [mm/s]", "position [um]"), strict=True
+        ):
+            if run.has_truth:
+                _line(axes, abscissa, run.truth, TRUTH, "truth")
+            _line(axes, abscissa, run.friction, ESTIMATE, "estimate", alpha=0.8)
+            axes.set_xlabel(label)
+        drawn.axes[0].set_ylabel("friction [N]")
+        _legends(drawn)
+    return _finished(drawn)
+
+
+def _zoom(run: Run, reversal: float, name: str) -> Picture:
+    caption = f"A reversal from near, at {reversal:.3f} s: presliding before the stage slides again."
+    with sheet(f"{name}reversal", caption, height=3.2) as drawn:
+        axes = drawn.axes[0]
+        _band(axes, run)
+        axes.axvline(reversal, color=REFERENCE, linewidth=0.8)
+        axes.set(xlabel="time [s]", ylabel="friction [N]")
+        _legends(drawn)
+    return _finished(drawn)
+
+
+def _band(axes: Axes, run: Run) -> None:
+    """Draw truth, estimate and band over time."""
+    if run.has_truth:
+        _line(axes, run.time, run.truth, TRUTH, "truth")
+    _line(axes, run.time, run.friction, ESTIMATE, "estimate")
+    width = 2.0 * run.friction_std
+    axes.fill_between(
+        run.time, run.friction - width, run.friction + width, color=ESTIMATE, alpha=0.15, linewidth=0, label="two sigma"
+    )
+
+
+def _line(axes: Axes, x: Floats, y: Floats, color: str, label: str | None = None, **style: object) -> None:
+    """Draw a line of at most ``_MOST_POINTS`` points, nothing where nothing is known."""
+    if np.isfinite(y).any():
+        every = max(1, len(x) // _MOST_POINTS)
+        axes.plot(x[::every], y[::every], color=color, label=label, **style)  # type: ignore[arg-type]
+
+
+def _legends(drawn: Sheet) -> None:
+    """Show a legend wherever there is something to tell apart."""
+    for axes in drawn.axes:
+        if len(axes.get_legend_handles_labels()[1]) > 1:
+            axes.legend(loc="upper right", ncols=4, fontsize=8.5)
+
+
+def _finished(drawn: Sheet) -> Picture:
+    """Return the picture of a sheet whose block has ended."""
+    if drawn.picture is None:
+        raise RuntimeError("the sheet is still being drawn")
+    return drawn.picture
