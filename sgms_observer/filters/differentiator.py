@@ -97,6 +97,27 @@ class Differentiator:
         return Motion(table, self.delay_samples)
 
 
+def effort_noise_gain(settings: FilterSettings, sample_period: float) -> float:
+    """Return what is left of white noise on the effort: its standard deviation after the filter over that before.
+
+    Times the noise of one effort sample this is ``estimator.measurement_std`` where the position is free of noise.
+
+    Args:
+        settings: the filter.
+        sample_period: nominal time between two samples [s].
+    """
+    differentiator = Differentiator(settings, sample_period)
+    if not settings.align_effort:
+        return 1.0
+    ready = int(differentiator.config[layout.READY_AFTER])
+    count = 4 * ready + 100
+    stamp_ns = np.round(np.arange(count) * sample_period * 1e9).astype(np.int64)
+    effort = np.zeros(count)
+    effort[ready + 1 + differentiator.delay_samples] = 1.0
+    weights = differentiator.step(stamp_ns, np.zeros(count), effort).effort[ready:]
+    return float(np.sqrt(np.sum(weights * weights)))
+
+
 def window_samples(settings: FilterSettings, sample_period: float) -> int:
     """Return the polynomial's window in samples: odd, as long as set, and long enough for the degree to smooth.
 

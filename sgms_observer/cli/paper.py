@@ -1,0 +1,79 @@
+"""``sgms paper``: the paper's Table II and figures, and what this package reaches on the same signals."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+NAME = "paper"
+HELP = "the paper's Table II and Figures 2, 3, 5-7, and the package's own best on the same signals"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments.
+
+    Args:
+        parser: the command's own parser.
+    """
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder for table2, beyond and the figures")
+    parser.add_argument("--seeds", type=_count, default=20, metavar="N", help="noise seeds 1..N (default: 20)")
+    parser.add_argument(
+        "--consistency-seeds", type=_count, default=100, metavar="N", help="noise seeds of the NIS test (default: 100)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do the job.
+
+    Args:
+        args: what the user gave.
+
+    Returns:
+        The exit code, 0 only on success.
+    """
+    from sgms_observer.errors import DataError
+    from sgms_observer.paper.beyond import beyond, beyond_markdown
+    from sgms_observer.paper.figures_estimation import figure_five, figures_six_and_seven
+    from sgms_observer.paper.figures_friction import figure_three, figure_two
+    from sgms_observer.paper.table import table_markdown, table_two
+
+    folder = Path(args.out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        table = table_two(args.seeds, _say)
+        _write(folder / "table2.json", json.dumps(table, indent=1))
+        _write(folder / "table2.md", table_markdown(table))
+        _say("Figures 2, 3, 5, 6 and 7")
+        figure_two(folder)
+        figure_three(folder)
+        figure_five(folder)
+        figures_six_and_seven(folder)
+        further = beyond(args.seeds, args.consistency_seeds, _say)
+        _write(folder / "beyond.json", json.dumps(further, indent=1))
+        _write(folder / "beyond.md", beyond_markdown(further))
+    except OSError as error:
+        raise DataError(f"{folder}: cannot be written ({error.strerror or error}); choose another --out") from error
+    print(table_markdown(table).split("\n## ")[0])
+    print(beyond_markdown(further))
+    print(f"seeds 1 to {args.seeds}; everything is in {folder}")
+    return 0
+
+
+def _count(text: str) -> int:
+    """Read a number of seeds, at least 2."""
+    value = int(text)
+    if value < 2:
+        raise argparse.ArgumentTypeError(f"{text} must be 2 or more")
+    return value
+
+
+def _say(sentence: str) -> None:
+    """Tell what is being done, on stderr."""
+    print(sentence, file=sys.stderr, flush=True)
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a text file in one go."""
+    path.write_text(text, encoding="utf-8")
