@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.model import Model, predict
+from sgms_observer.discrepancy.model import Model, largest_reach, predict
 from sgms_observer.discrepancy.motion import Motion
 from sgms_observer.discrepancy.noise import Noise
 from sgms_observer.effects.catalogue import effect
@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 
 ELEMENT_SLACK = 15.0
 STEP = 1.0e-4
+SHORTEST = 0.75
+"""Shortest distance of a memory, as a share of the contact's largest reach: less is the contact's own business."""
 LONGEST_PITCH = 0.7
 """Longest period in position, as a share of the stroke."""
 _MAX_ITERATIONS = 12
@@ -137,6 +139,8 @@ def refit(
     for k, (i, j) in enumerate(free):
         if catalogue[i].parameters[j].name == "pitch":  # a longer period is a slope, not a ripple
             maximum[k] = min(maximum[k], LONGEST_PITCH * stroke)
+        if catalogue[i].parameters[j].name in ("memory_distance", "distance", "gap"):
+            minimum[k] = max(minimum[k], SHORTEST * largest_reach(nominal.friction))
     values = np.array([effects[i].values[j] for i, j in free])
     scales = np.array([_scale(effects[i], j, nominal) for i, j in free])
     n = len(widths)

@@ -149,7 +149,9 @@ def _element_friction(
         stiffness[k] = stuck
 
 
-def element_friction(friction: FrictionSettings, first: Floats, second: Floats, period: float, level: Floats) -> tuple[Floats, Floats]:
+def element_friction(
+    friction: FrictionSettings, first: Floats, second: Floats, period: float, level: Floats
+) -> tuple[Floats, Floats]:
     """Return the friction of the elements along a motion, without the viscous term [N], and their stiffness [N/m].
 
     Args:
@@ -171,7 +173,14 @@ def element_friction(friction: FrictionSettings, first: Floats, second: Floats, 
     )
     out, stiffness = np.empty(len(first)), np.empty(len(first))
     _element_friction(
-        first, second, period, np.array(friction.element_stiffness), np.array(friction.element_fraction), level, numbers, out,
+        first,
+        second,
+        period,
+        np.array(friction.element_stiffness),
+        np.array(friction.element_fraction),
+        level,
+        numbers,
+        out,
         stiffness,
     )
     return out, stiffness
@@ -225,3 +234,9 @@ def creep(motion: Motion) -> Floats:
         return np.zeros(len(motion.time))
     slow = CREEP * motion.resolution / motion.period
     return np.asarray(np.exp(-((motion.velocity / slow) ** 4)))
+
+
+def largest_reach(friction: FrictionSettings) -> float:
+    """Return the deflection at which the last element slips [m]."""
+    reaches = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
+    return float(reaches.max())

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sgms_observer.discrepancy import search
 from sgms_observer.discrepancy.fit import STEP, Judged, prior_widths
 from sgms_observer.discrepancy.model import Model, predict
+from sgms_observer.discrepancy.motion import BAND
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.effect import Effect, Place
 from sgms_observer.formulas import vectorised
@@ -19,7 +20,10 @@ from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
-SCANNED = ("cogging", "position_periodic_friction")
+LINES = "periodic_disturbance"
+"""Searched over the residual's own spectrum instead of a grid."""
+LOWEST_LINE = 0.8
+"""Lines below this frequency are taken for motion [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,9 @@ class Screen:
         names: effects to look for.
     """
 
-    def __init__(self, judged: Judged, model: Model, tolerance: float, names: Sequence[str], logs: Floats | None = None) -> None:
+    def __init__(
+        self, judged: Judged, model: Model, tolerance: float, names: Sequence[str], logs: Floats | None = None
+    ) -> None:
         self.judged, self.model, self.tolerance = judged, model, tolerance
         base = [predict(model, motion) for motion in judged.motions]
         self._base = [item.residual for item in base]
@@ -118,10 +124,33 @@ class Screen:
                 if gain > best[0]:
                     best = (gain, item)
             found[name] = best
+        if LINES in found:
+            found[LINES] = self._strongest_line(left)
         return found
+
+    def _strongest_line(self, left: Floats) -> tuple[float, Columns | None]:
+        """Return gain and columns of the sine in time that takes most, near the largest line of the spectrum."""
+        motion, noise = self.judged.motions[0], self.judged.noise[0]
+        grid = np.fft.rfftfreq(len(self._thin[0]["t"]), noise.period)
+        grid = grid[grid <= BAND]
+        real, imaginary = left[: len(grid)], left[len(grid) : 2 * len(grid) - 1]
+        power = real[1:] ** 2 + imaginary**2
+        start = int(np.searchsorted(grid[1:], LOWEST_LINE))
+        peak = grid[1:][start + int(np.argmax(power[start:]))]
+        size = search.LOOK * self.model.friction.coulomb_force
+        best: tuple[float, Columns | None] = (0.0, None)
+        for offset in (-0.6, -0.3, 0.0, 0.3, 0.6):
+            shape = search.wave(LINES, size, peak + offset / float(motion.time[-1]))
+            raw = np.column_stack([self._column(LINES, values) for values in shape.bases])
+            item = self._orthonormal(shape, raw)
+            if item is not None and (gain := item.gain(left)) > best[0]:
+                best = (gain, item)
+        return best
 
     def other_starts(self, name: str, left: Floats, share: float = 0.8) -> list[EffectSettings]:
         """Return one more start for an effect whose next best, clearly different shape takes nearly as much."""
+        if name == LINES:
+            return []
         listed = sorted(self.columns[name], key=lambda item: -item.gain(left))
         if len(listed) < 4 or listed[0].gain(left) <= 0.0:
             return []

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.model import Model
+from sgms_observer.discrepancy.model import Model, largest_reach
 from sgms_observer.discrepancy.motion import Motion
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
@@ -92,7 +92,7 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
     hard = float(np.quantile(np.concatenate([np.abs(motion.acceleration) for motion in motions]), 0.99))
     length = max(float(motion.time[-1]) for motion in motions)
     travel = max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
-    knee = model.friction.stribeck_velocity
+    knee, reach = model.friction.stribeck_velocity, largest_reach(model.friction)
     grid = np.geomspace
     match name:
         case "cogging":
@@ -128,7 +128,7 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
             a, v = force / size, force / speed2
             return [Shape(name, ((a, 0.0), (0.0, v)), lambda c: (a * float(c[0]), v * float(c[1])))]
         case "presliding":
-            return [scaled(name, (0,), (force, d)) for d in grid(5e-6, 6e-4, 9)]
+            return [scaled(name, (0,), (force, d)) for d in grid(0.8 * reach, max(6e-4, 3.0 * reach), 8)]
         case "mass_error":
             return [scaled(name, (0,), (LOOK * model.mass,))]
         case "flexible_mode":
@@ -150,12 +150,16 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
             moments = travel * np.linspace(0.05, 0.95, 19)
             return [scaled(name, (0,), (LOOK, s, w * travel)) for s in moments for w in (0.01, 0.05)]
         case "dwell_breakaway":
-            return [scaled(name, (0,), (LOOK, t, d)) for t in (0.05, 0.2, 0.8) for d in (1e-5, 4e-5, 1.5e-4, 5e-4)]
+            return [
+                scaled(name, (0,), (LOOK, t, d))
+                for t in (0.05, 0.2, 0.8)
+                for d in grid(0.8 * reach, max(5e-4, 3.0 * reach), 4)
+            ]
         case "frictional_lag":
             curve, distance = model.friction, max(3.0 * _reach(model), 1e-6)
             return [whole(name, (curve.coulomb_force / tau, distance)) for tau in grid(0.002, 0.2, 7)]
         case "backlash":
-            return [scaled(name, (1,), (gap, LOOK), True) for gap in grid(1e-5, 2e-4, 8)]
+            return [scaled(name, (1,), (gap, LOOK), True) for gap in grid(0.8 * reach, max(2e-4, 3.0 * reach), 8)]
         case "actuator_gain":
             return [Shape(name, ((1.0 + LOOK,),), lambda c: (1.0 + LOOK * float(c[0]),))]
         case "actuator_saturation":

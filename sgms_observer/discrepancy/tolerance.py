@@ -51,7 +51,9 @@ def named_deviation(nominal: Model, found: Refit, tolerance: float) -> Deviation
     if by_gain > GAIN_TAKES and by_gain > by_mass + 2.0:
         gain = float(np.exp(-common))
         error = float(gain * sigma[0] / np.sqrt(len(rows)))
-        return Deviation("actuator_gain", gain, error, ("mass_error",) if is_mass_off and by_gain < by_mass + 8.0 else ())
+        return Deviation(
+            "actuator_gain", gain, error, ("mass_error",) if is_mass_off and by_gain < by_mass + 8.0 else ()
+        )
     if is_mass_off:
         mass = found.model.mass - nominal.mass
         alternatives = ("actuator_gain",) if by_gain > GAIN_TAKES and by_gain > by_mass - 4.0 else ()

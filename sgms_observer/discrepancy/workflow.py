@@ -19,6 +19,7 @@ from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.discrepancy.structure import excess, frequencies
 from sgms_observer.discrepancy.tolerance import Deviation, named_deviation
 from sgms_observer.discrepancy.twins import Calibration, calibrate
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
@@ -33,8 +34,12 @@ ALARM_GAIN = 60.0
 """Squared residual, in units of the noise, that an effect has to take."""
 CLOSES = 0.6
 """An effect is accepted when it takes this share of what is more than noise."""
-NEXT_SHARE = 0.05
+NEXT_SHARE = 0.08
 """A further effect has to take this share of what the first one took: less is the first one's shape."""
+KIN = 0.3
+"""A further effect that alone would have taken this share of what the first one took is of its kind,"""
+KIN_SHARE = 0.25
+"""and has to take this share on top of it."""
 NEVER_SEARCHED = ("actuator_gain", "mass_error", "quantisation")
 """Effects that are judged by the parameters' tolerance or read off the data, not by the residual."""
 
@@ -163,7 +168,9 @@ def diagnose(
         report(f"first look at {len(names)} effects", 0.15 + 0.2 * number)
         screen = Screen(judged, current.model, tolerance, names, current.logs)
         if calibration is None:
-            calibration = calibrate(screen, options.seed, workers, lambda share: report("null twins", 0.2 + 0.1 * share))
+            calibration = calibrate(
+                screen, options.seed, workers, lambda share: report("null twins", 0.2 + 0.1 * share)
+            )
         gains = screen.gains()
         scores = {name: calibration.standardised(name, gains[name][0]) for name in names}
         frequency = frequencies(judged)
@@ -191,7 +198,7 @@ def diagnose(
     after = before
     if current.effects:
         after = refit(judged, nominal, tolerance, current.effects, before.logs, _kept(current.effects), 8)
-    deviation = named_deviation(nominal, after, tolerance)
+    deviation = None if current.effects else named_deviation(nominal, after, tolerance)
     verdict = _verdict(rounds, current, deviation, resolution, is_poor)
     return Diagnosis(
         verdict, nominal, before, after, tuple(rounds), calibration, deviation, resolution, judged, motions,
@@ -225,7 +232,12 @@ def _judge(
     share = best.taken / (best.taken + float(after.sum())) if best.taken > 0.0 else 0.0
     accepted = is_strong and best.taken > ALARM_GAIN and not best.at_bound
     if rounds:
-        accepted = accepted and best.taken > NEXT_SHARE * rounds[0].listed[0].taken
+        first = {item.name: item.taken for item in rounds[0].listed}
+        largest = rounds[0].listed[0].taken
+        is_kin = (
+            first.get(best.name, 0.0) > KIN * largest or best.name in effect(rounds[0].listed[0].name).confusable_with
+        )
+        accepted = accepted and best.taken > (KIN_SHARE if is_kin else NEXT_SHARE) * largest
     else:
         accepted = accepted and (share > CLOSES or best.taken > 4.0 * ALARM_GAIN and share > 0.3)
     return Round(screen, scores, tuple(listed), now, after, accepted, alternatives(listed) if accepted else ())

@@ -1,0 +1,108 @@
+"""``sgms diagnose``: find what the model misses, name it, add it, show the gap shrink."""
+
+from __future__ import annotations
+
+import argparse
+import os
+
+NAME = "diagnose"
+HELP = "find the effect that the model misses, name it, add it to the model, and show the gap shrink"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments.
+
+    Args:
+        parser: the command's own parser.
+    """
+    parser.add_argument("bags", nargs="+", metavar="BAG", help="recordings with position and control_effort")
+    parser.add_argument("--config", required=True, metavar="YAML", help="parameter file with the model as it is now")
+    parser.add_argument(
+        "--out", required=True, metavar="DIR", help="folder for result.json, augmented.yaml, report.html"
+    )
+    parser.add_argument(
+        "--holdout",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="BAG",
+        help="recordings to judge on, never fitted to",
+    )
+    parser.add_argument("--axis", metavar="NAME", help="axis to diagnose (default: the first of the YAML)")
+    parser.add_argument(
+        "--tolerance",
+        type=float,
+        default=0.05,
+        metavar="SHARE",
+        help="how far the YAML's mass and friction may be off (default: 0.05)",
+    )
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the null twins (default: 1)")
+    parser.add_argument(
+        "--workers",
+        type=int,
+        default=0,
+        metavar="N",
+        help="threads; the result does not depend on them (default: cores)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do the job.
+
+    Args:
+        args: what the user gave.
+
+    Returns:
+        The exit code, 0 only on success.
+    """
+    from pathlib import Path
+
+    from sgms_observer.cli.progress import Progress
+    from sgms_observer.discrepancy.answer import answer_of, write
+    from sgms_observer.discrepancy.closing import closing
+    from sgms_observer.discrepancy.record import read_records
+    from sgms_observer.discrepancy.report import write_report
+    from sgms_observer.discrepancy.workflow import Options, diagnose
+    from sgms_observer.errors import ConfigurationError
+    from sgms_observer.settings.load import load_settings
+
+    settings = load_settings(args.config)
+    names = [axis.name for axis in settings.axes]
+    wanted = args.axis or names[0]
+    if wanted not in names:
+        raise ConfigurationError([f"--axis {wanted} is not in {args.config}; it has {', '.join(names)}"])
+    if not 0.0 < args.tolerance < 1.0:
+        raise ConfigurationError([f"--tolerance {args.tolerance:g} must lie between 0 and 1; 0.05 is five per cent"])
+    if args.workers < 0 or args.seed < 0:
+        raise ConfigurationError(["--workers and --seed must not be negative; leave them out for the defaults"])
+    axis = settings.axes[names.index(wanted)]
+    other = next((name for name in names if name != wanted), None)
+    options = Options(args.tolerance, args.seed, args.workers or os.cpu_count() or 1)
+    learn = [piece for bag in args.bags for piece in read_records(bag, axis.name, other)]
+    judge = [piece for bag in args.holdout for piece in read_records(bag, axis.name, other)]
+    out = Path(args.out)
+    with Progress("diagnose", 1.0) as progress:
+        found = diagnose(learn, judge, axis, options, lambda _text, share: progress.show(share))
+        answer = answer_of(found, options)
+    write(answer, settings, axis.name, out)
+    after = load_settings(out / "augmented.yaml").axes[names.index(wanted)]
+    record = (judge or learn)[0]
+    closings = tuple(closing(record, one, record.period) for one in (axis, after))
+    write_report(answer, axis, closings, options, out, [*args.bags, *args.holdout])
+    gap = answer.gap
+    print(f"verdict: {answer.verdict} (seed {options.seed})")
+    for item in answer.effects:
+        values = ", ".join(f"{value:.4g}" for value in item.settings.values)
+        others = f"; could also be {', '.join(item.alternatives)}" if item.alternatives else ""
+        print(f"  {item.settings.name}: {values} (confidence {item.confidence:.2f}{others})")
+    print(
+        f"gap on {gap.held_out} data: {gap.before:.3g} -> {gap.after:.3g} % of rms effort (noise floor {gap.floor:.3g} %)"
+    )
+    print(f"observer innovation:  {closings[0].innovation:.4g} -> {closings[1].innovation:.4g} N rms")
+    print(
+        f"left to the controller after compensation: {closings[0].compensation:.4g} -> {closings[1].compensation:.4g} N rms"
+    )
+    if answer.next_experiment:
+        print(f"next: {answer.next_experiment}")
+    print(f"wrote {out}/result.json, augmented.yaml, report.html")
+    return 0

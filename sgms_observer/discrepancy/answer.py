@@ -1,0 +1,309 @@
+"""What a diagnosis says to the outside: result.json and augmented.yaml."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sgms_observer.discrepancy.fit import Refit, refit
+from sgms_observer.discrepancy.gap import Gap, measure
+from sgms_observer.discrepancy.locate import Located, locate
+from sgms_observer.discrepancy.model import MASS, STATIC, Model
+from sgms_observer.discrepancy.tolerance import OUTSIDE
+from sgms_observer.discrepancy.workflow import ALARM, ALARM_GAIN, Diagnosis, Options, Round
+from sgms_observer.effects.catalogue import effect
+from sgms_observer.settings.axis import EffectSettings, Settings
+from sgms_observer.settings.write import write_settings
+
+SHAPE_ERROR = 1.5
+"""Standard errors grow by this: the catalogue's shapes are not the machine's."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """One effect of the answer.
+
+    Attributes:
+        settings: with its parameters.
+        std_error: of each parameter.
+        confidence: that it is this one and no alternative.
+        alternatives: names the recordings cannot tell from it.
+        gap_before, gap_after: before and after it was added [%].
+    """
+
+    settings: EffectSettings
+    std_error: tuple[float, ...]
+    confidence: float
+    alternatives: tuple[str, ...]
+    gap_before: float
+    gap_after: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The whole answer.
+
+    Attributes:
+        verdict: see docs/discrepancy.md.
+        gap: before and after.
+        effects: what was found.
+        located: where the nominal model disagrees, significant coordinates only.
+        all_located: every coordinate.
+        detectable: smallest size each effect would have been seen at, as a share of the Coulomb force.
+        next_experiment: one sentence, or None.
+        model: the model after.
+        diagnosis: everything else.
+    """
+
+    verdict: str
+    gap: Gap
+    effects: tuple[Named, ...]
+    located: tuple[Located, ...]
+    all_located: tuple[Located, ...]
+    detectable: dict[str, float]
+    next_experiment: str | None
+    model: Model
+    diagnosis: Diagnosis
+
+
+def answer_of(found: Diagnosis, options: Options) -> Answer:
+    """Turn a diagnosis into an answer, judged on held-out data.
+
+    Args:
+        found: the diagnosis.
+        options: as it was run.
+    """
+    verdict, after = found.verdict, found.after
+    before_model, after_model = found.before.model, after.model
+    accepted = [step for step in found.rounds if step.accepted]
+    extra = _extra(found)
+    if verdict == "unknown_effect":
+        after_model, accepted, extra = before_model, [], []
+    if extra and found.deviation is not None:
+        before_model, after_model = _with_deviation(found, options)
+    stages = [_stage(after_model, found, count) for count in range(1, len(accepted))]
+    gap = measure(found, before_model, after_model, stages, options.seed)
+    if accepted and gap.after > gap.before:
+        verdict, after_model, accepted = "unknown_effect", before_model, []
+        gap = measure(found, before_model, before_model, [], options.seed)
+    named = _named(after, accepted, gap, found) + extra
+    base = gap.residual_before
+    everywhere = locate(base, gap.motions, options.seed)
+    is_alarm = verdict not in ("no_effect", "cannot_tell")
+    told = [item for item in everywhere if item.p_value < 0.02][:4] if is_alarm else []
+    return Answer(
+        verdict, gap, tuple(named), tuple(told), tuple(everywhere), detectable(found, options.tolerance),
+        next_experiment(verdict, named, told, found), after_model, found,
+    )  # fmt: skip
+
+
+def _stage(model: Model, found: Diagnosis, count: int) -> Model:
+    """Return the model after its first ``count`` new effects."""
+    return replace(model, effects=model.effects[: len(found.nominal.effects) + count])
+
+
+def _extra(found: Diagnosis) -> list[Named]:
+    """Return effects that were not found by the residual: mass, gain, encoder grid."""
+    listed = []
+    if found.deviation is not None and found.verdict in ("effect_found", "ambiguous"):
+        item = found.deviation
+        settings = EffectSettings(item.name, (item.value,))
+        listed.append(Named(settings, (item.std_error,), 0.9, item.alternatives, 0.0, 0.0))
+    if found.resolution is not None:
+        settings = EffectSettings("quantisation", (found.resolution,))
+        listed.append(Named(settings, (0.005 * found.resolution,), 0.99, (), 0.0, 0.0))
+    return listed
+
+
+def _with_deviation(found: Diagnosis, options: Options) -> tuple[Model, Model]:
+    """Return the nominal model inside its owner's tolerance, and the model with the mass or gain error in it."""
+    item = found.deviation
+    assert item is not None
+    logs = found.after.logs.copy()
+    clipped = logs.copy()
+    clipped[: STATIC + 2] = np.clip(clipped[: STATIC + 2], -options.tolerance, options.tolerance)
+    before = found.nominal.shifted(clipped).with_effects(found.after.effects)
+    effects = (*found.after.effects, EffectSettings(item.name, (item.value,)))
+    start = logs.copy()
+    if item.name == "mass_error":
+        start[MASS] = 0.0
+    else:
+        start[: STATIC + 1] += math.log(item.value)
+    fixed = [(i, j) for i, one in enumerate(effects) for j in range(len(one.values))]
+    after: Refit = refit(found.judged, found.nominal, options.tolerance, effects, start, fixed, 4)
+    return before, after.model
+
+
+def _named(after: Refit, accepted: Sequence[Round], gap: Gap, found: Diagnosis) -> list[Named]:
+    """Return the effects that were accepted, in their order."""
+    chi = max(1.0, float(after.residual @ after.residual) / max(len(after.residual), 1))
+    deviations = after.deviations() * SHAPE_ERROR * math.sqrt(chi)
+    errors: dict[tuple[int, int], float] = dict(zip(after.free, deviations.tolist(), strict=True))
+    listed = []
+    for i, step in enumerate(accepted):
+        settings = after.effects[i]
+        std = tuple(errors.get((i, j), 0.0) for j in range(len(settings.values)))
+        others = [max(item.taken, 0.0) for item in step.listed[1:]]
+        best = step.listed[0].taken
+        doubt = sum(math.exp(-(best - other) / (8.0 + 0.02 * best)) for other in others)
+        listed.append(
+            Named(
+                settings,
+                std,
+                1.0 / (1.0 + doubt),
+                step.alternatives,
+                gap.steps[min(i, len(gap.steps) - 2)],
+                gap.steps[i + 1],
+            )
+        )
+    return listed
+
+
+def detectable(found: Diagnosis, tolerance: float) -> dict[str, float]:
+    """Return the smallest size of each effect that these recordings would have shown.
+
+    Sizes are peaks (2.5 times rms) as a share of the Coulomb force; for ``mass_error`` and ``actuator_gain`` a share of
+    mass and gain. What the nominal parameters can take of an effect is not seen.
+    """
+    first = found.rounds[0].screen
+    calibration = found.calibration
+    count = len(first.residual)
+    noise = float(np.mean([item.rms for item in first.judged.noise])) / found.nominal.friction.coulomb_force
+    sizes = {}
+    for name, listed in first.columns.items():
+        if not listed:
+            sizes[name] = 1.0
+            continue
+        needed = max(
+            ALARM_GAIN, calibration.mean[name] + max(ALARM, calibration.largest.max()) * calibration.spread[name]
+        )
+        kept = float(np.median([item.kept for item in listed]))
+        sizes[name] = float(min(9.99, 2.5 * noise * math.sqrt(needed / count) / max(kept, 1e-3)))
+    sizes["mass_error"] = OUTSIDE * tolerance
+    sizes["actuator_gain"] = 1.7 * tolerance
+    return dict(sorted(sizes.items()))
+
+
+def next_experiment(verdict: str, named: Sequence[Named], told: Sequence[Located], found: Diagnosis) -> str | None:
+    """Return one sentence on what to record next, or None."""
+    if verdict == "cannot_tell":
+        return found.notes[-1][0].upper() + found.notes[-1][1:] + "."
+    if verdict == "ambiguous":
+        for item in named:
+            if item.alternatives:
+                names = ", ".join(item.alternatives)
+                return f"To tell {item.settings.name} from {names}, record: {effect(item.settings.name).excitation}."
+    if verdict == "unknown_effect" and told:
+        where = told[0]
+        return (
+            f"Record slow repeated motion that stays at {where.coordinate} {where.low:.3g} to {where.high:.3g} {where.unit}, "
+            "and the same motion again after changing one thing at a time (load, temperature, cables)."
+        )
+    if verdict == "no_effect":
+        weakest = max(
+            found.rounds[0].screen.columns, key=lambda name: detectable(found, 0.05).get(name, 0.0), default=None
+        )
+        if weakest is not None:
+            return f"Least visible here is {weakest}; to see less of it, record: {effect(weakest).excitation}."
+    return None
+
+
+def result_of(answer: Answer) -> dict[str, Any]:
+    """Return the content of result.json, schema 1."""
+    gap = answer.gap
+    closure = gap.closure
+    return {
+        "schema": 1,
+        "verdict": answer.verdict,
+        "gap": {
+            "before": gap.before,
+            "after": gap.after,
+            "floor": gap.floor,
+            "unit": "% of rms effort",
+            "on": gap.held_out,
+            "closure": closure,
+            "interval_after": list(gap.interval_after),
+        },
+        "effects": [
+            {
+                "name": item.settings.name,
+                "parameters": _by_name(item.settings.name, item.settings.values),
+                "std_error": _by_name(item.settings.name, item.std_error),
+                "confidence": item.confidence,
+                "alternatives": list(item.alternatives),
+                "gap_before": item.gap_before or gap.before,
+                "gap_after": item.gap_after or gap.after,
+            }
+            for item in answer.effects
+        ],
+        "located": [
+            {
+                "coordinate": item.coordinate,
+                "from": item.low,
+                "to": item.high,
+                "share": item.share,
+                "p_value": item.p_value,
+            }
+            for item in answer.located
+        ],
+        "detectable": answer.detectable,
+        "next_experiment": answer.next_experiment,
+        "notes": list(answer.diagnosis.notes),
+        "candidates": [
+            {item.name: item.taken for item in step.listed} for step in answer.diagnosis.rounds if step.listed
+        ],
+    }
+
+
+def _by_name(name: str, values: Sequence[float]) -> dict[str, float]:
+    """Return values by the names of an effect's parameters."""
+    return {p.name: float(v) for p, v in zip(effect(name).parameters, values, strict=True)}
+
+
+def changes_of(answer: Answer) -> dict[str, Any]:
+    """Return the changes of an axis's settings: refitted parameters and all effects."""
+    if answer.verdict in ("unknown_effect", "cannot_tell"):
+        return {}
+    model = answer.model
+    friction = model.friction
+    effects = list(model.effects)
+    known = {item.name for item in effects}
+    effects += [item.settings for item in answer.effects if item.settings.name not in known]
+    changes: dict[str, Any] = {
+        "mass": model.mass,
+        "friction.viscous_coefficient": friction.viscous_coefficient,
+        "friction.coulomb_force": friction.coulomb_force,
+        "friction.static_force": max(friction.static_force, friction.coulomb_force),
+        "friction.stribeck_velocity": friction.stribeck_velocity,
+        "friction.element_stiffness": list(friction.element_stiffness),
+        "friction.element_fraction": list(friction.element_fraction),
+    }
+    if friction.model == "gms":
+        changes["friction.attraction_rate"] = friction.attraction_rate
+    if effects:
+        changes["effects.names"] = [item.name for item in effects]
+        for item in effects:
+            for key, value in _by_name(item.name, item.values or effect(item.name).defaults).items():
+                changes[f"effects.{item.name}.{key}"] = value
+    return changes
+
+
+def write(answer: Answer, settings: Settings, axis: str, out: Path) -> None:
+    """Write result.json and augmented.yaml.
+
+    Args:
+        answer: the answer.
+        settings: the settings as read.
+        axis: name of the axis.
+        out: folder; made if need be.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "result.json").write_text(json.dumps(result_of(answer), indent=1) + "\n", encoding="utf-8")
+    head = f"sgms diagnose: {answer.verdict}; gap {answer.gap.before:.3g} -> {answer.gap.after:.3g} % of rms effort"
+    write_settings(settings, out / "augmented.yaml", {axis: changes_of(answer)}, {"": head})
