@@ -14,7 +14,7 @@ def generate_launch_description() -> LaunchDescription:
         [
             DeclareLaunchArgument(
                 "params_file",
-                default_value=PathJoinSubstitution([FindPackageShare("sgms_observer"), "config", "paper.yaml"]),
+                default_value=PathJoinSubstitution([FindPackageShare("sgms_observer"), "config", "demo.yaml"]),
                 description="parameter file of both nodes",
             ),
             Node(package="sgms_observer", executable="stage_node", name="stage_node", parameters=[params_file]),

@@ -43,7 +43,9 @@ class Sheet:
 
 
 @contextmanager
-def sheet(name: str, caption: str, rows: int = 1, columns: int = 1, height: float = 3.2, **share: bool) -> Iterator[Sheet]:
+def sheet(
+    name: str, caption: str, rows: int = 1, columns: int = 1, height: float = 3.2, **share: bool
+) -> Iterator[Sheet]:
     """Draw a picture.
 
     Args:

@@ -112,7 +112,8 @@ def write_page(folder: Path, title: str, verdict: str, sections: Sequence[Sectio
                 _write_whole(folder / f"{re.sub(r'[^A-Za-z0-9_.-]', '_', picture.name)}.png", picture.png)
         _write_whole(page, render_page(title, verdict, sections, provenance).encode())
     except OSError as error:
-        raise RecordingError(f"{page} cannot be written: {error.strerror}; free space or choose another folder") from error
+        fault = f"{page} cannot be written: {error.strerror}; free space or choose another folder"
+        raise RecordingError(fault) from error
     return page
 
 
