@@ -1,20 +1,28 @@
-"""``sgms demo``: both nodes on the ROS graph, recorded, evaluated and drawn."""
+"""``sgms demo``: both nodes as processes on the ROS graph, recorded, compared with the truth, and shown in a report."""
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import shutil
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sgms_observer.demo.evaluation import Evaluation, Part
+    from sgms_observer.nodes.conductor import Conductor
 
 NAME = "demo"
-HELP = "run a simulated stage and its observer on the ROS graph, record them, and write a report with pictures"
+HELP = "run a simulated stage and its observer on the ROS graph, without and with compensation, and write a report"
 
-_SHORTEST = 4.0
-_WINDOW = 0.8  # s shown of each part
+STAGE, OBSERVER, RECORDER = "stage_node", "observer_node", "recorder"
+TRUTH = "friction_true"
+_SETTLE = 0.5  # s for the last messages to reach the bag
+_RECORDED = (
+    "position", "control_effort", "reference", TRUTH,
+    "friction_estimate", "friction_std", "friction_compensation", "friction_elements",
+    "friction_parameters", "/diagnostics",
+)  # fmt: skip
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,8 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser: the command's own parser.
     """
     parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder of the results (default: out/demo)")
-    parser.add_argument("--duration", type=float, default=20.0, metavar="S", help="time to record [s] (default: 20)")
-    parser.add_argument("--config", metavar="F", help="parameter file (default: the shipped config/demo.yaml)")
+    parser.add_argument(
+        "--duration", type=float, default=20.0, metavar="S", help="time on the graph [s], half of it compensated"
+    )
+    parser.add_argument("--config", metavar="F", help="parameter file of both nodes (default: config/demo.yaml)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -37,84 +47,64 @@ def run(args: argparse.Namespace) -> int:
     Returns:
         The exit code, 0 only on success.
     """
-    from sgms_observer.cli.progress import Progress
-    from sgms_observer.demo.evaluation import evaluate
-    from sgms_observer.demo.live_run import record_live_run
-    from sgms_observer.errors import ConfigurationError, RecordingError
+    from sgms_observer.errors import ConfigurationError, DataError
     from sgms_observer.settings.load import load_settings
     from sgms_observer.shipped import shipped_file
 
-    if not args.duration >= _SHORTEST:
-        raise ConfigurationError([f"--duration {args.duration:g} s must be at least {_SHORTEST:g} s"])
+    if not 4.0 <= args.duration <= 3600.0:
+        raise ConfigurationError([f"--duration = {args.duration:g} s must be between 4 and 3600; give for instance 20"])
     config = Path(args.config) if args.config else shipped_file("config", "demo.yaml")
-    axis = load_settings(config).axes[0]
-    folder, bag = Path(args.out), Path(args.out) / "bag"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if bag.exists():
-            shutil.rmtree(bag)  # the last demonstration's
-    except OSError as error:
-        raise RecordingError(f"{folder} cannot be written: {error.strerror}; choose another folder") from error
-    with Progress("demo", round(args.duration * 10)) as progress:
-        show = lambda seconds: progress.show(round(seconds * 10))  # noqa: E731
-        record_live_run(config, axis.name, bag, args.duration, show, print)
-    evaluation = evaluate(bag, axis.name)
-    for line in summary(evaluation):
+    settings = load_settings(config)
+    if importlib.util.find_spec("rclpy") is None:
+        from sgms_observer.nodes.spin import MISSING_ROS
+
+        raise DataError(MISSING_ROS)
+    from sgms_observer.report.demonstration import present
+
+    out = Path(args.out)
+    bag = out / "bag"
+    shutil.rmtree(bag, ignore_errors=True)
+    switched_ns = _play(config, [axis.name for axis in settings.axes], out, bag, args.duration)
+    result = present(bag, settings, switched_ns, out)
+    for line in result.lines:
         print(line)
-    print(f"report: {_write_report(folder, evaluation, config, bag)}")
+    print(f"report: {result.page}")
+    print(f"bag:    {bag}")
     return 0
 
 
-def summary(evaluation: Evaluation) -> list[str]:
-    """Return the figures as lines.
+def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) -> int:
+    """Run the nodes and record them; return when the compensation was switched on [ns]."""
+    from sgms_observer.nodes.conductor import Conductor, prepare_graph
 
-    Args:
-        evaluation: a run's figures.
-    """
-    lines = [_line("compensation off", evaluation.off)]
-    if evaluation.on is not None:
-        lines.append(_line("compensation on ", evaluation.on))
-        lines.append(
-            f"tracking error {evaluation.off.tracking_rms / evaluation.on.tracking_rms:.1f} times smaller rms and"
-            f" {evaluation.off.tracking_peak / evaluation.on.tracking_peak:.1f} times smaller at its peak"
-            " with the compensation"
-        )
-    return lines
+    domain = prepare_graph()
+    print(f"starting {STAGE}, {OBSERVER} and a recorder on this machine's graph, ROS_DOMAIN_ID {domain}", flush=True)
+    with Conductor(out / "log") as conductor:
+        file = ["--config", str(config)]
+        conductor.start(OBSERVER, "sgms_observer.nodes.observer_node", file)
+        conductor.start(STAGE, "sgms_observer.nodes.stage_node", [*file, "--ros-args", "-p", "autostart:=false"])
+        conductor.start(RECORDER, "sgms_observer", ["record", "--out", str(bag), *_RECORDED])
+        conductor.wait_active(OBSERVER)
+        conductor.configure(STAGE)
+        listeners = {"position": 2, "control_effort": 2, "reference": 2, TRUTH: 1}
+        conductor.wait_subscribers({**listeners, "friction_estimate": 1, "friction_compensation": 2})
+        print(f"running for {duration:g} s: the first half without compensation, the second with it", flush=True)
+        conductor.activate(STAGE)
+        _sleep(conductor, duration / 2)
+        for axis in axes:
+            conductor.set_parameter(OBSERVER, f"{axis}.compensation.enabled", True)
+        switched_ns = time.time_ns()
+        _sleep(conductor, duration / 2)
+        conductor.deactivate(STAGE)
+        time.sleep(_SETTLE)
+        for name in (RECORDER, OBSERVER, STAGE):
+            conductor.stop(name)
+    return switched_ns
 
 
-def _line(title: str, part: Part) -> str:
-    return (
-        f"{title}: friction error {part.friction_rms:.3f} N rms ({part.friction_nrmse:.2f} % of its range),"
-        f" two-sigma band holds the truth {100 * part.coverage:.1f} % of the time;"
-        f" tracking error {1e6 * part.tracking_rms:.2f} um rms, {1e6 * part.tracking_peak:.2f} um peak"
-    )
-
-
-def _write_report(folder: Path, evaluation: Evaluation, config: Path, bag: Path) -> Path:
-    from sgms_observer.report.page import Section, Table, write_page
-    from sgms_observer.report.run_pictures import run_pictures
-
-    parts = [("off", evaluation.off)] + ([("on", evaluation.on)] if evaluation.on is not None else [])
-    table = Table(
-        ("compensation", "friction error rms [N]", "of its range [%]", "band holds truth [%]", "tracking rms [um]",
-         "tracking peak [um]"),
-        [
-            (name, f"{part.friction_rms:.3f}", f"{part.friction_nrmse:.2f}", f"{100 * part.coverage:.1f}",
-             f"{1e6 * part.tracking_rms:.2f}", f"{1e6 * part.tracking_peak:.2f}")
-            for name, part in parts
-        ],
-        "After each part has settled.",
-    )  # fmt: skip
-    counts = Table(
-        ("topic", "messages"),
-        [(topic, str(count)) for topic, count in sorted(evaluation.messages.items())],
-        "What was recorded.",
-    )
-    sections = [Section("In numbers", tables=(table, counts))]
-    for name, part in parts:
-        window = (max(part.start, part.end - _WINDOW), part.end)
-        pictures = run_pictures(evaluation.run, window, f"compensation-{name}-")
-        sections.append(Section(f"Compensation {name}", pictures=pictures))
-    verdict = " ".join(f"{line[0].upper()}{line[1:]}." for line in summary(evaluation)[:: len(parts)])
-    provenance = f"From {bag}, recorded live on a ROS graph with {config.name}."
-    return write_page(folder, "Friction observer: demonstration", verdict, sections, provenance)
+def _sleep(conductor: Conductor, seconds: float) -> None:
+    """Wait while every process lives."""
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0.0:
+        conductor.watch()
+        time.sleep(min(0.2, left))

@@ -163,7 +163,7 @@ def _legends(drawn: Sheet) -> None:
     """Show a legend wherever there is something to tell apart."""
     for axes in drawn.axes:
         if len(axes.get_legend_handles_labels()[1]) > 1:
-            axes.legend(loc="upper right", ncols=4, fontsize=8.5)
+            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=4, fontsize=8.5)
 
 
 def _finished(drawn: Sheet) -> Picture:
