@@ -207,7 +207,11 @@ class Compensator:
         self.configure(settings)
 
     def configure(self, settings: CompensationSettings) -> None:
-        """Take other settings from the next sample on; the output moves there within the slew limit."""
+        """Take other settings from the next sample on; the output moves there within the slew limit.
+
+        Args:
+            settings: checked settings.
+        """
         self._tuning[:] = (
             float(settings.enabled),
             settings.gain,
@@ -228,7 +232,11 @@ class Compensator:
         self._modes[:] = 0
 
     def step(self, block: Preview) -> Floats:
-        """Return the compensation of each sample of a block [N], shape (n,)."""
+        """Return the compensation of each sample of a block [N], shape (n,).
+
+        Args:
+            block: what the samples offer.
+        """
         out = np.empty(len(block.period))
         _compensate(
             block.period,

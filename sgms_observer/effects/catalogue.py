@@ -28,7 +28,10 @@ def names() -> tuple[str, ...]:
 
 
 def effect(name: str) -> Effect:
-    """Return the effect ``name``.
+    """Return one effect.
+
+    Args:
+        name: its name in the catalogue.
 
     Raises:
         ConfigurationError: when the catalogue has none of that name.
@@ -39,12 +42,19 @@ def effect(name: str) -> Effect:
 
 
 def is_built_in(name: str) -> bool:
-    """Return whether ``name`` is one of the package's own effects."""
+    """Return whether an effect is the package's own.
+
+    Args:
+        name: its name.
+    """
     return any(entry.name == name for entry in BUILT_IN)
 
 
 def register(entry: Effect) -> None:
     """Add a user's effect to the catalogue; the same effect again replaces the former.
+
+    Args:
+        entry: the effect.
 
     Raises:
         ConfigurationError: when the name is the package's own, or the place is not open to users.

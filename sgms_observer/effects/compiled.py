@@ -114,8 +114,8 @@ class CompiledEffects:
             effort: effort [N], shape (n,).
             period: length of the step that ends at each sample [s], shape (n,).
             level: the friction model's Stribeck level at ``velocity`` [N], shape (n,).
-            state: changed in place; see ``initial_state``.
-            other_velocity, other_acceleration: motion of the other axis, or None.
+            state: changed in place [SI units of each effect]; see ``initial_state``.
+            other_velocity, other_acceleration: motion of the other axis [m/s, m/s^2], or None.
 
         Returns:
             Added force [N] and level factor [-], each of shape (n,). In the balance
@@ -135,7 +135,12 @@ class CompiledEffects:
         return force, factor
 
     def arrived_effort(self, effort: Floats, state: Floats) -> Floats:
-        """Return the effort that reaches the mass [N]; ``state`` is changed in place (a delay's memory)."""
+        """Return the effort that reaches the mass [N].
+
+        Args:
+            effort: effort as published [N], shape (n,).
+            state: changed in place (a delay's memory) [SI units of each effect]; see ``initial_state``.
+        """
         if not self.has_effort_path:
             return effort
         arrived = np.empty_like(effort)
@@ -143,11 +148,19 @@ class CompiledEffects:
         return arrived
 
     def measured_position(self, position: Floats) -> Floats:
-        """Return what the encoder shows for true positions [m]."""
+        """Return what the encoder shows [m].
+
+        Args:
+            position: true positions [m], shape (n,).
+        """
         return self._position(position, False)
 
     def corrected_position(self, position: Floats) -> Floats:
-        """Return the true positions for what the encoder shows [m]."""
+        """Return the true positions [m].
+
+        Args:
+            position: what the encoder shows [m], shape (n,).
+        """
         return self._position(position, True)
 
     def _position(self, position: Floats, is_correction: bool) -> Floats:

@@ -32,9 +32,9 @@ class EffectParameter:
     Attributes:
         name: key in the YAML.
         unit: SI unit, or ``-``.
-        default: value when the YAML is silent; strengths default to none of the effect.
-        minimum: smallest physical value.
-        maximum: largest physical value.
+        default: value when the YAML is silent [``unit``]; strengths default to none of the effect.
+        minimum: smallest physical value [``unit``].
+        maximum: largest physical value [``unit``].
         description: one sentence for people.
         is_strength: whether the effect vanishes with this parameter (otherwise it shapes the effect).
     """
@@ -77,7 +77,7 @@ class Effect:
         reference: where the model comes from.
         output: formula; its argument names are taken from ``INPUTS``, ``s`` and ``p``.
         advance: formula of the next state, or None without state.
-        initial_state: state at the start.
+        initial_state: state at the start [SI units, as ``advance`` returns them].
     """
 
     name: str
@@ -123,7 +123,10 @@ class Effect:
         return tuple(parameter.default for parameter in self.parameters)
 
     def parameter(self, name: str) -> EffectParameter:
-        """Return the parameter ``name``.
+        """Return one parameter.
+
+        Args:
+            name: its key in the YAML.
 
         Raises:
             ConfigurationError: when there is none of that name.
@@ -135,7 +138,12 @@ class Effect:
         raise ConfigurationError([f"effect {self.name} has no parameter {name}; it has {names}"])
 
     def check(self, values: tuple[float, ...], where: str) -> list[str]:
-        """Return one sentence per value that breaks its range; ``where`` is the YAML path, e.g. ``x.effects``."""
+        """Return one sentence per value that breaks its range.
+
+        Args:
+            values: one per parameter [its unit].
+            where: path in the YAML, for instance ``x.effects``.
+        """
         if len(values) != len(self.parameters):
             return [
                 f"{where}.{self.name} has {len(values)} values, the catalogue has {len(self.parameters)}; name them all"

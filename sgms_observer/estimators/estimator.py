@@ -42,7 +42,7 @@ class Results:
     """What the estimator says of a block of n samples; row i belongs to sample i's own stamp.
 
     Args:
-        table: columns as in ``block``, shape (n, RESULT_SIZE + 2 n_z + 2 n_p).
+        table: columns as in ``block`` [SI units], shape (n, RESULT_SIZE + 2 n_z + 2 n_p).
         n_z: number of elements.
         n_p: number of estimated parameters.
     """

@@ -71,7 +71,7 @@ class Solution:
     Attributes:
         forces: element forces at the nodes [N], shape (count + 1, n_z).
         p: parameters as shares of their nominal value, shape (n_p,).
-        cost: eq. 14, without the factor 1/2.
+        cost: eq. 14, without the factor 1/2 [-].
         is_converged: whether the solver said so.
     """
 

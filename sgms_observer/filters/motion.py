@@ -25,7 +25,11 @@ LEAD = 12  # lead velocities, then as many lead periods
 
 
 def row_width(delay_samples: int) -> int:
-    """Return the number of columns of a row whose instant lies ``delay_samples`` behind its sample."""
+    """Return the number of columns of a row.
+
+    Args:
+        delay_samples: samples from the row's instant to its sample.
+    """
     return LEAD + 2 * delay_samples
 
 
@@ -34,7 +38,7 @@ class Motion:
     """Filtered motion of n samples; row i was returned with sample i and belongs to the *instant* ``delay`` before it.
 
     Args:
-        table: one row per sample, columns as named in this module, shape (n, width).
+        table: one row per sample, columns as named in this module [SI units], shape (n, width).
         delay_samples: samples from a row's instant to its sample, L.
     """
 

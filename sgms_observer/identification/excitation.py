@@ -67,7 +67,14 @@ class ExcitationLimits:
 
 @dataclass(frozen=True)
 class Section:
-    """One part of the recipe: when, what, and which parameters it is for."""
+    """One part of the recipe.
+
+    Attributes:
+        name: what the axis does.
+        start: when it begins [s].
+        end: when it ends [s].
+        shows: which parameters it is for.
+    """
 
     name: str
     start: float

@@ -67,7 +67,13 @@ class IdentifyOptions:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Held-out error of one number of elements: rms over the judging chunks, and over the teaching ones [N]."""
+    """Held-out error of one number of elements.
+
+    Attributes:
+        count: number of elements.
+        taught: rms of the force error over the teaching chunks [N].
+        held_out: rms of the force error over the judging chunks [N].
+    """
 
     count: int
     taught: float

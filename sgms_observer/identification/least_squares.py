@@ -35,9 +35,9 @@ class InverseModelFit:
     Attributes:
         names: parameter of each entry.
         values: estimates, SI units.
-        covariance: covariance of the estimates, honest under autocorrelated residuals.
-        relative_error: norm of the force residual over the norm of the force, over all recordings.
-        condition: condition number of the column-scaled regressor.
+        covariance: covariance of the estimates [squared SI units], honest under autocorrelated residuals.
+        relative_error: norm of the force residual over the norm of the force, over all recordings [-].
+        condition: condition number of the column-scaled regressor [-].
         cutoff: corner of the zero-phase filter on the position [Hz].
     """
 
@@ -54,13 +54,22 @@ class InverseModelFit:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def value(self, name: str) -> float:
-        """Return the estimate called ``name``."""
+        """Return one estimate [SI unit].
+
+        Args:
+            name: the parameter.
+        """
         return float(self.values[self.names.index(name)])
 
 
 @dataclass(frozen=True)
 class Regression:
-    """One recording as rows ``regressor @ parameters = effort``."""
+    """One recording as rows ``regressor @ parameters = effort``.
+
+    Attributes:
+        regressor: a column per parameter [N per its SI unit], shape (n, p).
+        effort: effort of the actuator [N], shape (n,).
+    """
 
     regressor: Floats
     effort: Floats
@@ -87,7 +96,7 @@ def decimate_from_end(signals: Floats, factor: int) -> Floats:
     """Low-pass without delay and keep every ``factor``-th row, counted so that the last row is kept.
 
     Args:
-        signals: shape (n, k).
+        signals: k signals [any unit], shape (n, k).
         factor: rows in per row out.
 
     Returns:
@@ -172,6 +181,11 @@ def fit_inverse_model(
 
 
 def inverse_model_error(fit: InverseModelFit, recording: Recording) -> float:
-    """Return the relative force error of a fit on another recording: norm of the residual over norm of the force."""
+    """Return the relative force error of a fit on another recording: norm of the residual over norm of the force.
+
+    Args:
+        fit: fitted on recordings of its own.
+        recording: the one that judges.
+    """
     part = regression(recording, fit.names, fit.cutoff)
     return float(np.linalg.norm(part.effort - part.regressor @ fit.values) / np.linalg.norm(part.effort))

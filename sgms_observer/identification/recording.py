@@ -50,7 +50,12 @@ class Recording:
         return len(self) * self.period
 
     def part(self, first: int, last: int) -> Recording:
-        """Return samples ``first`` to ``last`` (exclusive)."""
+        """Return some of the samples.
+
+        Args:
+            first: number of the first one.
+            last: number of the one behind the last.
+        """
         cut = slice(first, last)
         return Recording(
             self.name, self.period, self.position[cut], self.effort[cut], self.reference_position[cut], self.sha256,

@@ -69,7 +69,13 @@ class PairingCounts:
 
 @dataclass
 class Stream:
-    """One topic's messages that wait for the other topics: a queue of (stamp, values ...), stamps increasing."""
+    """One topic's messages that wait for the other topics.
+
+    Attributes:
+        last_ns: latest stamp taken in [ns].
+        queue: (stamp [ns], position [m] or effort [N], velocity [m/s]) of each message that waits, stamps increasing.
+        is_awaited: whether samples wait for this topic.
+    """
 
     last_ns: int = _NEVER
     queue: deque[tuple[int, float, float]] = field(default_factory=deque)
@@ -102,7 +108,12 @@ class Pairing:
         self._allocate()
 
     def push_position(self, stamp_ns: int, position: float) -> None:
-        """Take in a measured position [m] (or rad) with its stamp [ns]."""
+        """Take in a measured position.
+
+        Args:
+            stamp_ns: sample time [ns].
+            position: position [m].
+        """
         stream = self.position
         if not math.isfinite(position):
             self.counts.invalid += 1
@@ -128,7 +139,12 @@ class Pairing:
                 self._give_up()
 
     def push_effort(self, stamp_ns: int, effort: float) -> None:
-        """Take in an effort of the actuator [N] (or N m) with its stamp [ns]."""
+        """Take in an effort of the actuator.
+
+        Args:
+            stamp_ns: sample time [ns].
+            effort: effort [N].
+        """
         if math.isfinite(effort):
             given_up = self._push(self.effort, stamp_ns, effort, _NAN)
             self.counts.unmatched_efforts += given_up
@@ -136,7 +152,13 @@ class Pairing:
             self.counts.invalid += 1
 
     def push_reference(self, stamp_ns: int, position: float, velocity: float) -> None:
-        """Take in a set-point [m] and its velocity [m/s], NaN if unknown, with its stamp [ns]."""
+        """Take in a set-point.
+
+        Args:
+            stamp_ns: sample time [ns].
+            position: set-point [m].
+            velocity: its velocity [m/s]; NaN if unknown.
+        """
         if math.isfinite(position) and not math.isinf(velocity):
             given_up = self._push(self.reference, stamp_ns, position, velocity)
             self.counts.unmatched_references += given_up

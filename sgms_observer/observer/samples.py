@@ -43,7 +43,7 @@ class Estimates:
         element_force: force of each element [N], shape (n, n_z).
         element_deflection: deflection of each element [m], shape (n, n_z).
         parameters: estimated parameters p in SI units, shape (n, n_p).
-        parameter_std: their standard deviations, shape (n, n_p).
+        parameter_std: their standard deviations [SI units], shape (n, n_p).
         innovation: measured minus predicted friction [N], shape (n,); NaN between corrections.
         innovation_std: its predicted standard deviation [N], shape (n,); NaN between corrections.
         compensation: feedforward to add to the controller's output [N], shape (n,).

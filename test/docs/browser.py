@@ -1,0 +1,215 @@
+"""A headless Chromium under the test's control, over its DevTools pipe: no driver and no further package is needed."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import select
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+SWITCHES = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-dev-shm-usage",
+    "--no-first-run", "--disable-extensions", "--disable-component-update", "--remote-debugging-pipe",
+)  # fmt: skip
+
+_PATIENCE = 60.0  # s
+
+_LOOK = """(() => ({
+  wide: document.scrollingElement.scrollWidth,
+  view: document.documentElement.clientWidth,
+  text: document.body.innerText.length,
+  smallest: Math.min(...[...document.querySelectorAll('p, li, td, th')].filter(e => e.innerText.trim())
+    .map(e => parseFloat(getComputedStyle(e).fontSize))),
+  images: [...document.images].map(i => [i.getAttribute('src').slice(0, 60), i.complete ? i.naturalWidth : 0, i.alt]),
+  culprits: [...document.body.querySelectorAll('*')].filter(e => e.getBoundingClientRect().right >
+    document.documentElement.clientWidth + 1).slice(0, 5).map(e => e.tagName + '.' + e.className),
+}))()"""
+
+
+@dataclass(frozen=True)
+class View:
+    """What a page looked like at one width.
+
+    Attributes:
+        width: width of the view [px].
+        page_width: width of the page, larger if it scrolls sideways [px].
+        text_length: letters of text on it.
+        smallest_text: size of its smallest text [px].
+        images: source, natural width [px] (0 if not drawn) and description of each picture.
+        culprits: some elements that stick out.
+        complaints: errors and warnings of the console, exceptions, and requests that failed.
+        requests: addresses the page asked for, itself and data included in it excepted.
+    """
+
+    width: int
+    page_width: int
+    text_length: int
+    smallest_text: float
+    images: tuple[tuple[str, int, str], ...]
+    culprits: tuple[str, ...]
+    complaints: tuple[str, ...]
+    requests: tuple[str, ...]
+
+
+def executable() -> str | None:
+    """Return the path of a Chromium on this machine, or None."""
+    return next((found for name in NAMES if (found := shutil.which(name))), None)
+
+
+class Browser:
+    """One Chromium process; use it in a ``with`` statement."""
+
+    def __enter__(self) -> Browser:
+        program = executable()
+        assert program is not None
+        self._profile = tempfile.mkdtemp(prefix="sgms_browser_")
+        to_read, self._to = os.pipe()
+        self._from, to_write = os.pipe()
+
+        def place_pipes() -> None:
+            first, second = os.dup(to_read), os.dup(to_write)
+            os.dup2(first, 3)
+            os.dup2(second, 4)
+
+        self._process = subprocess.Popen(
+            [program, *SWITCHES, f"--user-data-dir={self._profile}"],
+            preexec_fn=place_pipes, pass_fds=(3, 4),
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        os.close(to_read)
+        os.close(to_write)
+        self._number = 0
+        self._buffer = b""
+        self._events: list[dict[str, Any]] = []
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self._call("Browser.close")
+            self._process.wait(10.0)
+        except (OSError, TimeoutError, subprocess.TimeoutExpired):
+            self._process.kill()
+            self._process.wait()
+        os.close(self._to)
+        os.close(self._from)
+        shutil.rmtree(self._profile, ignore_errors=True)
+
+    def look(self, page: Path, width: int, media: str = "") -> View:
+        """Open a page and return what it looks like.
+
+        Args:
+            page: HTML file.
+            width: width of the view [px].
+            media: ``print`` for the page as it is printed.
+        """
+        target = self._call("Target.createTarget", url="about:blank")["targetId"]
+        session = self._call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self._call(f"{domain}.enable", session)
+        self._call(
+            "Emulation.setDeviceMetricsOverride", session, width=width, height=900, deviceScaleFactor=1, mobile=False
+        )
+        self._call("Emulation.setEmulatedMedia", session, media=media)
+        self._events.clear()
+        self._call("Page.navigate", session, url=page.resolve().as_uri())
+        self._wait_for("Page.loadEventFired")
+        looks = self._call("Runtime.evaluate", session, expression=_LOOK, returnByValue=True)["result"]["value"]
+        addresses = self._all("Network.requestWillBeSent", "request", "url")
+        view = View(
+            looks["view"], looks["wide"], looks["text"], looks["smallest"] or 0.0,
+            tuple((source, drawn, alt) for source, drawn, alt in looks["images"]), tuple(looks["culprits"]),
+            self._complaints(),
+            tuple(url for url in addresses if url != page.resolve().as_uri() and not url.startswith("data:")),
+        )  # fmt: skip
+        self._call("Target.closeTarget", targetId=target)
+        return view
+
+    def print(self, page: Path) -> bytes:
+        """Return a page as the PDF that printing it on A4 gives.
+
+        Args:
+            page: HTML file.
+        """
+        target = self._call("Target.createTarget", url="about:blank")["targetId"]
+        session = self._call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._call("Page.enable", session)
+        self._events.clear()
+        self._call("Page.navigate", session, url=page.resolve().as_uri())
+        self._wait_for("Page.loadEventFired")
+        answer = self._call("Page.printToPDF", session, paperWidth=8.27, paperHeight=11.69, printBackground=True)
+        self._call("Target.closeTarget", targetId=target)
+        return base64.b64decode(answer["data"])
+
+    def _complaints(self) -> tuple[str, ...]:
+        logs = [
+            event["params"]["entry"]["text"]
+            for event in self._events
+            if event["method"] == "Log.entryAdded" and event["params"]["entry"]["level"] in ("error", "warning")
+        ]
+        calls = [
+            json.dumps(event["params"]["args"])
+            for event in self._events
+            if event["method"] == "Runtime.consoleAPICalled"
+            and event["params"]["type"] in ("error", "warning", "assert")
+        ]
+        thrown = self._all("Runtime.exceptionThrown", "exceptionDetails", "text")
+        failed = self._all("Network.loadingFailed", "errorText")
+        return (*logs, *calls, *thrown, *failed)
+
+    def _all(self, method: str, *keys: str) -> list[str]:
+        """Return one parameter of every event of a kind."""
+        found = []
+        for event in self._events:
+            if event["method"] == method:
+                value = event["params"]
+                for key in keys:
+                    value = value[key]
+                found.append(str(value))
+        return found
+
+    def _wait_for(self, method: str) -> None:
+        deadline = time.monotonic() + _PATIENCE
+        while not any(event["method"] == method for event in self._events):
+            self._events.append(self._receive(deadline))
+
+    def _call(self, method: str, session: str = "", **parameters: Any) -> dict[str, Any]:
+        """Call a method of the DevTools protocol and return its result."""
+        self._number += 1
+        message = {"id": self._number, "method": method, "params": parameters}
+        if session:
+            message["sessionId"] = session
+        os.write(self._to, json.dumps(message).encode() + b"\0")
+        deadline = time.monotonic() + _PATIENCE
+        while True:
+            answer = self._receive(deadline)
+            if answer.get("id") == self._number:
+                assert "error" not in answer, (method, answer)
+                result: dict[str, Any] = answer["result"]
+                return result
+            if "method" in answer:
+                self._events.append(answer)
+
+    def _receive(self, deadline: float) -> dict[str, Any]:
+        while b"\0" not in self._buffer:
+            ready: Sequence[int] = select.select([self._from], [], [], max(0.0, deadline - time.monotonic()))[0]
+            if not ready:
+                raise TimeoutError(f"Chromium said nothing for {_PATIENCE:g} s")
+            piece = os.read(self._from, 1 << 20)
+            if not piece:
+                raise OSError("Chromium ended")
+            self._buffer += piece
+        message, _, self._buffer = self._buffer.partition(b"\0")
+        answer: dict[str, Any] = json.loads(message)
+        return answer

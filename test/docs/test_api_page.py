@@ -1,0 +1,57 @@
+"""The Python in docs/api.md runs as it stands, and does what it says."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from conftest import ROOT
+
+BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "api.md").read_text(encoding="utf-8"), re.DOTALL)
+
+
+def test_the_example_runs_and_estimates(tmp_path: Path) -> None:
+    observer, over_a_bag, _ = BLOCKS
+    check = """
+from sgms_observer.bags.writer import BagWriter
+with BagWriter("bag", "mcap") as bag:
+    bag.write_joint_states("position", record.stamp_ns, ["x"], position=record.measured_position[:, None])
+    bag.write_joint_states("control_effort", record.stamp_ns, ["x"], effort=record.control_effort[:, None])
+import numpy as np
+again = np.concatenate([block.friction for block in friction_of("bag", settings)])
+print(len(again), np.array_equal(again, estimates.friction[: len(again)]))
+"""
+    program = observer.replace('"config/', f'"{ROOT.as_posix()}/config/') + over_a_bag + check
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    result = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert result.returncode == 0, result.stderr
+    said, replayed = result.stdout.splitlines()
+    assert float(said.split()[0]) < 0.5
+    count, is_equal = replayed.split()
+    assert int(count) > 1900 and is_equal == "True"
+
+
+def test_the_effect_of_your_own_is_one(tmp_path: Path) -> None:
+    from sgms_observer.effects.compiled import CompiledEffects
+    from sgms_observer.settings.load import load_settings
+
+    (tmp_path / "mine.py").write_text(BLOCKS[2], encoding="utf-8")
+    (tmp_path / "mine.yaml").write_text(
+        "/**: {ros__parameters: {axes: [x], effect_files: [mine.py], x: {effects: {names: [end_stop_rubber],"
+        " end_stop_rubber: {strength: 2.0, width: 0.01}}}}}",
+        encoding="utf-8",
+    )
+    axis = load_settings(tmp_path / "mine.yaml").axes[0]
+    effects = CompiledEffects(axis.effects, 1e-3)
+    position = np.array([-0.01, 0.0, 0.01])
+    rest = np.zeros(3)
+    period, level = np.full(3, 1e-3), np.full(3, 4.0)
+    force, factor = effects.evaluate(position, rest, rest, rest, rest, period, level, effects.initial_state())
+    assert np.allclose(force, 2.0 * np.tanh(position / 0.01))
+    assert np.all(factor == 1.0)
