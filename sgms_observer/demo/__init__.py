@@ -1,1 +1,0 @@
-"""The demonstration: both nodes as processes on the graph, a recording, and what it shows."""
