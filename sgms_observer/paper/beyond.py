@@ -60,7 +60,7 @@ BEST = Configuration(
     filter=FilterSettings(kind="savgol", window=4.0e-4, degree=3),
     model="gms",
     estimator=EstimatorSettings(
-        kind="mhe", parameters=("kappa",), correction_every=20, horizon=4, iterations=2, process_std=2.0e-4
+        kind="mhe", parameters=("kappa",), correction_every=20, horizon=4, iterations=2, process_std=4.0e-4
     ),
 )
 _PAPERS = EstimatorSettings(

@@ -26,10 +26,10 @@ class FilterSettings:
     degree: int = setting(3, "degree of the polynomial", minimum=2, maximum=6)
     position_noise: float = setting(5.0e-9, "standard deviation of the position measurement", "m", above=0.0)
     jerk_density: float = setting(
-        300.0, "spectral density of the jerk for the kalman filter", "m/s^3/sqrt(Hz)", above=0.0
+        1.0, "spectral density of the jerk for the kalman filter", "m/s^3/sqrt(Hz)", above=0.0
     )
     lag: float = setting(
-        3.0e-4, "how long the kalman filter waits to smooth with later samples", "s", minimum=0.0, maximum=0.1
+        2.0e-3, "how long the kalman filter waits to smooth with later samples", "s", minimum=0.0, maximum=0.1
     )
     effort_is_held: bool = setting(
         True,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.filters.differentiator import Differentiator, window_samples
+from sgms_observer.filters.differentiator import Differentiator, effort_noise_gain, window_samples
 from sgms_observer.settings.observer import FilterSettings
 
 KINDS = ("lowpass", "savgol", "kalman")
@@ -73,7 +73,8 @@ def test_kalman_is_exact_on_constant_acceleration(jitter, keep):
 def test_every_output_has_the_delay_it_claims(kind):
     """A slow sine through the filter: the phase of every output, to a hundredth of a sample."""
     period, frequency = 1e-4, 8.0
-    differentiator = Differentiator(FilterSettings(kind=kind, effort_is_held=False), period)
+    # the tracking filter's delay is its lag once that is some ten of its time constants
+    differentiator = Differentiator(FilterSettings(kind=kind, effort_is_held=False, lag=4e-3), period)
     ns = stamps(10_000, period)
     angle = 2 * math.pi * frequency * seconds(ns)
     motion = differentiator.step(ns, np.sin(angle), np.sin(angle))
@@ -193,6 +194,15 @@ def test_the_papers_lowpass_is_the_textbook_one():
     np.testing.assert_allclose(motion.acceleration[50:], np.diff(velocity)[49:] / period, atol=1e-8)
     np.testing.assert_array_equal(motion.effort[50:], np.cos(seconds(ns))[50:])
     assert (motion.delay_samples, motion.lead_velocity.shape) == (0, (2000, 0))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_noise_gain_is_what_noise_really_loses(kind):
+    settings = FilterSettings(kind=kind)
+    ns = stamps(100_000, 1e-4)
+    noise = np.random.default_rng(SEED).normal(size=len(ns))
+    effort = Differentiator(settings, 1e-4).step(ns, np.zeros(len(ns)), noise).effort
+    assert np.nanstd(effort) == pytest.approx(effort_noise_gain(settings, 1e-4), rel=0.03)
 
 
 def test_impossible_settings_are_refused_in_sentences():
