@@ -71,8 +71,8 @@ class Observed:
         step = float(np.median(np.diff(self.samples.stamp_ns[at]))) * 1e-6
         return (
             f"{self.name}: one-step force error {rms:.3f} N rms = {100.0 * rms / force:.2f} % of the rms force,"
-            f" {step:.0f} ms ahead; mean innovation {float(np.mean(innovation)):+.3f} N; mean squared innovation over its"
-            f" variance {nis:.2f}; {int(at.sum())} corrections"
+            f" {step:.0f} ms ahead; mean innovation {float(np.mean(innovation)):+.3f} N; mean squared innovation over"
+            f" its variance {nis:.2f}; {int(at.sum())} corrections"
         )
 
 

@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 from sgms_observer.bags.diagnostics_cdr import encode_diagnostics
 from sgms_observer.compensation.safety import SafetyStage
 from sgms_observer.errors import SgmsError
+from sgms_observer.nodes.commands import CommandTopic
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.report import OK, axis_entry, node_entry, parameter_entry
@@ -50,6 +51,7 @@ class ObserverNode(ManagedNode):
         super().__init__(name, executor)
         self._engine: Engine | None = None
         self._topics: JointStateTopics | None = None
+        self._commands: CommandTopic | None = None
         self._subscriptions_of_inputs: list[Subscription] = []
         self._is_scheduled = False
         self._task = self.guarded(self._process)
@@ -73,6 +75,7 @@ class ObserverNode(ManagedNode):
     def set_up(self) -> None:
         """Make publishers and subscriptions."""
         self._topics = JointStateTopics(self, JOINT_STATE_TOPICS)
+        self._commands = CommandTopic(self)
         is_one_topic = self.resolve_topic_name("position") == self.resolve_topic_name("control_effort")
         inputs = (
             {"position": self._on_both}
@@ -109,7 +112,9 @@ class ObserverNode(ManagedNode):
             self.destroy_timer(self._watchdog)
         if self._topics is not None:
             self._topics.destroy()
-        self._watchdog = self._topics = self._engine = None
+        if self._commands is not None:
+            self._commands.destroy()
+        self._watchdog = self._topics = self._commands = self._engine = None
 
     def on_tuned(self) -> None:
         """Take over the compensation's settings."""
@@ -161,6 +166,8 @@ class ObserverNode(ManagedNode):
             self._parameter_topic.publish(encode_diagnostics(report.stamp_ns, [parameter_entry(report)]))
         for number, estimates in processed.estimates.items():
             self._safety[number].output = float(estimates.compensation[-1])
+        if processed.estimates and self._commands is not None:
+            self._commands.publish([stage.output for stage in self._safety])
         self._processed_at = time.monotonic()
 
     def _watch(self) -> None:
@@ -174,6 +181,8 @@ class ObserverNode(ManagedNode):
         self._publish_compensation([stage.step(0.0, float("inf"), period) for stage in self._safety])
 
     def _publish_compensation(self, forces: list[float]) -> None:
+        if self._commands is not None:
+            self._commands.publish(forces)
         if self._topics is not None:
             stamp = np.array([self.get_clock().now().nanoseconds], dtype=np.int64)
             names = tuple(axis.name for axis in self.settings.axes)

@@ -1,0 +1,53 @@
+"""The compensation as commands of ros2_control: std_msgs/Float64MultiArray, one number per axis."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64MultiArray
+
+COMMANDS = "~/commands"
+
+#: As the command topics of ros2_controllers: only the latest counts.
+_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+
+
+def encode_commands(forces: Sequence[float]) -> bytes:
+    """Return a Float64MultiArray without dimensions as bytes (XCDR1).
+
+    Args:
+        forces: data, in order.
+    """
+    return _LITTLE_ENDIAN + struct.pack(f"<IIIxxxx{len(forces)}d", 0, 0, len(forces), *forces)
+
+
+class CommandTopic:
+    """Sends the latest compensation of all axes, in the order of ``axes``, to whoever listens.
+
+    The message has no stamp: the receiver holds the last one, so the node sends zeros when it stops or hears nothing.
+
+    Args:
+        node: the node; remap ``~/commands`` to the controller's own topic.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._publisher = node.create_publisher(Float64MultiArray, COMMANDS, _QOS)
+
+    def publish(self, forces: Sequence[float]) -> None:
+        """Send the forces [N], if anybody listens."""
+        if self._publisher.get_subscription_count():
+            self._publisher.publish(encode_commands(forces))
+
+    def destroy(self) -> None:
+        """Remove the publisher from the graph."""
+        self._node.destroy_publisher(self._publisher)
