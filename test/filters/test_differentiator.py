@@ -73,8 +73,8 @@ def test_kalman_is_exact_on_constant_acceleration(jitter, keep):
 def test_every_output_has_the_delay_it_claims(kind):
     """A slow sine through the filter: the phase of every output, to a hundredth of a sample."""
     period, frequency = 1e-4, 8.0
-    # the tracking filter's delay is its lag once that is some ten of its time constants
-    differentiator = Differentiator(FilterSettings(kind=kind, effort_is_held=False, lag=4e-3), period)
+    # the tracking filter's delay is its lag once that is long against its time constants
+    differentiator = Differentiator(FilterSettings(kind=kind, effort_is_held=False, lag=6e-3), period)
     ns = stamps(10_000, period)
     angle = 2 * math.pi * frequency * seconds(ns)
     motion = differentiator.step(ns, np.sin(angle), np.sin(angle))
