@@ -1,0 +1,215 @@
+"""Runs the package's nodes as processes and conducts them over the graph: for ``sgms demo`` and ``sgms bench``."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import rclpy
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from sgms_observer.errors import DataError
+from sgms_observer.nodes.transport import use_shipped_transport
+
+_PATIENCE = 180.0  # s; a first start compiles every kernel
+_END = 20.0  # s that a process has to end after a signal
+_MATCHING = 1.0  # s from the graph's knowing of a subscription to its being served for sure
+
+
+def prepare_graph() -> int:
+    """Keep to this machine and to a domain of our own, unless the user chose them; before ROS starts.
+
+    Returns:
+        ROS_DOMAIN_ID.
+    """
+    if not any(name in os.environ for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY")):
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+    use_shipped_transport()
+    return int(os.environ["ROS_DOMAIN_ID"])
+
+
+class Conductor:
+    """A context in which processes run; all of them end with it.
+
+    Args:
+        folder: where the processes' output goes, one file each.
+
+    Raises:
+        DataError: a process ended or did not answer; one sentence with what it said last.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> Conductor:
+        """Join the graph."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node("sgms_conductor")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End every process that still runs, and leave the graph."""
+        for process in self._processes.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process in self._processes.values():
+            try:
+                process.wait(_END)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    def start(self, name: str, module: str, arguments: Sequence[str]) -> None:
+        """Start a module of this package as a process.
+
+        Args:
+            name: what it is called here.
+            module: full name, run with ``python -m``.
+            arguments: its command line.
+        """
+        root = str(Path(__file__).resolve().parents[2])
+        paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
+        with (self._folder / f"{name}.log").open("wb") as log:
+            self._processes[name] = subprocess.Popen(
+                [sys.executable, "-m", module, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,  # Ctrl-C reaches this process alone, which then ends the others in order
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+            )
+
+    def process_id(self, name: str) -> int:
+        """Return a process's number."""
+        return self._processes[name].pid
+
+    def said(self, name: str) -> str:
+        """Return all that a process said."""
+        return (self._folder / f"{name}.log").read_text(errors="replace")
+
+    def stop(self, name: str) -> None:
+        """End a process with SIGINT and hold it to exit code 0.
+
+        Args:
+            name: as given to ``start``.
+        """
+        process = self._processes.pop(name)
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        try:
+            code = process.wait(_END)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise DataError(f"{name} did not end within {_END:g} s of SIGINT; see {self._folder / name}.log") from None
+        if code != 0:
+            raise self._ended(name, code)
+
+    def wait(self, condition: Callable[[], bool], what: str) -> None:
+        """Wait until something holds, while all processes live.
+
+        Args:
+            condition: asked again and again.
+            what: for the sentence if it never does.
+        """
+        end = time.monotonic() + _PATIENCE
+        while not condition():
+            self.watch()
+            if time.monotonic() > end:
+                raise DataError(f"waited {_PATIENCE:g} s for {what}; see the logs in {self._folder}")
+            time.sleep(0.05)
+
+    def watch(self) -> None:
+        """Raise if a process ended."""
+        for name, process in self._processes.items():
+            code = process.poll()
+            if code is not None:
+                raise self._ended(name, code)
+
+    def wait_subscribers(self, topics: Mapping[str, int]) -> None:
+        """Wait until topics are listened to.
+
+        Args:
+            topics: topic to the least number of subscribers.
+        """
+        for topic, count in topics.items():
+            self.wait(lambda t=topic, n=count: self._node.count_subscribers(t) >= n, f"{count} subscribers of {topic}")  # type: ignore[misc]
+        time.sleep(_MATCHING)
+
+    def wait_active(self, node: str) -> None:
+        """Wait until a lifecycle node is active."""
+        self.wait(lambda: self._state(node) == State.PRIMARY_STATE_ACTIVE, f"{node} to become active")
+
+    def activate(self, node: str) -> None:
+        """Configure (if need be) and activate a lifecycle node."""
+        if self._state(node) == State.PRIMARY_STATE_UNCONFIGURED:
+            self._change(node, Transition.TRANSITION_CONFIGURE)
+        self._change(node, Transition.TRANSITION_ACTIVATE)
+
+    def configure(self, node: str) -> None:
+        """Configure a lifecycle node."""
+        self._change(node, Transition.TRANSITION_CONFIGURE)
+
+    def deactivate(self, node: str) -> None:
+        """Deactivate a lifecycle node."""
+        self._change(node, Transition.TRANSITION_DEACTIVATE)
+
+    def set_parameter(self, node: str, name: str, value: Any) -> None:
+        """Set a parameter of a running node.
+
+        Args:
+            node: its name.
+            name: full name of the parameter.
+            value: the new value.
+        """
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        result = self._call(SetParameters, f"/{node}/set_parameters", request).results[0]
+        if not result.successful:
+            raise DataError(f"{node} refused {name} = {value}: {result.reason}")
+
+    def _state(self, node: str) -> int:
+        return int(self._call(GetState, f"/{node}/get_state", GetState.Request()).current_state.id)
+
+    def _change(self, node: str, transition: int) -> None:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        if not self._call(ChangeState, f"/{node}/change_state", request).success:
+            raise DataError(f"{node} refused a transition; see {self._folder}/{node}.log")
+
+    def _call(self, kind: Any, service: str, request: Any) -> Any:
+        """Call a service and return its answer."""
+        client = self._node.create_client(kind, service)
+        try:
+            self.wait(client.service_is_ready, f"the service {service}")
+            future = client.call_async(request)
+
+            def is_answered() -> bool:
+                rclpy.spin_until_future_complete(self._node, future, timeout_sec=0.2)
+                return bool(future.done())
+
+            self.wait(is_answered, f"the answer of {service}")
+            return future.result()
+        finally:
+            self._node.destroy_client(client)
+
+    def _ended(self, name: str, code: int) -> DataError:
+        """Return the sentence about a process that ended too early."""
+        lines = [line for line in self.said(name).splitlines() if line.strip()]
+        last = lines[-1] if lines else "it said nothing"
+        return DataError(f"{name} ended with exit code {code}: {last}")

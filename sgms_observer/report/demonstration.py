@@ -1,0 +1,212 @@
+"""What a demonstration shows: estimation error against the truth, tracking with and without compensation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.bags.reader import BagSamples, read_joint_states
+from sgms_observer.errors import DataError
+from sgms_observer.observer.axis_observer import AxisObserver
+from sgms_observer.report.page import Section, Table, write_page
+from sgms_observer.report.run_pictures import Run, run_pictures
+from sgms_observer.settings.axis import Settings
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_SETTLE = 1.0  # s at the start of each half that count for nothing
+_SHOWN = 0.4  # s in the pictures
+
+
+@dataclass(frozen=True)
+class Half:
+    """Errors over one half of the run.
+
+    Attributes:
+        samples: how many there are.
+        friction_rms: rms of estimated minus true friction [N].
+        friction_share: the same as a share of the true friction's range.
+        coverage: share of the samples whose truth lies within two standard deviations.
+        tracking_rms: rms of true position minus set-point [m].
+        tracking_peak: the largest of it [m].
+    """
+
+    samples: int
+    friction_rms: float
+    friction_share: float
+    coverage: float
+    tracking_rms: float
+    tracking_peak: float
+
+
+@dataclass(frozen=True)
+class Presentation:
+    """What there is to tell.
+
+    Attributes:
+        lines: for the terminal.
+        page: the report.
+    """
+
+    lines: list[str]
+    page: Path
+
+
+def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Presentation:
+    """Evaluate the recording and write the report.
+
+    Args:
+        bag: the recording of both nodes.
+        settings: what they ran with.
+        switched_ns: when the compensation was switched on [ns].
+        out: folder of the report.
+
+    Raises:
+        RecordingError: the bag lacks a topic.
+        DataError: a half of the run holds no samples.
+    """
+    lines: list[str] = []
+    sections: list[Section] = []
+    verdicts: list[str] = []
+    for axis in settings.axes:
+        run, start_ns = _run_of(bag, axis.name)
+        switched = (switched_ns - start_ns) * 1e-9
+        without = _half(run, _SETTLE, switched)
+        with_it = _half(run, switched + _SETTLE, float(run.time[-1]))
+        same, compared = _replayed(bag, settings, axis.name)
+        lines += _lines(axis.name, without, with_it, same, compared)
+        verdicts.append(
+            f"axis {axis.name}: friction known to {100 * without.friction_share:.2f} % of its range, tracking error"
+            f" {without.tracking_rms / with_it.tracking_rms:.1f} times smaller with compensation"
+        )
+        sections += _sections(axis.name, run, switched, without, with_it, same, compared)
+    page = write_page(
+        out,
+        "Friction observer on a simulated stage",
+        "; ".join(verdicts) + ".",
+        sections,
+        f"From {bag.name}, recorded from stage_node and observer_node on the ROS graph.",
+    )
+    return Presentation(lines, page)
+
+
+def _run_of(bag: Path, axis: str) -> tuple[Run, int]:
+    """Return one axis's signals on the stamps of its estimates, and the first stamp [ns]."""
+    stamps, estimate = _signal(bag, "friction_estimate", axis)
+
+    def on_stamps(topic: str) -> dict[str, Floats]:
+        own, fields = _signal(bag, topic, axis)
+        place = np.minimum(np.searchsorted(own, stamps), max(0, len(own) - 1))
+        is_there = own[place] == stamps
+        return {name: np.where(is_there, values[place], np.nan) for name, values in fields.items()}
+
+    truth = on_stamps("friction_true")
+    run = Run(
+        time=(stamps - stamps[0]) * 1e-9,
+        position=truth["position"],
+        velocity=estimate["velocity"],
+        reference=on_stamps("reference")["position"],
+        friction=estimate["effort"],
+        friction_std=on_stamps("friction_std")["effort"],
+        truth=truth["effort"],
+        compensation=on_stamps("friction_compensation")["effort"],
+    )
+    return run, int(stamps[0])
+
+
+def _signal(bag: Path, topic: str, axis: str) -> tuple[Ints, dict[str, Floats]]:
+    """Return the stamps and fields of one axis of a topic, in the order of the stamps."""
+    states = read_joint_states(bag, topic)
+    if axis not in states.names or not states.stamp_ns.size:
+        raise DataError(f"{topic} in {bag} holds nothing of axis {axis}; see the logs beside it")
+    column = states.names.index(axis)
+    stamps, rows = np.unique(states.stamp_ns, return_index=True)
+    fields = {name: getattr(states, name)[rows, column] for name in ("position", "velocity", "effort")}
+    return stamps, fields
+
+
+def _half(run: Run, start: float, end: float) -> Half:
+    """Return the errors between two times [s]."""
+    part = run.between(start, end)
+    error = part.friction - part.truth
+    known = np.isfinite(error)
+    tracking = part.position - part.reference
+    tracked = np.isfinite(tracking)
+    if not known.any() or not tracked.any():
+        raise DataError(f"there is nothing to compare between {start:g} s and {end:g} s of the run; let it run longer")
+    rms = float(np.sqrt(np.mean(error[known] ** 2)))
+    return Half(
+        samples=int(np.count_nonzero(known)),
+        friction_rms=rms,
+        friction_share=rms / float(np.ptp(part.truth[known])),
+        coverage=float(np.mean(np.abs(error[known]) <= 2.0 * part.friction_std[known])),
+        tracking_rms=float(np.sqrt(np.mean(tracking[tracked] ** 2))),
+        tracking_peak=float(np.max(np.abs(tracking[tracked]))),
+    )
+
+
+def _replayed(bag: Path, settings: Settings, axis: str) -> tuple[int, int]:
+    """Return how many live estimates a replay of the bag gives again to the last bit, and how many there are."""
+    chosen = next(entry for entry in settings.axes if entry.name == axis)
+    observer = AxisObserver(chosen, settings.sample_period)
+    replayed: dict[int, float] = {}
+    for _, samples in BagSamples(bag, [axis], settings.sample_period):
+        estimates = observer.step(samples)
+        replayed.update(zip(estimates.stamp_ns.tolist(), estimates.friction.tolist(), strict=True))
+    stamps, fields = _signal(bag, "friction_estimate", axis)
+    live = zip(stamps.tolist(), fields["effort"].tolist(), strict=True)
+    return sum(replayed.get(stamp) == friction for stamp, friction in live), len(stamps)
+
+
+def _lines(axis: str, without: Half, with_it: Half, same: int, compared: int) -> list[str]:
+    """Return what the terminal shows of one axis."""
+    return [
+        f"axis {axis}",
+        f"  friction estimate   {without.friction_rms:.4f} N rms, {100 * without.friction_share:.2f} % of the true"
+        f" friction's range ({without.samples} samples; truth inside two sigma {100 * without.coverage:.1f} %)",
+        f"  tracking error      {1e9 * without.tracking_rms:.0f} nm rms, {1e9 * without.tracking_peak:.0f} nm peak"
+        " without compensation",
+        f"                      {1e9 * with_it.tracking_rms:.0f} nm rms, {1e9 * with_it.tracking_peak:.0f} nm peak"
+        f" with it: {without.tracking_rms / with_it.tracking_rms:.1f} and"
+        f" {without.tracking_peak / with_it.tracking_peak:.1f} times smaller",
+        f"  replay of the bag   {same} of {compared} live estimates again to the last bit",
+    ]
+
+
+def _sections(
+    axis: str, run: Run, switched: float, without: Half, with_it: Half, same: int, compared: int
+) -> Sequence[Section]:
+    """Return the report's sections about one axis."""
+    table = Table(
+        ("", "without compensation", "with compensation"),
+        (
+            ("friction error, rms", f"{without.friction_rms:.4f} N", f"{with_it.friction_rms:.4f} N"),
+            (
+                "the same, of the friction's range",
+                f"{100 * without.friction_share:.2f} %",
+                f"{100 * with_it.friction_share:.2f} %",
+            ),
+            ("truth inside two sigma", f"{100 * without.coverage:.1f} %", f"{100 * with_it.coverage:.1f} %"),
+            ("tracking error, rms", f"{1e9 * without.tracking_rms:.0f} nm", f"{1e9 * with_it.tracking_rms:.0f} nm"),
+            ("tracking error, peak", f"{1e9 * without.tracking_peak:.0f} nm", f"{1e9 * with_it.tracking_peak:.0f} nm"),
+        ),
+        f"Axis {axis}: errors against the simulated truth, the first {_SETTLE:g} s of each half left out.",
+    )
+    text = (
+        "The stage and the observer ran as two processes and spoke over ROS topics only; the observer saw the measured"
+        " position, the control effort and the reference, and never the truth.",
+        f"Replaying the recording gives {same} of {compared} live estimates again to the last bit.",
+    )
+    end = float(run.time[-1])
+    before = run_pictures(run, (max(0.0, switched - _SHOWN), switched), f"{axis}_without_")
+    after = run_pictures(run, (max(switched, end - _SHOWN), end), f"{axis}_with_")
+    return (
+        Section(f"Axis {axis}: the numbers", text, (table,)),
+        Section(f"Axis {axis}: without compensation", pictures=before),
+        Section(f"Axis {axis}: with compensation", pictures=after),
+    )
