@@ -32,7 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--smallest", type=float, default=1.0e-7, metavar="M", help="smallest reversal [m] (default: 1e-7)"
     )
     parser.add_argument(
-        "--centre", type=float, default=0.0, metavar="M", help="position in the middle [m] (default: 0)"
+        "--centre",
+        type=float,
+        metavar="M",
+        help="position in the middle [m] (default: 0 in the file; where the table stands when publishing)",
     )
     parser.add_argument(
         "--publish", action="store_true", help="publish it in real time as reference (sensor_msgs/JointState)"
@@ -64,12 +67,16 @@ def run(args: argparse.Namespace) -> int:
     for section in reference.sections:
         print(f"{section.start:8.2f} s to {section.end:8.2f} s: {section.name}, for {section.shows}")
     if args.out:
-        _write(args.out, reference, args.centre)
+        _write(args.out, reference, args.centre or 0.0)
         print(f"wrote {args.out}: {reference.time[-1]:.2f} s, {len(reference.time)} samples")
     if args.publish:
         from sgms_observer.nodes.reference_player import play_reference
 
-        play_reference(axis.name, reference.time, reference.position + args.centre, reference.velocity)
+        limit = limits.acceleration
+        finished = play_reference(
+            axis.name, reference.position, reference.velocity, settings.sample_period, limit, args.centre
+        )
+        print("published to the end" if finished else "interrupted: the reference was brought to rest")
     return 0
 
 
