@@ -16,6 +16,8 @@ class Status(IntEnum):
     FALLBACK_NOT_FINITE = 5
     FALLBACK_DEADLINE = 6
     RESTARTED_AFTER_GAP = 7
+    RESTARTED_AFTER_JUMP = 8
+    TOO_DENSE = 9
 
     @property
     def sentence(self) -> str:
@@ -31,5 +33,13 @@ _SENTENCES = {
     Status.FALLBACK_NOT_CONVERGED: "the moving horizon estimator found no descent; the EKF took this correction",
     Status.FALLBACK_NOT_FINITE: "a result was not finite; the EKF took over from the last good estimate",
     Status.FALLBACK_DEADLINE: "the last correction took longer than estimator.deadline; the EKF took this one",
-    Status.RESTARTED_AFTER_GAP: "samples paused for longer than filter.maximum_gap; filters and estimator restarted",
+    Status.RESTARTED_AFTER_GAP: (
+        "samples paused for longer than filter.maximum_gap, or their clock was set back; filters and estimator restarted"
+    ),
+    Status.RESTARTED_AFTER_JUMP: (
+        "the position jumped by more than filter.jump_speed allows; filters and estimator restarted, check the encoder"
+    ),
+    Status.TOO_DENSE: (
+        "samples follow each other in less than half of sample_period; check for two publishers, or set sample_period"
+    ),
 }

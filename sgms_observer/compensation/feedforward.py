@@ -41,7 +41,7 @@ _STEADY_TIME = 5.0e-3
 _CLEARLY_MOVING = 10.0
 _FADE_START = 0.5  # share of fade_std up to which nothing is faded
 _GOOD = (Status.RUNNING, Status.FALLBACK_NOT_CONVERGED, Status.FALLBACK_DEADLINE)
-_RESTART = (Status.STARTING, Status.RESTARTED_AFTER_GAP)
+_RESTART = (Status.STARTING, Status.RESTARTED_AFTER_GAP, Status.RESTARTED_AFTER_JUMP)
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,8 @@ from sgms_observer.estimators.memory import (
 from sgms_observer.estimators.mhe import NO_DESCENT, NOT_FINITE, mhe_correct
 from sgms_observer.filters.motion import ACCELERATION as ACCELERATION_COLUMN
 from sgms_observer.filters.motion import (
+    IS_DENSE,
+    IS_JUMP,
     IS_READY,
     IS_REJECTED,
     IS_RESTART,
@@ -46,6 +48,7 @@ from sgms_observer.jit import njit_bare
 
 # status codes, the same numbers as sgms_observer.status.Status (a test holds them together)
 RUNNING, STARTING, PREDICTING, SAMPLE_REJECTED, NOT_CONVERGED, WAS_NOT_FINITE, DEADLINE, RESTARTED = range(8)
+JUMPED, TOO_DENSE = 8, 9
 
 
 class Tuning(NamedTuple):
@@ -250,7 +253,7 @@ def estimate_block(flat: Floats, model: ModelArrays, parameters: ParameterArrays
             restart(memory, model, parameters, initial, False)
         if row[IS_RESTART] > 0.0:
             restart(memory, model, parameters, initial, True)
-            status = RESTARTED
+            status = JUMPED if row[IS_JUMP] > 0.0 else RESTARTED
         result[INNOVATION] = math.nan
         result[INNOVATION_STD] = math.nan
         if row[IS_REJECTED] > 0.0:
@@ -275,6 +278,8 @@ def estimate_block(flat: Floats, model: ModelArrays, parameters: ParameterArrays
                     result[INNOVATION_STD] = deviation
                 if status == RUNNING:
                     status = outcome
+        if status == RUNNING and row[IS_DENSE] > 0.0:
+            status = TOO_DENSE
         share = memory.flags[SAMPLES] / tuning.correction_every
         velocity = row[PRESENT_VELOCITY]
         copy_vector(memory.now, memory.lead)

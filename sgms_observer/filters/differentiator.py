@@ -72,6 +72,7 @@ class Differentiator:
         fixed[layout.IS_HELD] = settings.effort_is_held
         fixed[layout.DELAY_SAMPLES] = self.delay_samples
         fixed[layout.READY_AFTER] = ready_after
+        fixed[layout.JUMP_SPEED] = settings.jump_speed
         self.config: Floats = np.concatenate((fixed, own))
         self.state: Floats = np.zeros(size)
         self.row: Floats = np.zeros(row_width(self.delay_samples))

@@ -14,6 +14,16 @@ from sgms_observer.filters.tracking import tracking_sample
 from sgms_observer.jit import njit
 from sgms_observer.observer.samples import Floats
 
+_LARGEST = 1.0e150
+"""A larger position [m] is no measurement; squares of smaller ones stay finite."""
+
+
+@njit
+def _has_jumped(config: Floats, state: Floats, position: float, period: float) -> bool:
+    """Return whether the speed changed by more than an axis can change it: the encoder wrapped or was set anew."""
+    speed = (position - state[layout.LATEST_POSITION]) / period
+    return abs(speed - state[layout.LATEST_SPEED]) > config[layout.JUMP_SPEED]
+
 
 @njit
 def filter_sample(
@@ -33,13 +43,19 @@ def filter_sample(
     low = stamp_ns - high * layout.STAMP_SPLIT
     period = config[layout.SAMPLE_PERIOD]
     is_restart = False
+    is_jump = False
     if state[layout.HAS_PREVIOUS] > 0.0:
         period = 1.0e-9 * ((high - state[layout.STAMP_HIGH]) * layout.STAMP_SPLIT + (low - state[layout.STAMP_LOW]))
-        is_restart = period > config[layout.MAXIMUM_GAP]
+        is_restart = period > config[layout.MAXIMUM_GAP] or period < -layout.CLOCK_RESET
+        if period > 0.0 and not is_restart:
+            is_jump = _has_jumped(config, state, position, period)
+            is_restart = is_jump
     row[motion.IS_RESTART] = 0.0
+    row[motion.IS_JUMP] = 0.0
+    row[motion.IS_DENSE] = 0.0
     row[motion.IS_READY] = 0.0
     row[motion.IS_REJECTED] = 0.0
-    if not (period > 0.0 and math.isfinite(position)):
+    if not ((period > 0.0 or is_restart) and abs(position) < _LARGEST):
         row[motion.IS_REJECTED] = 1.0
         row[motion.PERIOD] = 0.0
         row[motion.EFFORT] = math.nan
@@ -47,8 +63,15 @@ def filter_sample(
     state[layout.HAS_PREVIOUS] = 1.0
     state[layout.STAMP_HIGH] = high
     state[layout.STAMP_LOW] = low
+    if 0.0 < period < layout.DENSE * config[layout.SAMPLE_PERIOD]:
+        row[motion.IS_DENSE] = 1.0
+    state[layout.LATEST_SPEED] = math.nan
+    if not is_restart and state[layout.COUNT] > 0.0:
+        state[layout.LATEST_SPEED] = (position - state[layout.LATEST_POSITION]) / period
+    state[layout.LATEST_POSITION] = position
     if is_restart:
         row[motion.IS_RESTART] = 1.0
+        row[motion.IS_JUMP] = 1.0 if is_jump else 0.0
         state[layout.COUNT] = 0.0
         state[layout.MISSING] = 0.0
         period = config[layout.SAMPLE_PERIOD]

@@ -15,7 +15,8 @@ IS_ALIGNED = 4
 IS_HELD = 5
 DELAY_SAMPLES = 6
 READY_AFTER = 7
-OWN = 8
+JUMP_SPEED = 8
+OWN = 9
 
 # state: what every kind remembers, then the kind's own from MEMORY on
 HAS_PREVIOUS = 0
@@ -24,6 +25,14 @@ STAMP_LOW = 2
 COUNT = 3
 MISSING = 4
 ORIGIN = 5
-MEMORY = 6
+LATEST_POSITION = 6
+LATEST_SPEED = 7
+MEMORY = 8
 
 STAMP_SPLIT = 1 << 30
+
+CLOCK_RESET = 1.0
+"""Stamps that go back further than this [s] are a clock that was set; less is a sample out of order."""
+
+DENSE = 0.5
+"""Samples that follow each other faster than this share of the sample period are too dense."""

@@ -21,7 +21,9 @@ PRESENT_ACCELERATION = 8
 IS_READY = 9
 IS_RESTART = 10
 IS_REJECTED = 11
-LEAD = 12  # lead velocities, then as many lead periods
+IS_JUMP = 12
+IS_DENSE = 13
+LEAD = 14  # lead velocities, then as many lead periods
 
 
 def row_width(delay_samples: int) -> int:
@@ -97,8 +99,18 @@ class Motion:
 
     @property
     def is_restart(self) -> NDArray[np.bool_]:
-        """Whether the filter restarted at this sample, after a pause longer than ``maximum_gap``."""
+        """Whether the filter restarted at this sample: a pause, a clock that was set back, or a jump."""
         return self.table[:, IS_RESTART] > 0.5
+
+    @property
+    def is_jump(self) -> NDArray[np.bool_]:
+        """Whether it restarted because the position jumped, by more than ``jump_speed`` allows."""
+        return self.table[:, IS_JUMP] > 0.5
+
+    @property
+    def is_dense(self) -> NDArray[np.bool_]:
+        """Whether the sample came in less than half the sample period after the one before."""
+        return self.table[:, IS_DENSE] > 0.5
 
     @property
     def is_rejected(self) -> NDArray[np.bool_]:

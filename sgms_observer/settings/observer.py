@@ -37,6 +37,12 @@ class FilterSettings:
     )
     align_effort: bool = setting(True, "give the effort the same filter and delay as the acceleration (block Y)")
     maximum_gap: float = setting(0.02, "a longer pause between two samples restarts the filters", "s", above=0.0)
+    jump_speed: float = setting(
+        10.0,
+        "a larger change of speed from one sample to the next is a jump of the encoder and restarts the filters",
+        "m/s",
+        above=0.0,
+    )
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ def test_status_codes_are_the_sentences() -> None:
     codes = (
         block.RUNNING, block.STARTING, block.PREDICTING, block.SAMPLE_REJECTED,
         block.NOT_CONVERGED, block.WAS_NOT_FINITE, block.DEADLINE, block.RESTARTED,
+        block.JUMPED, block.TOO_DENSE,
     )  # fmt: skip
     assert codes == tuple(Status)
     assert all(status.sentence for status in Status)

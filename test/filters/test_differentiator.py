@@ -40,7 +40,7 @@ def instants(motion, stamp_ns: np.ndarray) -> np.ndarray:
 def test_savgol_is_exact_on_polynomials_of_its_degree(period, jitter, keep, degree):
     random = np.random.default_rng(SEED)
     coefficients = random.normal(size=degree + 1)
-    differentiator = Differentiator(FilterSettings(kind="savgol", degree=degree, window=12 * period), period)
+    differentiator = Differentiator(FilterSettings(kind="savgol", degree=degree, window=12 * period, jump_speed=1e6), period)
     ns = stamps(200, period, jitter, keep)
     scale = 100 * period  # the polynomial's own time, so that every term counts
     q = np.polynomial.Polynomial(coefficients)
@@ -178,6 +178,22 @@ def test_a_pause_restarts_and_a_bad_sample_is_rejected(kind):
     assert motion.is_ready[399] and not motion.is_ready[400:405].any() and motion.is_ready[599]
     assert np.isfinite(motion.table[motion.is_ready]).all()
     np.testing.assert_allclose(motion.velocity[[399, 599]], 1e-3, rtol=1e-4)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_jump_and_a_clock_set_back_restart_and_dense_samples_are_marked(kind):
+    ns = stamps(900, 1e-4)
+    ns[500:] -= 3_600_000_000_000
+    position = 0.5 * seconds(stamps(900, 1e-4))  # half a metre per second is no jump, not even at the first sample
+    position[200:] -= 0.02  # an encoder that wraps
+    ns[700:] -= 60_000 * np.arange(200)
+    motion = Differentiator(FilterSettings(kind=kind), 1e-4).step(ns, position, np.zeros(900))
+    assert np.flatnonzero(motion.is_restart).tolist() == [200, 500]
+    assert np.flatnonzero(motion.is_jump).tolist() == [200]
+    assert np.flatnonzero(motion.is_dense).tolist() == list(range(701, 900))
+    assert not motion.is_rejected.any()
+    assert motion.is_ready[[199, 499]].all() and not motion.is_ready[[200, 500]].any()
+    np.testing.assert_allclose(motion.velocity[[199, 499, 690]], 0.5, rtol=1e-4)
 
 
 def test_the_papers_lowpass_is_the_textbook_one():
