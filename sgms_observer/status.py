@@ -34,7 +34,8 @@ _SENTENCES = {
     Status.FALLBACK_NOT_FINITE: "a result was not finite; the EKF took over from the last good estimate",
     Status.FALLBACK_DEADLINE: "the last correction took longer than estimator.deadline; the EKF took this one",
     Status.RESTARTED_AFTER_GAP: (
-        "samples paused for longer than filter.maximum_gap, or their clock was set back; filters and estimator restarted"
+        "samples paused for longer than filter.maximum_gap, or their clock was set back;"
+        " filters and estimator restarted"
     ),
     Status.RESTARTED_AFTER_JUMP: (
         "the position jumped by more than filter.jump_speed allows; filters and estimator restarted, check the encoder"

@@ -40,7 +40,8 @@ def instants(motion, stamp_ns: np.ndarray) -> np.ndarray:
 def test_savgol_is_exact_on_polynomials_of_its_degree(period, jitter, keep, degree):
     random = np.random.default_rng(SEED)
     coefficients = random.normal(size=degree + 1)
-    differentiator = Differentiator(FilterSettings(kind="savgol", degree=degree, window=12 * period, jump_speed=1e6), period)
+    settings = FilterSettings(kind="savgol", degree=degree, window=12 * period, jump_speed=1e6)
+    differentiator = Differentiator(settings, period)
     ns = stamps(200, period, jitter, keep)
     scale = 100 * period  # the polynomial's own time, so that every term counts
     q = np.polynomial.Polynomial(coefficients)
