@@ -105,7 +105,7 @@ def answer_of(found: Diagnosis, options: Options) -> Answer:
 
 def _stage(model: Model, found: Diagnosis, count: int) -> Model:
     """Return the model after its first ``count`` new effects."""
-    return replace(model, effects=model.effects[: len(found.nominal.effects) + count])
+    return replace(model, effects=model.effects[: len(found.own) + count])
 
 
 def _extra(found: Diagnosis) -> list[Named]:
@@ -147,8 +147,9 @@ def _named(after: Refit, accepted: Sequence[Round], gap: Gap, found: Diagnosis) 
     errors: dict[tuple[int, int], float] = dict(zip(after.free, deviations.tolist(), strict=True))
     listed = []
     for i, step in enumerate(accepted):
-        settings = after.effects[i]
-        std = tuple(errors.get((i, j), 0.0) for j in range(len(settings.values)))
+        index = len(found.own) + i
+        settings = after.effects[index]
+        std = tuple(errors.get((index, j), 0.0) for j in range(len(settings.values)))
         others = [max(item.taken, 0.0) for item in step.listed[1:]]
         best = step.listed[0].taken
         doubt = sum(math.exp(-(best - other) / (8.0 + 0.02 * best)) for other in others)

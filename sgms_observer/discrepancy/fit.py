@@ -20,6 +20,10 @@ ELEMENT_SLACK = 15.0
 STEP = 1.0e-4
 SHORTEST = 0.75
 """Shortest distance of a memory, as a share of the contact's largest reach: less is the contact's own business."""
+WIDEST_STEP = 0.08
+"""Widest step of wear, as a share of the travel."""
+SHORTEST_DRIFT, LONGEST_DRIFT = 0.05, 5.0
+"""Time constants of a drift, as shares of the recording's length."""
 LONGEST_PITCH = 0.7
 """Longest period in position, as a share of the stroke."""
 _MAX_ITERATIONS = 12
@@ -135,12 +139,9 @@ def refit(
     catalogue = [effect(e.name) for e in effects]
     minimum = np.array([catalogue[i].parameters[j].minimum for i, j in free])
     maximum = np.array([catalogue[i].parameters[j].maximum for i, j in free])
-    stroke = max(float(np.ptp(motion.position)) for motion in judged.motions)
     for k, (i, j) in enumerate(free):
-        if catalogue[i].parameters[j].name == "pitch":  # a longer period is a slope, not a ripple
-            maximum[k] = min(maximum[k], LONGEST_PITCH * stroke)
-        if catalogue[i].parameters[j].name in ("memory_distance", "distance", "gap"):
-            minimum[k] = max(minimum[k], SHORTEST * largest_reach(nominal.friction))
+        low_limit, high_limit = believable(effects[i].name, catalogue[i].parameters[j].name, judged.motions, nominal)
+        minimum[k], maximum[k] = max(minimum[k], low_limit), min(maximum[k], high_limit)
     values = np.array([effects[i].values[j] for i, j in free])
     scales = np.array([_scale(effects[i], j, nominal) for i, j in free])
     n = len(widths)
@@ -152,7 +153,8 @@ def refit(
     def unpack(z: Floats) -> tuple[Model, tuple[EffectSettings, ...]]:
         lists = [list(e.values) for e in effects]
         for (i, j), value, scale in zip(free, z[n:], scales, strict=True):
-            lists[i][j] = float(value * scale)
+            parameter = catalogue[i].parameters[j]
+            lists[i][j] = float(min(max(value * scale, parameter.minimum), parameter.maximum))
         moved = tuple(EffectSettings(e.name, tuple(v)) for e, v in zip(effects, lists, strict=True))
         return nominal.shifted(z[:n]).with_effects(moved), moved
 
@@ -188,6 +190,28 @@ def refit(
             break
     model, moved = unpack(x)
     return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, scales, free)
+
+
+def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Model) -> tuple[float, float]:
+    """Return the range in which a parameter gives its effect the shape of its name in these recordings.
+
+    A ripple longer than the stroke is a slope, a spring whose rest lies far away is an offset, a step wider than the
+    travel is a drift, a memory shorter than the contact's reach is the contact's own business.
+    """
+    position = np.concatenate([motion.position for motion in motions])
+    stroke = float(np.ptp(position))
+    if parameter == "pitch":
+        return 0.0, LONGEST_PITCH * stroke
+    if parameter == "rest_position":
+        return float(position.min()) - stroke, float(position.max()) + stroke
+    if name == "wear_step" and parameter == "width":
+        return 0.0, WIDEST_STEP * max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
+    if name == "thermal_drift" and parameter == "time_constant":
+        length = max(float(motion.time[-1]) for motion in motions)
+        return SHORTEST_DRIFT * length, LONGEST_DRIFT * length
+    if parameter in ("memory_distance", "distance", "gap"):
+        return SHORTEST * largest_reach(nominal.friction), np.inf
+    return -np.inf, np.inf
 
 
 def _scale(settings: EffectSettings, index: int, nominal: Model) -> float:

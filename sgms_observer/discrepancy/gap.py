@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.fit import Refit, refit
+from sgms_observer.discrepancy.fit import refit
 from sgms_observer.discrepancy.model import Model, predict
 from sgms_observer.discrepancy.motion import Motion
-from sgms_observer.discrepancy.workflow import Diagnosis, judged_with
+from sgms_observer.discrepancy.workflow import Diagnosis, judged_with, kept
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 BLOCK = 0.5
 """Length of the bootstrap's blocks [s]."""
 DRAWS = 400
+CROSS_TOLERANCE = 0.05
+"""How far parameters may move from the fit of the whole when only one half is fitted."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +84,8 @@ def measure(found: Diagnosis, before: Model, after: Model, stages: Sequence[Mode
         label = "held-out"
     else:
         motions = tuple(half for motion in found.motions for half in halves(motion))
-        one = _crossed(found, motions, before, ())
-        other = _crossed(found, motions, after, after.effects[len(found.nominal.effects) :])
+        one = _crossed(found, motions, before, before.effects)
+        other = _crossed(found, motions, after, after.effects)
         steps = [relative(one, motions)] * (1 + len(stages))
         label = "cross-validated"
     noise = max(item.rms for item in found.judged.noise)
@@ -120,9 +122,8 @@ def _crossed(
     for side in (0, 1):
         learn = tuple(motions[i] for i in range(len(motions)) if i % 2 == side)
         judged = judged_with(learn, start)
-        base = start.friction, start.mass
-        model = Model(base[1], base[0], found.nominal.effects)
-        again: Refit = refit(judged, model, 0.05, effects, iterations=4)
+        model = Model(start.mass, start.friction)
+        again = refit(judged, model, CROSS_TOLERANCE, effects, None, kept(effects), 4)
         for i in range(len(motions)):
             if i % 2 != side:
                 parts[i] = residuals(again.model, (motions[i],))[0]

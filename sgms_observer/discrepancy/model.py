@@ -65,7 +65,7 @@ class Model:
             old,
             viscous_coefficient=float(old.viscous_coefficient * scale[VISCOUS]),
             coulomb_force=float(coulomb),
-            static_force=float(old.static_force * scale[STATIC]),
+            static_force=float(max(old.static_force * scale[STATIC], coulomb)),
             stribeck_velocity=float(old.stribeck_velocity * scale[KNEE]),
             attraction_rate=float(old.attraction_rate * (scale[5] if old.model == "gms" else 1.0)),
             element_stiffness=tuple((np.array(old.element_stiffness) * scale[-2 * n_z : -n_z]).tolist()),

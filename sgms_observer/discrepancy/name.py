@@ -22,10 +22,12 @@ TRIED = 8
 """Effects that are fitted fully in one round."""
 WORTH = 0.15
 """An effect is fitted when the first look gives it this share of the largest gain."""
-CLOSE = 0.97
-"""Effects that take this share of what the best one takes are told as alternatives."""
+CLOSE = 0.01
+"""Effects are alternatives that take less than the best one by no more than this share of it,"""
 CLOSE_CHI2 = 10.0
-"""Or that come this close to it in squared noise units."""
+"""plus this much in squared noise units,"""
+CLOSE_LEFT = 0.3
+"""plus this share of what the best one leaves beyond noise: then its shape is not right either."""
 FIXED_SHAPES = {"cogging": (3, 4), "nonlinear_viscous": (2,)}
 """Parameters that are not free in a first fit: (effect, indices)."""
 
@@ -140,7 +142,13 @@ def candidates(
     return sorted(best.values(), key=lambda item: -item.taken)
 
 
-def alternatives(listed: Sequence[Candidate]) -> tuple[str, ...]:
-    """Return the names that the recordings cannot tell from the first one."""
+def alternatives(listed: Sequence[Candidate], left: float) -> tuple[str, ...]:
+    """Return the names that the recordings cannot tell from the first one.
+
+    Args:
+        listed: candidates, the best first.
+        left: squared residual beyond noise that the best one leaves.
+    """
     best = listed[0].taken
-    return tuple(item.name for item in listed[1:] if item.taken > max(min(CLOSE * best, best - CLOSE_CHI2), 0.0))
+    nearest = best - CLOSE_CHI2 - CLOSE * best - CLOSE_LEFT * min(left, 0.3 * best)
+    return tuple(item.name for item in listed[1:] if item.taken > max(nearest, 0.0))

@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 
 LOWEST_CORNER = 8.0
 """Noise is flat below this frequency [Hz]."""
+MOST_DOUBT = 100.0
+"""Largest extra variance where the contact sticks or creeps."""
 _BANDS = 24
 _STICK_SMOOTHING = 0.024  # s
 _SLOW = 0.05  # s
@@ -133,4 +135,4 @@ def _stick_share(residual: Floats, doubt: Floats, period: float) -> float:
     if square[tight].mean() <= 2.0 * square[loose].mean():
         return 0.0
     free, stuck = np.median(np.abs(slow[loose])), np.median(np.abs(slow[tight]))
-    return float(max(0.0, (stuck / free) ** 2 - 1.0) / np.median(square[tight]))
+    return float(min(MOST_DOUBT, max(0.0, (stuck / max(free, 1e-300)) ** 2 - 1.0) / square[tight].mean()))

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.discrepancy import search
-from sgms_observer.discrepancy.fit import STEP, Judged, prior_widths
-from sgms_observer.discrepancy.model import Model, predict
+from sgms_observer.discrepancy.fit import STEP, Judged, Refit, prior_widths
+from sgms_observer.discrepancy.model import predict
 from sgms_observer.discrepancy.motion import BAND
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.effect import Effect, Place
@@ -61,14 +61,15 @@ class Screen:
 
     Args:
         judged: recordings with noise.
-        model: refitted nominal model.
+        current: refit so far; the freedom of its parameters is taken out of every column.
         tolerance: of its parameters.
         names: effects to look for.
     """
 
     def __init__(
-        self, judged: Judged, model: Model, tolerance: float, names: Sequence[str], logs: Floats | None = None
+        self, judged: Judged, current: Refit, tolerance: float, names: Sequence[str]
     ) -> None:
+        model = current.model
         self.judged, self.model, self.tolerance = judged, model, tolerance
         base = [predict(model, motion) for motion in judged.motions]
         self._base = [item.residual for item in base]
@@ -94,9 +95,14 @@ class Screen:
             logs[k] = STEP
             columns.append((judged.residual(model.shifted(logs)) - self.residual) / STEP)
         self._prior = 1.0 / widths
-        self._prior_residual = np.zeros(len(widths)) if logs is None else logs / widths
+        self._prior_residual = current.logs / widths
         self.nominal_columns = np.column_stack(columns)
         stacked = np.vstack([self.nominal_columns, np.diag(self._prior)])
+        n = len(widths)
+        if current.jacobian.shape[1] > n:
+            moving = current.jacobian[:, n:]
+            moving = moving[:, np.linalg.norm(moving, axis=0) > 1.0e-9]
+            stacked = np.column_stack([stacked, moving])
         self._nominal_basis = np.linalg.qr(stacked)[0]
         self.columns: dict[str, list[Columns]] = {name: self._columns_of(name) for name in names}
 

@@ -10,9 +10,9 @@ from sgms_observer.discrepancy.motion import BAND
 
 Floats = NDArray[np.float64]
 
-EDGES = (0.0, 1.0, 3.0, 8.0, 25.0, BAND)
-"""Bands in which a residual is compared with its noise [Hz]."""
-SLACK = (0.35, 0.25, 0.2, 0.15, 0.1)
+EDGES = (0.0, 1.0, 3.0, 8.0, 25.0)
+"""Bands in which a residual is compared with its noise [Hz]; above them colour alone does not tell cause from noise."""
+SLACK = (1.5, 0.8, 0.4, 0.3)
 """Share by which a band may exceed its noise: what few elements and an encoder's grid leave behind."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +26,20 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings
 Floats = NDArray[np.float64]
 Report = Callable[[str, float], None]
 
-MOST_EFFECTS = 3
+MOST_EFFECTS = 4
 ALARM = 45.0
 """Standardised gain that counts as an alarm, if the twins' own largest is below: what few elements leave behind has
 reached 31 on the tuning seeds."""
+COARSE_ALARM = 10.0
+"""Alarms count from this many times the threshold where the encoder itself is coarser than told."""
 ALARM_GAIN = 60.0
 """Squared residual, in units of the noise, that an effect has to take."""
 CLOSES = 0.6
 """An effect is accepted when it takes this share of what is more than noise."""
 NEXT_SHARE = 0.08
 """A further effect has to take this share of what the first one took: less is the first one's shape."""
+NEARLY = 0.8
+"""Where the best candidate is refused, the next one counts if it takes this share of what the best one takes."""
 KIN = 0.3
 """A further effect that alone would have taken this share of what the first one took is of its kind,"""
 KIN_SHARE = 0.25
@@ -88,7 +92,8 @@ class Diagnosis:
 
     Attributes:
         verdict: see docs/discrepancy.md.
-        nominal: the given model.
+        nominal: the given model without its effects.
+        own: the effects it was given with.
         before: refit of the nominal model alone, with its own number of elements.
         after: refit with the effects that were found; ``before`` when there are none.
         rounds: passes through the loop.
@@ -103,6 +108,7 @@ class Diagnosis:
 
     verdict: str
     nominal: Model
+    own: tuple[EffectSettings, ...]
     before: Refit
     after: Refit
     rounds: tuple[Round, ...]
@@ -152,21 +158,21 @@ def diagnose(
     held_out = tuple(motion_of(record) for record in holdouts)
     notes, is_poor = audit.findings(motions, axis)
     resolution = audit.coarser_grid(motions, axis.stage.encoder.resolution)
-    nominal = Model.of(axis)
+    nominal, own = replace(Model.of(axis), effects=()), axis_effects(axis)
     fine = nominal.refined()
     report("refit of the nominal model", 0.03)
-    judged = judged_with(motions, fine)
-    found = refit(judged, fine, tolerance, iterations=5)
+    judged = judged_with(motions, fine.with_effects(own))
+    found = refit(judged, fine, tolerance, own, None, kept(own), 5)
     judged = judged_with(motions, found.model)
-    found = refit(judged, fine, tolerance, start=found.logs, iterations=4)
+    found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 4)
     names = [name for name in catalogue_names() if name not in NEVER_SEARCHED]
-    names = [name for name in names if name not in {item.name for item in nominal.effects}]
+    names = [name for name in names if name not in {item.name for item in own}]
     rounds: list[Round] = []
     calibration: Calibration | None = None
     current = found
     for number in range(MOST_EFFECTS + 1):
         report(f"first look at {len(names)} effects", 0.15 + 0.2 * number)
-        screen = Screen(judged, current.model, tolerance, names, current.logs)
+        screen = Screen(judged, current, tolerance, names)
         if calibration is None:
             calibration = calibrate(
                 screen, options.seed, workers, lambda share: report("null twins", 0.2 + 0.1 * share)
@@ -175,9 +181,10 @@ def diagnose(
         scores = {name: calibration.standardised(name, gains[name][0]) for name in names}
         frequency = frequencies(judged)
         now = excess(current.residual, frequency)
-        threshold = max(ALARM, float(calibration.largest.max()))
+        threshold = max(ALARM, float(calibration.largest.max())) * (COARSE_ALARM if resolution is not None else 1.0)
         strong = [name for name in names if scores[name] > threshold and gains[name][0] > ALARM_GAIN]
-        if not (strong or now.sum() > 0.0) or number == MOST_EFFECTS:
+        is_loud = now.sum() > 0.0 and resolution is None
+        if not (strong or is_loud) or number == MOST_EFFECTS:
             rounds.append(Round(screen, scores, (), now, now, False, ()))
             break
         report("full refits", 0.32 + 0.2 * number)
@@ -189,24 +196,29 @@ def diagnose(
         best = step.listed[0].refit
         judged = judged_with(motions, best.model)
         current = refit(
-            judged, fine, tolerance, best.effects, best.logs, _kept(best.effects), 3, screen.nominal_columns
+            judged, fine, tolerance, best.effects, best.logs, kept(best.effects), 3, screen.nominal_columns
         )
-        names = [name for name in names if name != listed[0].name]
+        names = [name for name in names if name != step.listed[0].name]
     assert calibration is not None
     report("refit of the model as it is", 0.9)
-    before = refit(judged, nominal, tolerance, iterations=5)
+    before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 5)
     after = before
-    if current.effects:
-        after = refit(judged, nominal, tolerance, current.effects, before.logs, _kept(current.effects), 8)
-    deviation = None if current.effects else named_deviation(nominal, after, tolerance)
+    if len(current.effects) > len(own):
+        after = refit(judged, nominal, tolerance, current.effects, before.logs, kept(current.effects), 8)
+    deviation = None if len(current.effects) > len(own) else named_deviation(nominal, after, tolerance)
     verdict = _verdict(rounds, current, deviation, resolution, is_poor)
     return Diagnosis(
-        verdict, nominal, before, after, tuple(rounds), calibration, deviation, resolution, judged, motions,
+        verdict, nominal, own, before, after, tuple(rounds), calibration, deviation, resolution, judged, motions,
         held_out, tuple(notes),
     )  # fmt: skip
 
 
-def _kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+def axis_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:
+    """Return the effects an axis already has, with all their values."""
+    return tuple(EffectSettings(item.name, item.values or effect(item.name).defaults) for item in axis.effects)
+
+
+def kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
     """Return the parameters that are never fitted: the unit of a power law, an absent second harmonic."""
     kept = [(i, 2) for i, item in enumerate(effects) if item.name == "nonlinear_viscous"]
     for i, item in enumerate(effects):
@@ -227,20 +239,30 @@ def _judge(
     """Return the round with the decision whether its best candidate belongs into the model."""
     if not listed:
         return Round(screen, scores, (), now, now, False, ())
-    best = listed[0]
-    after = excess(best.refit.residual, frequencies(screen.judged))
-    share = best.taken / (best.taken + float(after.sum())) if best.taken > 0.0 else 0.0
-    accepted = is_strong and best.taken > ALARM_GAIN and not best.at_bound
-    if rounds:
-        first = {item.name: item.taken for item in rounds[0].listed}
-        largest = rounds[0].listed[0].taken
-        is_kin = (
-            first.get(best.name, 0.0) > KIN * largest or best.name in effect(rounds[0].listed[0].name).confusable_with
-        )
-        accepted = accepted and best.taken > (KIN_SHARE if is_kin else NEXT_SHARE) * largest
-    else:
-        accepted = accepted and (share > CLOSES or best.taken > 4.0 * ALARM_GAIN and share > 0.3)
-    return Round(screen, scores, tuple(listed), now, after, accepted, alternatives(listed) if accepted else ())
+    order = list(listed)
+    for place, best in enumerate(listed):
+        if best.taken < NEARLY * listed[0].taken:
+            break
+        after = excess(best.refit.residual, frequencies(screen.judged))
+        if is_strong and _is_acceptable(best, after, rounds):
+            order = [best, *(item for item in listed if item is not best)]
+            others = alternatives(order[place:] if place else order, float(after.sum()))
+            return Round(screen, scores, tuple(order), now, after, True, others)
+    after = excess(listed[0].refit.residual, frequencies(screen.judged))
+    return Round(screen, scores, tuple(order), now, after, False, ())
+
+
+def _is_acceptable(best: Candidate, after: Floats, rounds: Sequence[Round]) -> bool:
+    """Return whether a candidate explains enough, and more than the shape of the effects before it."""
+    if best.taken <= ALARM_GAIN or best.at_bound:
+        return False
+    if not rounds:
+        share = best.taken / (best.taken + float(after.sum()))
+        return share > CLOSES or (best.taken > 4.0 * ALARM_GAIN and share > 0.3)
+    first = {item.name: item.taken for item in rounds[0].listed}
+    largest = rounds[0].listed[0].taken
+    is_kin = first.get(best.name, 0.0) > KIN * largest or best.name in effect(rounds[0].listed[0].name).confusable_with
+    return best.taken > (KIN_SHARE if is_kin else NEXT_SHARE) * largest
 
 
 def _verdict(
@@ -250,11 +272,11 @@ def _verdict(
     accepted = [item for item in rounds if item.accepted]
     if accepted:
         total = sum(item.listed[0].taken for item in accepted)
-        left = float(rounds[-1].excess_before.sum())
+        left = float(rounds[-1].excess_before.sum()) if rounds[0].excess_before.sum() > 0.0 else 0.0
         if total / (total + left) < CLOSES:
             return "unknown_effect"
         return "ambiguous" if any(item.alternatives for item in accepted) else "effect_found"
-    if any(item.listed for item in rounds) or float(rounds[0].excess_before.sum()) > 0.0:
+    if any(item.listed for item in rounds):
         return "unknown_effect"
     if deviation is not None:
         return "ambiguous" if deviation.alternatives else "effect_found"
