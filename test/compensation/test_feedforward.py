@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -76,7 +77,7 @@ def test_the_split_into_blocks_does_not_change_a_bit(cuts: list[int], look_ahead
     whole = Compensator(chosen, _model(), _parameters()).step(block)
     edges = [0, *sorted(cuts), 3000]
     split = Compensator(chosen, _model(), _parameters())
-    parts = [split.step(_part(block, a, b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    parts = [split.step(_part(block, a, b)) for a, b in itertools.pairwise(edges)]
     assert np.array_equal(whole, np.concatenate(parts))
 
 

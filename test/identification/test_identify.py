@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -136,4 +135,4 @@ def test_limits_of_the_excitation_are_kept() -> None:
         assert np.max(np.abs(made.velocity)) <= limits.speed * (1.0 + 1e-9)
         assert np.max(np.abs(np.diff(made.velocity))) / period <= limits.acceleration * (1.0 + 1e-3)
         assert abs(made.position[-1]) < 1e-12
-        assert [section.name for section in made.sections][0] == "nested reversals"
+        assert next(section.name for section in made.sections) == "nested reversals"

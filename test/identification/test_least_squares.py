@@ -68,5 +68,5 @@ def test_one_way_motion_is_refused_with_a_sentence() -> None:
     period = 1e-3
     position = 0.01 * period * np.arange(10_000)
     still = Recording("still", period, position, np.ones(10_000), np.full(10_000, np.nan))
-    with pytest.raises(DataError, match="apart|never excite"):
+    with pytest.raises(DataError, match=r"apart|never excite"):
         fit_inverse_model([still])
