@@ -60,7 +60,13 @@ BEST = Configuration(
     filter=FilterSettings(kind="savgol", window=4.0e-4, degree=3),
     model="gms",
     estimator=EstimatorSettings(
-        kind="mhe", parameters=("kappa",), correction_every=20, horizon=4, iterations=2, process_std=4.0e-4
+        kind="mhe",
+        parameters=("kappa",),
+        correction_every=20,
+        horizon=4,
+        iterations=2,
+        process_std=2.0e-4,
+        parameter_walk=1.0e-4,
     ),
 )
 _PAPERS = EstimatorSettings(
@@ -86,6 +92,7 @@ WITHOUT: dict[str, Configuration] = {
     "a window: EKF(z,p)": replace(BEST, estimator=replace(BEST.estimator, kind="ekf")),
     "a second iteration": replace(BEST, estimator=replace(BEST.estimator, iterations=1)),
     "a short window: N = 16": replace(BEST, estimator=replace(BEST.estimator, horizon=16)),
+    "kappa's small walk in the arrival cost": replace(BEST, estimator=replace(BEST.estimator, parameter_walk=0.0)),
     "matched R": replace(BEST, is_matched=False),
     "small Q": replace(BEST, estimator=replace(BEST.estimator, process_std=PROCESS_STD)),
 }
