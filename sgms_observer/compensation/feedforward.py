@@ -223,6 +223,15 @@ class Compensator:
             settings.timeout,
         )
 
+    def continue_from(self, output: float) -> None:
+        """Go on from another output, the one that really went out; trust has to be regained.
+
+        Args:
+            output: the force [N].
+        """
+        self._state[OUTPUT] = output
+        self._state[TRUST] = 0.0
+
     def reset(self) -> None:
         """Forget everything but the last output, from which the slew limit counts."""
         output = self._state[OUTPUT]

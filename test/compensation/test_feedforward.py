@@ -169,3 +169,15 @@ def test_poisoned_input_stays_inside_limit_and_slew_and_is_overcome(seed: int, p
     assert np.max(np.abs(np.diff(out))) <= chosen.slew_limit * PERIOD * (1.0 + 1e-9) or poison == "period"
     clean = Compensator(chosen, _model(), _parameters()).step(block)
     assert np.max(np.abs(out[3500:] - clean[3500:])) < 0.02
+
+
+def test_after_an_interruption_it_ramps_up_from_what_was_published() -> None:
+    block = _sine(4000)
+    compensator = Compensator(ON, _model(), _parameters())
+    before = compensator.step(_part(block, 0, 2000))
+    compensator.continue_from(0.0)
+    after = compensator.step(_part(block, 2000, 4000))
+    assert abs(before[-1]) > 1.0
+    assert abs(after[0]) <= ON.slew_limit * PERIOD
+    assert abs(after[round(0.5 * ON.timeout / PERIOD)]) < 0.7 * np.max(np.abs(before))
+    assert np.array_equal(after[200:], Compensator(ON, _model(), _parameters()).step(block)[2200:])
