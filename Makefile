@@ -6,7 +6,7 @@ HAS_ROS := $(shell test -n "$$ROS_DISTRO" && $(PYTHON) -c 'import rclpy' 2>/dev/
 VENV := $(if $(HAS_ROS),.venv-ros,.venv)
 OUT ?= out/demo
 
-.PHONY: setup demo test lint docs clean
+.PHONY: setup demo test lint docs pictures clean
 
 setup: $(VENV)/.complete
 
@@ -27,6 +27,11 @@ lint: setup
 # The same pages as HTML, readable without a network: out/site/index.html.
 docs: setup
 	$(VENV)/bin/python -m mkdocs build --strict --site-dir out/site
+
+# The pictures of README and docs, from a run of the demonstration.
+pictures: demo
+	cp $(OUT)/x_with_friction.png docs/images/friction.png
+	cp $(OUT)/x_with_hysteresis.png docs/images/hysteresis.png
 
 clean:
 	rm -rf .venv .venv-ros build install log out *.egg-info

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from conftest import ROOT
 
+ROOT = Path(__file__).resolve().parents[2]
 BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "api.md").read_text(encoding="utf-8"), re.DOTALL)
 
 

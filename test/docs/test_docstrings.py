@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
-from conftest import ROOT
 from docstrings import arguments, described, undocumented
+
+ROOT = Path(__file__).resolve().parents[2]
 
 PAGE = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 TABLE = re.findall(r"^\| (`s[\w.]+`(?:, `s[\w.]+`)*) \|", PAGE, re.MULTILINE)

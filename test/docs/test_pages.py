@@ -7,8 +7,9 @@ from pathlib import Path
 
 import yaml
 from browser import Browser
-from conftest import ROOT
 from looks import check
+
+ROOT = Path(__file__).resolve().parents[2]
 
 DOCS = ROOT / "docs"
 
