@@ -16,7 +16,7 @@ from sgms_observer.discrepancy.gap import Gap, measure
 from sgms_observer.discrepancy.locate import Located, locate
 from sgms_observer.discrepancy.model import MASS, STATIC, Model
 from sgms_observer.discrepancy.tolerance import OUTSIDE
-from sgms_observer.discrepancy.workflow import ALARM, ALARM_GAIN, Diagnosis, Options, Round
+from sgms_observer.discrepancy.workflow import ALARM_GAIN, Diagnosis, Options, Round, alarm_threshold
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings, Settings
 from sgms_observer.settings.write import write_settings
@@ -182,7 +182,7 @@ def detectable(found: Diagnosis, tolerance: float) -> dict[str, float]:
             sizes[name] = 1.0
             continue
         needed = max(
-            ALARM_GAIN, calibration.mean[name] + max(ALARM, calibration.largest.max()) * calibration.spread[name]
+            ALARM_GAIN, calibration.mean[name] + alarm_threshold(name, calibration) * calibration.spread[name]
         )
         kept = float(np.median([item.kept for item in listed]))
         sizes[name] = float(min(9.99, 2.5 * noise * math.sqrt(needed / count) / max(kept, 1e-3)))

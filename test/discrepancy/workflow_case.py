@@ -1,0 +1,52 @@
+"""A small simulated recording for tests: the model's own friction along a rich motion, with an effect put in."""
+
+import numpy as np
+from sgms_observer.discrepancy.model import Model, predict
+from sgms_observer.discrepancy.motion import motion_of
+from sgms_observer.discrepancy.record import Record
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
+from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.stage import EncoderSettings, StageSettings
+
+PERIOD = 1.0e-3
+FRICTION = FrictionSettings(
+    element_stiffness=(4.0e6, 1.0e6, 4.0e5),
+    element_fraction=(0.3, 0.3, 0.4),
+    element_damping=(0.0, 0.0, 0.0),
+    viscous_coefficient=12.0,
+    static_force=5.0,
+    coulomb_force=4.0,
+    stribeck_velocity=2.0e-3,
+)
+AXIS = AxisSettings(mass=5.0, friction=FRICTION, stage=StageSettings(encoder=EncoderSettings(resolution=1.0e-8)))
+
+
+def rich_position(duration: float, seed: int) -> np.ndarray:
+    """Return a motion with tones, slow and fast traverses and rests [m]."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(duration / PERIOD)) * PERIOD
+    q = np.zeros(len(t))
+    for frequency, amplitude in ((0.23, 0.02), (0.61, 0.008), (1.7, 0.002), (4.3, 4e-4), (9.1, 8e-5)):
+        q += amplitude * np.sin(2 * np.pi * frequency * t + rng.uniform(0, 6.28))
+    gate = np.clip(np.minimum((t % 6.0) * 5.0, (5.2 - t % 6.0) * 5.0), 0.0, 1.0)
+    velocity = np.gradient(q, PERIOD) * gate
+    return np.cumsum(velocity) * PERIOD
+
+
+def record(effects: tuple[EffectSettings, ...] = (), seed: int = 1, duration: float = 20.0, mass: float = 5.0) -> Record:
+    """Return a recording of a stage with ``effects`` and force noise of 1 % of the Coulomb force."""
+    raw = np.round(rich_position(duration, seed) / 1e-8) * 1e-8
+    rng = np.random.default_rng([seed, 5])
+    white = rng.standard_normal(len(raw))
+    noise = np.empty(len(raw))
+    noise[0] = 0.0
+    for k in range(1, len(raw)):
+        noise[k] = 0.85 * noise[k - 1] + 0.527 * white[k]
+    truth = Model(mass, FRICTION).with_effects(effects)
+    motion = motion_of(Record("test", PERIOD, raw, np.zeros(len(raw))))
+    needed = -predict(truth, motion).residual + 0.04 * noise
+    held = np.empty(len(raw))
+    held[0] = needed[0]
+    for k in range(1, len(raw)):  # the effort whose mean over the samples before and after is what is needed, damped
+        held[k] = needed[k] + 0.9 * (needed[k] - held[k - 1])
+    return Record("test", PERIOD, raw, held)
