@@ -22,7 +22,7 @@ _LARGEST = 1.0e150
 def _has_jumped(config: Floats, state: Floats, position: float, period: float) -> bool:
     """Return whether the speed changed by more than an axis can change it: the encoder wrapped or was set anew."""
     speed = (position - state[layout.LATEST_POSITION]) / period
-    return abs(speed - state[layout.LATEST_SPEED]) > config[layout.JUMP_SPEED]
+    return bool(abs(speed - state[layout.LATEST_SPEED]) > config[layout.JUMP_SPEED])
 
 
 @njit

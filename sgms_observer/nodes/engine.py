@@ -87,6 +87,15 @@ class Engine:
         for observer in self.observers:
             observer.reset()
 
+    def continue_compensation(self, number: int, output: float) -> None:
+        """Let an axis's compensation go on from what really went out last.
+
+        Args:
+            number: of the axis.
+            output: the force [N].
+        """
+        self.observers[number].compensator.continue_from(output)
+
     def tune_compensation(self, settings: Settings) -> None:
         """Take over the compensation's settings while everything else goes on.
 

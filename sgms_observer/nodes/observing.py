@@ -15,7 +15,6 @@ from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
 from sgms_observer.bags.diagnostics_cdr import encode_diagnostics
-from sgms_observer.compensation.safety import SafetyStage
 from sgms_observer.errors import SgmsError
 from sgms_observer.nodes.commands import CommandTopic
 from sgms_observer.nodes.engine import Engine
@@ -23,12 +22,12 @@ from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.report import OK, axis_entry, node_entry, parameter_entry
 from sgms_observer.nodes.statistics import Sentences
 from sgms_observer.nodes.topics import JointStateTopics, subscribe
+from sgms_observer.nodes.watchdog import Watchdog
 from sgms_observer.observer.learnt import learnt_changes
 from sgms_observer.observer.outgoing import COMPENSATION, JOINT_STATE_TOPICS, PARAMETERS, OutgoingBlock
 from sgms_observer.settings.write import write_settings
 
 _REPORT_PERIOD = 1.0
-_SHORTEST_WATCH = 0.005
 
 
 class ObserverNode(ManagedNode):
@@ -55,11 +54,10 @@ class ObserverNode(ManagedNode):
         self._subscriptions_of_inputs: list[Subscription] = []
         self._is_scheduled = False
         self._task = self.guarded(self._process)
-        self._processed_at = time.monotonic()
         self._reported_at = time.monotonic()
         self._sentences = Sentences()
-        self._safety: list[SafetyStage] = []
-        self._watchdog: Timer | None = None
+        self._watchdog: Watchdog | None = None
+        self._watch_timer: Timer | None = None
         self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._parameter_topic: Publisher = self.create_publisher(DiagnosticArray, PARAMETERS, 100)
         self.create_service(Trigger, "~/reset", self._reset)
@@ -86,43 +84,47 @@ class ObserverNode(ManagedNode):
         self._subscriptions_of_inputs = [
             subscribe(self, topic, self.guarded(callback)) for topic, callback in inputs.items()
         ]
-        timeout = min(axis.compensation.timeout for axis in self.settings.axes)
-        self._watchdog = self.create_timer(
-            max(timeout / 2, _SHORTEST_WATCH), self.guarded(self._watch), clock=self.steady_clock
-        )
+        self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
 
     def begin(self) -> None:
         """Start from nothing: what came before is not trusted."""
         self._working_engine().reset()
-        self._safety = [SafetyStage(axis.compensation) for axis in self.settings.axes]
-        self._processed_at = time.monotonic()
+        self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
+        for number in range(len(self.settings.axes)):
+            self._working_engine().continue_compensation(number, 0.0)
 
     def end(self) -> None:
         """Leave no compensation behind."""
-        if self.context.ok() and any(stage.output for stage in self._safety):
-            self._publish_compensation([0.0] * len(self._safety))
-        self._safety = []
+        watchdog, self._watchdog = self._watchdog, None
+        if self.context.ok() and watchdog is not None and any(watchdog.outputs):
+            self._publish_compensation(dict.fromkeys(range(len(self.settings.axes)), 0.0))
 
     def tear_down(self) -> None:
         """Remove publishers and subscriptions."""
         for subscription in self._subscriptions_of_inputs:
             self.destroy_subscription(subscription)
         self._subscriptions_of_inputs = []
-        if self._watchdog is not None:
-            self.destroy_timer(self._watchdog)
+        if self._watch_timer is not None:
+            self.destroy_timer(self._watch_timer)
         if self._topics is not None:
             self._topics.destroy()
         if self._commands is not None:
             self._commands.destroy()
-        self._watchdog = self._topics = self._commands = self._engine = None
+        self._watch_timer = self._watchdog = self._topics = self._commands = self._engine = None
 
     def on_tuned(self) -> None:
         """Take over the compensation's settings."""
         self._working_engine().tune_compensation(self.settings)
-        outputs = [stage.output for stage in self._safety]
-        self._safety = [SafetyStage(axis.compensation) for axis in self.settings.axes] if outputs else []
-        for stage, output in zip(self._safety, outputs, strict=True):
-            stage.output = output
+        if self._watchdog is not None:
+            self._watchdog.configure(self.settings.axes)
+            self._watch_by(self._watchdog)
+
+    def _watch_by(self, watchdog: Watchdog) -> None:
+        """Have the watchdog look as often as it wants to."""
+        self._watchdog = watchdog
+        if self._watch_timer is not None:
+            self.destroy_timer(self._watch_timer)
+        self._watch_timer = self.create_timer(watchdog.period, self.guarded(self._watch), clock=self.steady_clock)
 
     def _working_engine(self) -> Engine:
         if self._engine is None:
@@ -157,36 +159,43 @@ class ObserverNode(ManagedNode):
 
     def _process(self) -> None:
         self._is_scheduled = False
-        if not self.is_active or self._topics is None:
+        if not self.is_active or self._topics is None or self._watchdog is None:
             return
         processed = self._working_engine().process()
         for block in processed.blocks:
             self._topics.publish(block)
         for report in processed.reports:
             self._parameter_topic.publish(encode_diagnostics(report.stamp_ns, [parameter_entry(report)]))
+        now = time.monotonic()
         for number, estimates in processed.estimates.items():
-            self._safety[number].output = float(estimates.compensation[-1])
+            self._watchdog.feed(number, float(estimates.compensation[-1]), now)
         if processed.estimates and self._commands is not None:
-            self._commands.publish([stage.output for stage in self._safety])
-        self._processed_at = time.monotonic()
+            self._commands.publish(self._watchdog.outputs)
 
     def _watch(self) -> None:
-        """Bring the compensation to zero when no samples arrive."""
-        if not self.is_active or not any(stage.output for stage in self._safety):
+        """Bring the compensation of every axis to zero whose samples stopped."""
+        if not self.is_active or self._watchdog is None:
             return
-        age = time.monotonic() - self._processed_at
-        if age <= min(axis.compensation.timeout for axis in self.settings.axes):
-            return
-        period = max(min(axis.compensation.timeout for axis in self.settings.axes) / 2, _SHORTEST_WATCH)
-        self._publish_compensation([stage.step(0.0, float("inf"), period) for stage in self._safety])
+        forces = self._watchdog.silent(time.monotonic())
+        if forces:
+            for number, force in forces.items():
+                self._working_engine().continue_compensation(number, force)
+            self._publish_compensation(forces)
 
-    def _publish_compensation(self, forces: list[float]) -> None:
+    def _publish_compensation(self, forces: dict[int, float]) -> None:
+        """Publish forces that no sample led to.
+
+        Args:
+            forces: number of the axis to its force [N].
+        """
         if self._commands is not None:
-            self._commands.publish(forces)
+            outputs = self._watchdog.outputs if self._watchdog is not None else [0.0] * len(self.settings.axes)
+            self._commands.publish(outputs)
         if self._topics is not None:
             stamp = np.array([self.get_clock().now().nanoseconds], dtype=np.int64)
-            names = tuple(axis.name for axis in self.settings.axes)
-            self._topics.publish(OutgoingBlock(COMPENSATION, names, stamp, {"effort": np.array([forces])}))
+            names = tuple(self.settings.axes[number].name for number in forces)
+            effort = np.array([list(forces.values())])
+            self._topics.publish(OutgoingBlock(COMPENSATION, names, stamp, {"effort": effort}))
 
     def _report(self) -> None:
         """Publish diagnostics and say what is new in them."""

@@ -53,6 +53,7 @@ def test_stage_and_observer_together(graph: Graph, start: Start) -> None:
     start("observer_node", ONE_AXIS)
     start("stage_node", ONE_AXIS)
     graph.wait_messages("friction_estimate", 3000)
+    graph.wait_messages("friction_true", 3000)
     truth = {stamp: effort[0] for stamp, _, _, _, effort in map(decode_joint_state, graph.messages["friction_true"])}
     estimates = [decode_joint_state(data) for data in list(graph.messages["friction_estimate"])]
     pairs = np.array([(effort[0], truth[stamp]) for stamp, _, _, _, effort in estimates[1000:] if stamp in truth])
