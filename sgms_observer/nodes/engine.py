@@ -79,9 +79,11 @@ class Engine:
 
     def reset(self) -> None:
         """Forget every sample and everything learnt; counts go on."""
-        counts = self.intake.counts
+        before = self.intake
         self.intake = Intake(self.axes, self.settings.sample_period)
-        self.intake.counts = counts
+        self.intake.counts = before.counts
+        for pairing, old in zip(self.intake.pairings, before.pairings, strict=True):
+            pairing.counts = old.counts
         self._outgoing = Outgoing(self.settings)
         self.latest.clear()
         for observer in self.observers:

@@ -20,7 +20,7 @@ from sgms_observer.nodes.commands import CommandTopic
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.report import OK, axis_entry, node_entry, parameter_entry
-from sgms_observer.nodes.statistics import Sentences
+from sgms_observer.nodes.statistics import Growth, Sentences
 from sgms_observer.nodes.topics import JointStateTopics, subscribe
 from sgms_observer.nodes.watchdog import Watchdog
 from sgms_observer.observer.learnt import learnt_changes
@@ -56,6 +56,7 @@ class ObserverNode(ManagedNode):
         self._task = self.guarded(self._process)
         self._reported_at = time.monotonic()
         self._sentences = Sentences()
+        self._growth = Growth()
         self._watchdog: Watchdog | None = None
         self._watch_timer: Timer | None = None
         self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -206,14 +207,17 @@ class ObserverNode(ManagedNode):
             return
         name = self.get_name()
         counts = engine.intake.counts
+        new = self._growth.take("messages", counts)
+        clock = engine.clock
         entries = [
-            node_entry(name, engine.axes, "active", counts, engine.clock.take(), engine.clock.deadline_misses, seconds)
+            node_entry(name, engine.axes, "active", counts, new, clock.take(), clock.deadline_misses, seconds)
         ]
-        sentences = list(counts.sentences(engine.axes))
+        sentences = list(new.sentences(engine.axes))
         for axis, statistics, pairing in zip(engine.axes, engine.statistics, engine.intake.pairings, strict=True):
-            entry = axis_entry(name, axis, statistics, pairing.counts, seconds)
+            grown = self._growth.take(axis, pairing.counts)
+            entry = axis_entry(name, axis, statistics, pairing.counts, grown, seconds)
             entries.append(entry)
-            troubles = [*pairing.counts.sentences(), *([entry.message] if entry.level != OK else [])]
+            troubles = dict.fromkeys([*grown.sentences(), *([entry.message] if entry.level != OK else [])])
             sentences += [f"axis {axis}: {sentence}" for sentence in troubles]
             statistics.start_anew()
         self._diagnostics.publish(encode_diagnostics(self.get_clock().now().nanoseconds, entries))

@@ -29,6 +29,7 @@ def axis_entry(
     axis: str,
     statistics: AxisStatistics,
     counts: PairingCounts,
+    new: PairingCounts,
     seconds: float,
 ) -> DiagnosticStatus:
     """Return what diagnostics say of one axis.
@@ -37,7 +38,8 @@ def axis_entry(
         name: the node's name.
         axis: the axis's name.
         statistics: what the estimator said since the last report.
-        counts: what became of the axis's messages.
+        counts: what became of the axis's messages since the start.
+        new: the same since the last report.
         seconds: time since the last report [s].
     """
     level = _LEVELS.get(statistics.worst, WARN)
@@ -47,6 +49,9 @@ def axis_entry(
     elif statistics.worst is Status.RUNNING and statistics.nis > _NIS_HIGH:
         level = WARN
         sentence = "innovations are larger than the model expects; raise measurement_std or identify the model anew"
+    troubles = new.sentences()
+    if troubles and level in (OK, STALE):
+        level, sentence = max(level, WARN), troubles[0]
     dropped = counts.late + counts.duplicates + counts.invalid
     values = {
         "state": statistics.latest.name.lower(),
@@ -69,6 +74,7 @@ def node_entry(
     axes: Sequence[str],
     state: str,
     counts: IntakeCounts,
+    new: IntakeCounts,
     times: StepTimes,
     deadline_misses: int,
     seconds: float,
@@ -79,12 +85,13 @@ def node_entry(
         name: the node's name.
         axes: names of the axes.
         state: lifecycle state.
-        counts: what became of the messages of all axes.
+        counts: what became of the messages of all axes since the start.
+        new: the same since the last report.
         times: how long the steps took.
         deadline_misses: steps that took longer than their samples lasted, since the start.
         seconds: time since the last report [s].
     """
-    sentences = counts.sentences(axes)
+    sentences = new.sentences(axes)
     values = {
         "state": state,
         "messages": str(counts.messages),

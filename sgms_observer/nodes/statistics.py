@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from sgms_observer.observer.samples import Estimates
 from sgms_observer.status import Status
 
 _KEPT_TIMES = 20_000
+_Counts = TypeVar("_Counts", bound=Any)  # a dataclass of whole numbers
 
 
 @dataclass
@@ -120,6 +122,27 @@ class StepClock:
         self._seconds.clear()
         self._samples = 0
         return times
+
+
+class Growth:
+    """Gives what counters grew by: a trouble that is over is counted on, and told no more."""
+
+    def __init__(self) -> None:
+        self._before: dict[Hashable, Any] = {}
+
+    def take(self, key: Hashable, counts: _Counts) -> _Counts:
+        """Return what these counters grew by since the last time.
+
+        Args:
+            key: whose counters they are.
+            counts: a dataclass of whole numbers.
+        """
+        before = self._before.get(key)
+        self._before[key] = replace(counts)
+        if before is None:
+            return counts
+        names = [field.name for field in fields(counts)]
+        return type(counts)(**{name: getattr(counts, name) - getattr(before, name) for name in names})
 
 
 class Sentences:

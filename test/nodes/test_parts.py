@@ -12,7 +12,7 @@ from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.intake import Intake
 from sgms_observer.nodes.pace import LONGEST_CATCH_UP, Pace
 from sgms_observer.nodes.report import NO_SAMPLES, STALE, WARN, axis_entry
-from sgms_observer.nodes.statistics import AxisStatistics, Sentences, StepClock
+from sgms_observer.nodes.statistics import AxisStatistics, Growth, Sentences, StepClock
 from sgms_observer.observer.learnt import learnt_changes
 from sgms_observer.observer.outgoing import ELEMENTS, ESTIMATE, Outgoing
 from sgms_observer.observer.pairing import PairingCounts
@@ -147,13 +147,23 @@ class TestStatistics:
         statistics.add(estimates([3, 4, 5]))
         assert (statistics.samples, statistics.rejected, statistics.worst) == (5, 2, Status.SAMPLE_REJECTED)
         assert statistics.nis == 4.0
-        entry = axis_entry("node", "x", statistics, PairingCounts(late=1, invalid=2), 2.5)
+        entry = axis_entry("node", "x", statistics, PairingCounts(late=1, invalid=2), PairingCounts(), 2.5)
         assert entry.level == WARN and entry.message == Status.SAMPLE_REJECTED.sentence
         assert dict(entry.values)["rate [Hz]"] == "2" and dict(entry.values)["dropped"] == "3"
         statistics.start_anew()
         assert statistics.worst is Status.RUNNING and math.isnan(statistics.nis)
-        assert axis_entry("node", "x", statistics, PairingCounts(), 1.0).level == STALE
-        assert axis_entry("node", "x", statistics, PairingCounts(), 1.0).message == NO_SAMPLES
+        nothing = PairingCounts()
+        assert axis_entry("node", "x", statistics, nothing, nothing, 1.0).level == STALE
+        assert axis_entry("node", "x", statistics, nothing, nothing, 1.0).message == NO_SAMPLES
+        assert "NaN" in axis_entry("node", "x", statistics, nothing, PairingCounts(invalid=2), 1.0).message
+
+    def test_what_is_over_is_counted_but_not_told_again(self) -> None:
+        growth, counts = Growth(), PairingCounts(late=3)
+        assert growth.take("x", counts) == PairingCounts(late=3)
+        counts.late, counts.invalid = 4, 7
+        assert growth.take("x", counts) == PairingCounts(late=1, invalid=7)
+        assert growth.take("x", counts) == PairingCounts()
+        assert growth.take("y", counts) == PairingCounts(late=4, invalid=7)
 
     def test_steps_slower_than_their_samples_are_misses(self) -> None:
         clock = StepClock(1.0e-3)
