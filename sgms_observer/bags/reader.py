@@ -19,6 +19,11 @@ from sgms_observer.observer.samples import Samples
 
 INPUTS = ("position", "control_effort", "reference")
 _SINGLE_TOPIC = "joint_states"
+
+# A recorder on a busy machine writes one topic seconds after another. Waiting costs nothing here, and gives the samples
+# that the observer saw.
+_HOLD = 60.0  # s
+_MOST_WAITING = 2**18
 _STEPS = 10  # steps of the stamps that the sample period is taken from, at least
 _BLOCKS = 20  # blocks that are looked at for them, at most
 _UNKNOWN_PERIOD = 1.0e-3  # s, for a recording of a single sample
@@ -176,7 +181,7 @@ class BagSamples:
             if steps.size < _STEPS and len(waiting) < _BLOCKS and not is_all:
                 return False
             period = float(np.median(steps)) * 1e-9 if steps.size else _UNKNOWN_PERIOD
-        self._pairings = {axis: Pairing(period) for axis in self._axes}
+        self._pairings = {axis: Pairing(period, hold=_HOLD, most=_MOST_WAITING) for axis in self._axes}
         return True
 
     def _check_axes(self) -> None:

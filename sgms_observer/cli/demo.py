@@ -17,7 +17,8 @@ HELP = "run a simulated stage and its observer on the ROS graph, without and wit
 
 STAGE, OBSERVER, RECORDER = "stage_node", "observer_node", "recorder"
 TRUTH = "friction_true"
-_SETTLE = 0.5  # s for the last messages to reach the bag
+_QUIET = 1.5  # s in which a bag that is complete does not grow; the recorder flushes twice a second
+_LONGEST_WAIT = 60.0  # s
 _RECORDED = (
     "position", "control_effort", "reference", TRUTH,
     "friction_estimate", "friction_std", "friction_compensation", "friction_elements",
@@ -96,7 +97,7 @@ def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) 
         switched_ns = time.time_ns()
         _sleep(conductor, duration / 2)
         conductor.deactivate(STAGE)
-        time.sleep(_SETTLE)
+        _wait_until_written(bag)
         for name in (RECORDER, OBSERVER, STAGE):
             conductor.stop(name)
     return switched_ns
@@ -108,3 +109,15 @@ def _sleep(conductor: Conductor, seconds: float) -> None:
     while (left := end - time.monotonic()) > 0.0:
         conductor.watch()
         time.sleep(min(0.2, left))
+
+
+def _wait_until_written(bag: Path) -> None:
+    """Wait until the recording stops to grow: a busy machine has messages on their way yet."""
+    partial = bag.with_name(bag.name + ".partial")
+    end = time.monotonic() + _LONGEST_WAIT
+    size, changed = -1, time.monotonic()
+    while time.monotonic() < min(end, changed + _QUIET):
+        now = sum(path.stat().st_size for path in partial.glob("*"))
+        if now != size:
+            size, changed = now, time.monotonic()
+        time.sleep(0.1)

@@ -61,6 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from sgms_observer.bags.source import BagReader
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import RecordingError
+    from sgms_observer.nodes.transport import use_shipped_transport
 
     if not 0.0 < args.rate < float("inf"):
         raise RecordingError(f"--rate {args.rate:g} must be above 0")
@@ -69,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
         signal.signal(number, lambda *_: stop.set())
     with BagReader(args.bag) as bag:
         topics = _choose(bag, args.topics)
+        use_shipped_transport()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         node = None
         try:

@@ -5,12 +5,21 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
+import threading
 import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rclpy.executors import Executor
+
+    from sgms_observer.bags.writer import BagWriter
+    from sgms_observer.nodes.recording import RecorderNode
 
 NAME = "record"
 HELP = "record topics of the live graph into a bag, where `ros2 bag` is not installed"
 
-_SPIN_AT_ONCE = 3600.0  # s
+_SPIN_AT_ONCE = 0.1  # s; signals are seen in between
+_LONGEST_DRAIN = 1.0  # s
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,26 +58,33 @@ def run(args: argparse.Namespace) -> int:
         raise RecordingError(MISSING_ROS) from None
 
     from rclpy.executors import ExternalShutdownException
+    from rclpy.signals import SignalHandlerOptions
 
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.errors import RecordingError
     from sgms_observer.nodes.recording import RecorderNode
     from sgms_observer.nodes.spin import make_executor
+    from sgms_observer.nodes.transport import use_shipped_transport
 
     if args.duration is not None and not args.duration > 0.0:
         raise RecordingError(f"--duration {args.duration:g} s must be above 0")
     writer = BagWriter(args.out, args.storage, keep_on_failure=True)
     node = None
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    use_shipped_transport()
     try:
-        rclpy.init(args=[])
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()
         node = RecorderNode(writer, args.topics)
         executor.add_node(node)
         print(f"recording into {args.out}; stop with Ctrl-C", flush=True)
         end = time.monotonic() + (args.duration if args.duration is not None else float("inf"))
-        while rclpy.ok() and not node.done.done() and (left := end - time.monotonic()) > 0.0:
+        while not stop.is_set() and not node.done.done() and (left := end - time.monotonic()) > 0.0:
             executor.spin_until_future_complete(node.done, timeout_sec=min(left, _SPIN_AT_ONCE))
-    except (KeyboardInterrupt, ExternalShutdownException):
+        _drain(executor, node, writer)
+    except ExternalShutdownException:
         pass
     except BaseException:
         writer.abort()
@@ -95,3 +111,12 @@ def run(args: argparse.Namespace) -> int:
         print(f"{topic}: {count} messages")
     sys.stdout.flush()
     return 0
+
+
+def _drain(executor: Executor, node: RecorderNode, writer: BagWriter) -> None:
+    """Take in what had arrived when the recording was told to stop, for a second at most."""
+    end = time.monotonic() + _LONGEST_DRAIN
+    before, count = -1, sum(writer.counts.values())
+    while count != before and not node.done.done() and time.monotonic() < end:
+        executor.spin_until_future_complete(node.done, timeout_sec=_SPIN_AT_ONCE)
+        before, count = count, sum(writer.counts.values())

@@ -93,11 +93,14 @@ class Pairing:
         sample_period: nominal time between two samples [s].
         tolerance: largest difference of two stamps of one sample, as a share of the sample period.
         hold: how long a sample waits for a silent effort [s], while DDS may send it again; 1/25 of it for a reference.
+        most: samples that wait at most, whatever ``hold`` says.
     """
 
-    def __init__(self, sample_period: float, *, tolerance: float = 0.25, hold: float = 0.5) -> None:
+    def __init__(
+        self, sample_period: float, *, tolerance: float = 0.25, hold: float = 0.5, most: int = 4096
+    ) -> None:
         self.tolerance_ns = round(tolerance * sample_period * 1e9)
-        self.limit = min(4096, max(16, round(hold / sample_period)))
+        self.limit = min(most, max(16, round(hold / sample_period)))
         self.reference_limit = max(8, self.limit // 25)
         self.counts = PairingCounts()
         self.position = Stream()
