@@ -24,6 +24,9 @@ _IMPORT = re.compile(
     r"^\s*(?:from|import)\s+((?:sgms_observer|sim_plant)[\w.]*)(?:\s+import\s+(\([^)]*\)|[^\n#]*))?", re.MULTILINE
 )
 
+# LLVM's third level takes a third longer to compile and makes no kernel of ours faster.
+os.environ.setdefault("NUMBA_OPT", "2")
+
 try:
     import numba
 
@@ -114,20 +117,9 @@ def njit(function: Kernel) -> Kernel:
 def njit_bare(function: Kernel) -> Kernel:
     """Compile ``function`` without reference counting: it may be handed many arrays for nothing, but must not make one.
 
-    Counting references to the fifty arrays of an estimator's memory costs ten times what a prediction does. Only
-    kernels may call the result with arrays, or Python where it neither allocates nor returns any.
+    Only kernels may call the result with arrays, or Python where it neither allocates nor returns any.
     """
     return _compile(function, _nrt=False)
-
-
-def inlined(function: Kernel) -> Kernel:
-    """Leave ``function`` plain Python for Python, and let ``njit_bare`` kernels compile it into themselves."""
-    if not HAS_NUMBA:
-        return function
-    from numba.extending import register_jitable
-
-    registered: Kernel = register_jitable(_nrt=False)(function)
-    return registered
 
 
 def njit_uncached(function: Kernel) -> Kernel:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.compensation.preview import advance_elements, preview_elements
 from sgms_observer.compensation.safety import safe_output
+from sgms_observer.estimators.block import FRICTION_STD, RESULT_SIZE, STATUS
 from sgms_observer.estimators.layout import (
     MODEL_SIZE,
     OFFSET,
@@ -26,14 +27,14 @@ from sgms_observer.estimators.layout import (
     ParameterArrays,
     apply_parameters,
 )
+from sgms_observer.filters.motion import LEAD, PERIOD, PRESENT_VELOCITY
 from sgms_observer.jit import njit
 from sgms_observer.settings.observer import CompensationSettings
 from sgms_observer.status import Status
 
-# the state that evolves, one array
+# one array: the state that evolves, the settings, then what each status means (``_GOOD`` and ``_RESTART``)
 OUTPUT, TRUST, RAW, LAST_POSITION, LAST_VELOCITY, HAS_LAST, IS_ALIGNED, STEADY, STATE_SIZE = range(9)
-# the settings the kernel reads, one array
-ENABLED, GAIN, LIMIT, SLEW, LOOK_AHEAD, STANDSTILL, FADE_STD, TIMEOUT, TUNING_SIZE = range(9)
+ENABLED, GAIN, LIMIT, SLEW, LOOK_AHEAD, STANDSTILL, FADE_STD, TIMEOUT, VERDICT = range(STATE_SIZE, STATE_SIZE + 9)
 
 # Without a reference a motion counts once the estimated velocity has kept its sign for so long, or is this many times
 # the standstill velocity: the noise of a velocity at rest does neither.
@@ -74,7 +75,7 @@ class Preview:
 
 
 @njit
-def _next_trust(trust: float, verdict: int, period: float, timeout: float) -> float:
+def _next_trust(trust: float, verdict: float, period: float, timeout: float) -> float:
     """Return how far the data are trusted: full after ``timeout`` of good samples, none after as long without."""
     if verdict == 2 or not period > 0.0:
         return 0.0
@@ -100,42 +101,49 @@ def _fade(friction_std: float, fade_std: float) -> float:
 
 
 @njit
+def _is_finite(values: Floats) -> bool:
+    """Return whether every value is a finite number."""
+    total = 0.0
+    for value in values:
+        total += value
+    return math.isfinite(total)
+
+
+@njit
 def _compensate(
-    period: Floats,
-    velocity: Floats,
-    element_force: Floats,
-    parameters: Floats,
-    friction_std: Floats,
+    state: Floats,
+    carried: Floats,
+    carried_modes: Integers,
+    scalars: Floats,
+    elements: Floats,
+    kinds: Floats,
+    motion: Floats,
+    results: Floats,
     reference_position: Floats,
     reference_velocity: Floats,
     effects_force: Floats,
     effects_factor: Floats,
-    verdict: Integers,
-    scalars: Floats,
-    elements: Floats,
-    kinds: Integers,
-    tuning: Floats,
-    state: Floats,
-    carried: Floats,
-    carried_modes: Integers,
     out: Floats,
 ) -> None:
-    """Compute the compensation sample by sample; ``state`` and ``carried`` evolve in place."""
-    n_z = elements.shape[1]
+    """Compute the compensation sample by sample; ``state``, ``carried`` and ``carried_modes`` evolve in place."""
+    n_z, n_p = elements.shape[1], kinds.shape[0]
+    first_parameter = RESULT_SIZE + 3 * n_z
     row = np.empty(MODEL_SIZE)
     bars = np.empty((3, n_z))
-    unit = np.ones(kinds.shape[0])
+    unit = np.ones(n_p)
     forces = np.empty(n_z)
     modes = np.zeros(n_z, dtype=np.int64)
     apply_parameters(scalars, elements, kinds[:0], unit[:0], unit[:0], row, bars)
-    for k in range(period.shape[0]):
-        h = period[k]
-        trust = _next_trust(state[TRUST], verdict[k], h, tuning[TIMEOUT]) if tuning[ENABLED] > 0.5 else 0.0
+    for k in range(motion.shape[0]):
+        h = motion[k, PERIOD]
+        verdict = state[VERDICT + int(results[k, STATUS])]
+        element_force = results[k, RESULT_SIZE : RESULT_SIZE + n_z]
+        trust = _next_trust(state[TRUST], verdict, h, state[TIMEOUT]) if state[ENABLED] > 0.5 else 0.0
         state[TRUST] = trust
-        if kinds.shape[0] > 0:
-            apply_parameters(scalars, elements, kinds, unit, parameters[k], row, bars)
+        if n_p > 0:
+            apply_parameters(scalars, elements, kinds, unit, results[k, first_parameter:], row, bars)
         factor = effects_factor[k] if effects_factor[k] > 0.0 else 1.0
-        if verdict[k] == 2:
+        if verdict == 2:
             state[RAW] = 0.0
         set_velocity = reference_velocity[k]
         set_position = reference_position[k]
@@ -147,40 +155,42 @@ def _compensate(
             acceleration = 0.0
             if state[HAS_LAST] > 0.5 and h > 0.0 and math.isfinite(state[LAST_VELOCITY]):
                 acceleration = (set_velocity - state[LAST_VELOCITY]) / h
-            if state[IS_ALIGNED] < 0.5 or verdict[k] == 2 or not math.isfinite(carried.sum()):
+            if state[IS_ALIGNED] < 0.5 or verdict == 2 or not _is_finite(carried):
                 for i in range(n_z):
-                    carried[i] = element_force[k, i] if math.isfinite(element_force[k, i]) else 0.0
-                carried_modes[:] = 0
+                    carried[i] = element_force[i] if math.isfinite(element_force[i]) else 0.0
+                    carried_modes[i] = 0
                 state[IS_ALIGNED] = 1.0
             else:
                 if not has_step:
                     travel = set_velocity * h
                 advance_elements(carried, carried_modes, travel, abs(travel) / h, factor, row, bars)
-            is_moving = abs(set_velocity) > tuning[STANDSTILL]
-            forces[:] = carried
-            modes[:] = carried_modes
+            is_moving = abs(set_velocity) > state[STANDSTILL]
+            for i in range(n_z):
+                forces[i] = carried[i]
+                modes[i] = carried_modes[i]
         else:
             state[IS_ALIGNED] = 0.0
-            set_velocity = velocity[k]
+            set_velocity = motion[k, PRESENT_VELOCITY]
             acceleration = 0.0
-            state[STEADY] = _next_steady(state[STEADY], set_velocity, h, tuning[STANDSTILL])
-            is_moving = abs(state[STEADY]) >= _STEADY_TIME or abs(set_velocity) > _CLEARLY_MOVING * tuning[STANDSTILL]
-            forces[:] = element_force[k]
-            modes[:] = 0
+            state[STEADY] = _next_steady(state[STEADY], set_velocity, h, state[STANDSTILL])
+            is_moving = abs(state[STEADY]) >= _STEADY_TIME or abs(set_velocity) > _CLEARLY_MOVING * state[STANDSTILL]
+            for i in range(n_z):
+                forces[i] = element_force[i]
+                modes[i] = 0
         state[LAST_POSITION] = set_position
         state[LAST_VELOCITY] = reference_velocity[k] if math.isfinite(reference_velocity[k]) else set_velocity
         state[HAS_LAST] = 1.0
         if is_moving and math.isfinite(set_velocity):
-            ahead = preview_elements(forces, modes, set_velocity, acceleration, tuning[LOOK_AHEAD], factor, row, bars)
+            ahead = preview_elements(forces, modes, set_velocity, acceleration, state[LOOK_AHEAD], factor, row, bars)
             total = row[VISCOUS] * ahead
             for i in range(n_z):
                 total += forces[i]
             state[RAW] = total
         wanted = 0.0
         if trust > 0.0:
-            share = tuning[GAIN] * trust * _fade(friction_std[k], tuning[FADE_STD])
+            share = state[GAIN] * trust * _fade(results[k, FRICTION_STD], state[FADE_STD])
             wanted = share * (state[RAW] + row[OFFSET] + effects_force[k])
-        state[OUTPUT] = safe_output(state[OUTPUT], wanted, h, tuning[LIMIT], tuning[SLEW])
+        state[OUTPUT] = safe_output(state[OUTPUT], wanted, h, state[LIMIT], state[SLEW])
         out[k] = state[OUTPUT]
 
 
@@ -197,13 +207,12 @@ class Compensator:
         self._model = model
         self._kinds = parameters.kinds
         n_z = model.elements.shape[1]
-        self._state = np.zeros(STATE_SIZE)
+        self._state = np.ones(VERDICT + 256)
+        self._state[:VERDICT] = 0.0
+        self._state[[VERDICT + status for status in _GOOD]] = 0.0
+        self._state[[VERDICT + status for status in _RESTART]] = 2.0
         self._carried = np.zeros(n_z)
         self._modes = np.zeros(n_z, dtype=np.int64)
-        self._verdict = np.ones(256, dtype=np.int64)
-        self._verdict[[int(status) for status in _GOOD]] = 0
-        self._verdict[[int(status) for status in _RESTART]] = 2
-        self._tuning = np.zeros(TUNING_SIZE)
         self.configure(settings)
 
     def configure(self, settings: CompensationSettings) -> None:
@@ -212,7 +221,7 @@ class Compensator:
         Args:
             settings: checked settings.
         """
-        self._tuning[:] = (
+        self._state[ENABLED:VERDICT] = (
             float(settings.enabled),
             settings.gain,
             settings.limit,
@@ -235,7 +244,7 @@ class Compensator:
     def reset(self) -> None:
         """Forget everything but the last output, from which the slew limit counts."""
         output = self._state[OUTPUT]
-        self._state[:] = 0.0
+        self._state[:STATE_SIZE] = 0.0
         self._state[OUTPUT] = output
         self._carried[:] = 0.0
         self._modes[:] = 0
@@ -246,25 +255,59 @@ class Compensator:
         Args:
             block: what the samples offer.
         """
-        out = np.empty(len(block.period))
-        _compensate(
-            block.period,
-            block.velocity,
-            block.element_force,
-            block.parameters,
-            block.friction_std,
+        count, n_z = block.element_force.shape
+        n_p = block.parameters.shape[1]
+        motion = np.zeros((count, LEAD))
+        motion[:, PERIOD], motion[:, PRESENT_VELOCITY] = block.period, block.velocity
+        results = np.zeros((count, RESULT_SIZE + 3 * n_z + 2 * n_p))
+        results[:, FRICTION_STD], results[:, STATUS] = block.friction_std, block.status
+        results[:, RESULT_SIZE : RESULT_SIZE + n_z] = block.element_force
+        results[:, RESULT_SIZE + 3 * n_z : RESULT_SIZE + 3 * n_z + n_p] = block.parameters
+        return self.step_tables(
+            motion,
+            results,
             block.reference_position,
             block.reference_velocity,
             block.effects_force,
             block.effects_factor,
-            self._verdict[block.status],
-            self._model.scalars,
-            self._model.elements,
-            self._kinds,
-            self._tuning,
+        )
+
+    def step_tables(
+        self,
+        motion: Floats,
+        results: Floats,
+        reference_position: Floats,
+        reference_velocity: Floats,
+        effects_force: Floats,
+        effects_factor: Floats,
+    ) -> Floats:
+        """Return the compensation of each sample of a block, from the tables of filter and estimator.
+
+        Args:
+            motion: ``Motion.table`` [SI units], shape (n, width).
+            results: ``Results.table`` [SI units], shape (n, width).
+            reference_position: as in ``Preview`` [m], shape (n,).
+            reference_velocity: as in ``Preview`` [m/s], shape (n,).
+            effects_force: as in ``Preview`` [N], shape (n,).
+            effects_factor: as in ``Preview`` [-], shape (n,).
+
+        Returns:
+            The force to add to the controller's output [N], shape (n,).
+        """
+        out = np.empty(len(motion))
+        _compensate(
             self._state,
             self._carried,
             self._modes,
+            self._model.scalars,
+            self._model.elements,
+            self._kinds,
+            motion,
+            results,
+            reference_position,
+            reference_velocity,
+            effects_force,
+            effects_factor,
             out,
         )
         return out

@@ -3,301 +3,248 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
+from sgms_observer.estimators import memory as at
 from sgms_observer.estimators.ekf import ekf_correct, predict_measurement
+from sgms_observer.estimators.fields import matrix, vector
 from sgms_observer.estimators.interval import advance_forces, friction_force, level_at, simulate_interval
-from sgms_observer.estimators.layout import (
-    NU,
-    P_VISCOUS,
-    Floats,
-    Integers,
-    ModelArrays,
-    ParameterArrays,
-    apply_parameters,
-    copy_vector,
-)
-from sgms_observer.estimators.memory import (
-    ACCELERATION,
-    COUNT,
-    EFFORT,
-    EKF_NEXT,
-    FACTOR,
-    IS_USED,
-    SAMPLES,
-    STARTED,
-    VELOCITY,
-    Memory,
-    views,
-)
-from sgms_observer.estimators.mhe import NO_DESCENT, NOT_FINITE, mhe_correct
-from sgms_observer.filters.motion import ACCELERATION as ACCELERATION_COLUMN
-from sgms_observer.filters.motion import (
-    IS_DENSE,
-    IS_JUMP,
-    IS_READY,
-    IS_REJECTED,
-    IS_RESTART,
-    LEAD,
-    PERIOD,
-    PRESENT_VELOCITY,
-    STEP_VELOCITY,
-)
-from sgms_observer.filters.motion import VELOCITY as VELOCITY_COLUMN
+from sgms_observer.estimators.layout import KAPPA, NU, P_VISCOUS, Floats, copy_vector
+from sgms_observer.estimators.mhe import NO_DESCENT, NOT_FINITE, apply_estimate, mhe_correct
+from sgms_observer.filters import motion as row_of
 from sgms_observer.jit import njit_bare
 
 # status codes, the same numbers as sgms_observer.status.Status (a test holds them together)
 RUNNING, STARTING, PREDICTING, SAMPLE_REJECTED, NOT_CONVERGED, WAS_NOT_FINITE, DEADLINE, RESTARTED = range(8)
 JUMPED, TOO_DENSE = 8, 9
 
-
-class Tuning(NamedTuple):
-    """Estimator settings for the kernel.
-
-    Attributes:
-        is_mhe: MHE rather than EKF.
-        correction_every: samples per interval.
-        horizon: N.
-        iterations: most Gauss-Newton iterations per correction.
-        tolerance: relative step that ends them.
-        variance: R [N^2].
-        walk: variance of each parameter's drift per correction (in shares squared).
-        beta: state bound of 14d.
-        outlier_nis: normalised innovation squared above which a measurement is rejected; 0 never.
-    """
-
-    is_mhe: bool
-    correction_every: int
-    horizon: int
-    iterations: int
-    tolerance: float
-    variance: float
-    walk: float
-    beta: float
-    outlier_nis: float
-
-
-# columns of the table the loop writes: these, then element forces, slip modes, p and the deviations of p
+# columns of the table the loop writes: these, then element forces, their deflections, slip modes, p and its deviations
 FRICTION, FRICTION_STD, INNOVATION, INNOVATION_STD, STATUS, RESULT_SIZE = range(6)
 
 
 @njit_bare
-def start_interval(memory: Memory, model: ModelArrays, parameters: ParameterArrays) -> None:
-    """Begin a new interval at the newest corrected estimate."""
-    n_z = memory.now.shape[0]
-    apply_parameters(
-        model.scalars, model.elements, parameters.kinds, parameters.scale, memory.x_hat[n_z:],
-        memory.scalars, memory.elements,
+def start_interval(flat: Floats) -> None:
+    """Begin a new interval at the newest corrected estimate.
+
+    Args:
+        flat: the estimator's memory.
+    """
+    x_hat, now, now_a, now_b = (
+        vector(flat, at.X_HAT), vector(flat, at.NOW), vector(flat, at.NOW_A), matrix(flat, at.NOW_B),
     )  # fmt: skip
-    copy_vector(memory.x_hat[:n_z], memory.now)
-    copy_vector(memory.slip, memory.now_slip)
-    memory.now_a[:] = 1.0
-    memory.now_b[:, :] = 0.0
-    memory.flags[SAMPLES] = 0.0
+    n_z, n_p = now_b.shape
+    apply_estimate(flat, x_hat[n_z:])
+    copy_vector(x_hat[:n_z], now)
+    copy_vector(vector(flat, at.SLIP), vector(flat, at.NOW_SLIP))
+    for i in range(n_z):
+        now_a[i] = 1.0
+        for j in range(n_p):
+            now_b[i, j] = 0.0
+    flat[at.SAMPLES] = 0.0
 
 
 @njit_bare
-def restart(memory: Memory, model: ModelArrays, parameters: ParameterArrays, initial: Floats, keep_p: bool) -> None:
+def restart(flat: Floats, keep_p: bool) -> None:
     """Forget the element forces (and p, unless kept) and start from the initial uncertainty.
 
     Args:
-        memory: the estimator's memory.
-        model: nominal model.
-        parameters: which parameters are estimated.
-        initial: initial variances of x, shape (d,).
+        flat: the estimator's memory.
         keep_p: keep what was learnt of p.
     """
-    n_z = memory.now.shape[0]
-    d = memory.x_hat.shape[0]
+    x_hat, covariance, initial = vector(flat, at.X_HAT), matrix(flat, at.COVARIANCE), vector(flat, at.INITIAL)
+    slip, start = vector(flat, at.SLIP), vector(flat, at.START)
+    n_z, d = slip.shape[0], x_hat.shape[0]
     for i in range(d):
         for j in range(d):
             if i < n_z or j < n_z or not keep_p:
-                memory.covariance[i, j] = initial[i] if i == j else 0.0
+                covariance[i, j] = initial[i] if i == j else 0.0
         if i < n_z:
-            memory.x_hat[i] = 0.0
-            memory.slip[i] = 0.0
+            x_hat[i] = 0.0
+            slip[i] = 0.0
         elif not keep_p:
-            memory.x_hat[i] = parameters.start[i - n_z]
-    memory.flags[COUNT] = 0.0
-    memory.flags[STARTED] = 1.0
-    start_interval(memory, model, parameters)
+            x_hat[i] = start[i - n_z]
+    flat[at.COUNT] = 0.0
+    flat[at.STARTED] = 1.0
+    start_interval(flat)
 
 
 @njit_bare
-def advance(memory: Memory, kinds: Integers, velocity: float, period: float, factor: float) -> None:
-    """Predict one sample ahead (eq. 11a) and carry the interval's linearisation along."""
-    n_z = memory.now.shape[0]
-    n_p = kinds.shape[0]
-    at = int(memory.flags[SAMPLES])
-    memory.now_velocity[at] = velocity
-    memory.now_period[at] = period
-    memory.now_factor[at] = factor
-    a, b = memory.trial_a[0], memory.trial_b[0]
+def advance(flat: Floats, velocity: float, period: float, factor: float) -> None:
+    """Predict one sample ahead (eq. 11a) and carry the interval's linearisation along.
+
+    Args:
+        flat: the estimator's memory.
+        velocity: mean velocity over the step [m/s].
+        period: the step [s].
+        factor: the effects' factor on the Stribeck level [-].
+    """
+    here = int(flat[at.SAMPLES])
+    velocities, periods = vector(flat, at.NOW_VELOCITY), vector(flat, at.NOW_PERIOD)
+    factors = vector(flat, at.NOW_FACTOR)
+    now, now_slip = vector(flat, at.NOW), vector(flat, at.NOW_SLIP)
+    now_a, now_b = vector(flat, at.NOW_A), matrix(flat, at.NOW_B)
+    a, b = vector(flat, at.STEP_A), matrix(flat, at.STEP_B)
+    n_z, n_p = now_b.shape
+    velocities[here] = velocity
+    periods[here] = period
+    factors[here] = factor
     simulate_interval(
-        memory.scalars, memory.elements, kinds, memory.x_hat[n_z:],
-        memory.now_velocity[at:], memory.now_period[at:], memory.now_factor[at:], 1,
-        memory.now, memory.now_slip, memory.now, memory.now_slip, a, b,
+        vector(flat, at.SCALARS), matrix(flat, at.ELEMENTS), vector(flat, at.KINDS), vector(flat, at.X_HAT)[n_z:],
+        velocities[here : here + 1], periods[here : here + 1], factors[here : here + 1],
+        now, now_slip, now, now_slip, a, b,
     )  # fmt: skip
     for i in range(n_z):
         for j in range(n_p):
-            memory.now_b[i, j] = a[i] * memory.now_b[i, j] + b[i, j]
-        memory.now_a[i] *= a[i]
-    memory.flags[SAMPLES] = at + 1.0
+            now_b[i, j] = a[i] * now_b[i, j] + b[i, j]
+        now_a[i] *= a[i]
+    flat[at.SAMPLES] = here + 1.0
 
 
 @njit_bare
-def _keep_inside(memory: Memory, beta: float, parameters: ParameterArrays) -> bool:
+def _keep_inside(flat: Floats) -> bool:
     """Clip the newest estimate to its bounds (14d, 14e); return whether it is finite."""
-    n_z = memory.now.shape[0]
-    level = beta * level_at(memory.scalars, memory.record[VELOCITY], memory.record[FACTOR])
-    for i in range(memory.x_hat.shape[0]):
-        value = memory.x_hat[i]
-        if not abs(value) < 1e300 or not abs(memory.covariance[i, i]) < 1e300:
+    x_hat, covariance, record = vector(flat, at.X_HAT), matrix(flat, at.COVARIANCE), vector(flat, at.RECORD)
+    lower, upper, elements = vector(flat, at.LOWER), vector(flat, at.UPPER), matrix(flat, at.ELEMENTS)
+    n_z = elements.shape[1]
+    level = flat[at.BETA] * level_at(vector(flat, at.SCALARS), record[at.VELOCITY], record[at.FACTOR])
+    for i in range(x_hat.shape[0]):
+        value = x_hat[i]
+        if not abs(value) < 1e300 or not abs(covariance[i, i]) < 1e300:
             return False
         if i < n_z:
-            high = memory.elements[NU, i] * level
-            memory.x_hat[i] = min(max(value, -high), high)
+            high = elements[NU, i] * level
+            x_hat[i] = min(max(value, -high), high)
         else:
-            memory.x_hat[i] = min(max(value, parameters.lower[i - n_z]), parameters.upper[i - n_z])
+            x_hat[i] = min(max(value, lower[i - n_z]), upper[i - n_z])
     return True
 
 
 @njit_bare
-def _correct(memory: Memory, model: ModelArrays, parameters: ParameterArrays, process: Floats, initial: Floats,
-             tuning: Tuning) -> tuple[int, float, float]:  # fmt: skip
+def _correct(flat: Floats) -> tuple[int, float, float]:
     """Correct at the end of the running interval; return status, innovation [N] and its deviation [N]."""
-    record = memory.record
-    innovation, spread = predict_measurement(
-        memory, parameters.kinds, parameters.scale, process, tuning.variance, record,
-        memory.predicted_row, memory.predicted,
-    )  # fmt: skip
-    status = RUNNING if record[IS_USED] > 0.0 else PREDICTING
-    if record[IS_USED] > 0.0 and tuning.outlier_nis > 0.0 and innovation * innovation > tuning.outlier_nis * spread:
-        record[IS_USED] = 0.0
+    record = vector(flat, at.RECORD)
+    innovation, spread = predict_measurement(flat)
+    status = RUNNING if record[at.IS_USED] > 0.0 else PREDICTING
+    limit = flat[at.OUTLIER_NIS]
+    if record[at.IS_USED] > 0.0 and limit > 0.0 and innovation * innovation > limit * spread:
+        record[at.IS_USED] = 0.0
         status = SAMPLE_REJECTED
-    use_ekf = not tuning.is_mhe
-    if tuning.is_mhe and memory.flags[EKF_NEXT] > 0.0:
+    use_ekf = flat[at.IS_MHE] == 0.0
+    if flat[at.EKF_NEXT] > 0.0 and not use_ekf:
         use_ekf = True
         status = DEADLINE
-    memory.flags[EKF_NEXT] = 0.0
+    flat[at.EKF_NEXT] = 0.0
     if not use_ekf:
-        result = mhe_correct(
-            memory, model.scalars, model.elements, parameters, process, tuning.walk, tuning.variance, tuning.beta,
-            record, tuning.horizon, tuning.iterations, tuning.tolerance,
-        )  # fmt: skip
+        result = mhe_correct(flat)
         if result in (NO_DESCENT, NOT_FINITE):
             use_ekf = True
             status = NOT_CONVERGED if result == NO_DESCENT else WAS_NOT_FINITE
     if use_ekf:
-        ekf_correct(
-            memory, tuning.walk, tuning.variance, record[IS_USED] > 0.0, innovation,
-            memory.predicted_row, memory.predicted,
-        )  # fmt: skip
-        memory.flags[COUNT] = 0.0
-    if not _keep_inside(memory, tuning.beta, parameters):
-        restart(memory, model, parameters, initial, False)
-        return WAS_NOT_FINITE, innovation, math.sqrt(spread)
-    start_interval(memory, model, parameters)
+        ekf_correct(flat, innovation)
+        flat[at.COUNT] = 0.0
+    is_finite = _keep_inside(flat)
+    if is_finite:
+        start_interval(flat)
+    else:
+        restart(flat, is_finite)
+        status = WAS_NOT_FINITE
     return status, innovation, math.sqrt(spread)
 
 
 @njit_bare
-def _friction_variance(
-    memory: Memory, parameters: ParameterArrays, process: Floats, share: float, velocity: float
-) -> float:
+def _friction_variance(flat: Floats, velocity: float) -> float:
     """Variance of the estimated friction (eq. 13) at the newest sample [N^2]; p's uncertainty included."""
-    n_z = memory.now.shape[0]
-    d = memory.x_hat.shape[0]
-    row = memory.adjoint
+    now_a, now_b, process = vector(flat, at.NOW_A), matrix(flat, at.NOW_B), vector(flat, at.PROCESS)
+    covariance, row = matrix(flat, at.COVARIANCE), vector(flat, at.ADJOINT)
+    kinds, scale = vector(flat, at.KINDS), vector(flat, at.SCALE)
+    n_z, n_p = now_b.shape
+    share = flat[at.SAMPLES] / flat[at.INTERVAL]
     total = 0.0
     for i in range(n_z):
-        row[i] = memory.now_a[i]
+        row[i] = now_a[i]
         total += share * process[i]
-    for j in range(d - n_z):
-        row[n_z + j] = parameters.scale[j] * velocity if parameters.kinds[j] == P_VISCOUS else 0.0
+    for j in range(n_p):
+        row[n_z + j] = scale[j] * velocity if kinds[j] == P_VISCOUS else 0.0
         for i in range(n_z):
-            row[n_z + j] += memory.now_b[i, j]
-    for i in range(d):
-        for j in range(d):
-            total += row[i] * memory.covariance[i, j] * row[j]
+            row[n_z + j] += now_b[i, j]
+    for i in range(row.shape[0]):
+        for j in range(row.shape[0]):
+            total += row[i] * covariance[i, j] * row[j]
     return max(total, 0.0)
 
 
 @njit_bare
-def estimate_block(flat: Floats, model: ModelArrays, parameters: ParameterArrays, process: Floats,
-                   initial: Floats, tuning: Tuning, motion: Floats, effort: Floats, factor: Floats,
-                   results: Floats) -> None:  # fmt: skip
+def _take_sample(flat: Floats, row: Floats, effort: float, factor: float, result: Floats) -> int:
+    """Advance by one row of block V, correct where it is due, write the innovation, and return the status."""
+    status = RUNNING
+    is_restart = row[row_of.IS_RESTART] > 0.0
+    if is_restart or flat[at.STARTED] == 0.0:
+        restart(flat, flat[at.STARTED] > 0.0)
+    if is_restart:
+        status = JUMPED if row[row_of.IS_JUMP] > 0.0 else RESTARTED
+    result[INNOVATION] = math.nan
+    result[INNOVATION_STD] = math.nan
+    if row[row_of.IS_REJECTED] > 0.0:
+        return SAMPLE_REJECTED
+    if row[row_of.IS_READY] == 0.0:
+        return STARTING if status == RUNNING else status
+    if not abs(row[row_of.STEP_VELOCITY]) + abs(row[row_of.VELOCITY]) + row[row_of.PERIOD] < 1e300:
+        return WAS_NOT_FINITE
+    advance(flat, row[row_of.STEP_VELOCITY], max(row[row_of.PERIOD], 0.0), factor)
+    if flat[at.SAMPLES] >= flat[at.INTERVAL]:
+        record = vector(flat, at.RECORD)
+        record[at.EFFORT] = effort
+        record[at.VELOCITY] = row[row_of.VELOCITY]
+        record[at.ACCELERATION] = row[row_of.ACCELERATION]
+        record[at.FACTOR] = factor
+        is_finite = abs(effort) + abs(row[row_of.ACCELERATION]) < 1e300
+        record[at.IS_USED] = 1.0 if is_finite else 0.0
+        outcome, innovation, deviation = _correct(flat)
+        if is_finite:
+            result[INNOVATION] = innovation
+            result[INNOVATION_STD] = deviation
+        if status == RUNNING:
+            status = outcome
+    return TOO_DENSE if status == RUNNING and row[row_of.IS_DENSE] > 0.0 else status
+
+
+@njit_bare
+def _write_present(flat: Floats, row: Floats, factor: float, result: Floats) -> None:
+    """Carry the forces from the row's instant to its sample and write the estimate there."""
+    lead, lead_slip = vector(flat, at.LEAD), vector(flat, at.LEAD_SLIP)
+    scalars, elements = vector(flat, at.SCALARS), matrix(flat, at.ELEMENTS)
+    x_hat, covariance, scale = vector(flat, at.X_HAT), matrix(flat, at.COVARIANCE), vector(flat, at.SCALE)
+    n_z, n_p = lead.shape[0], scale.shape[0]
+    velocity = row[row_of.PRESENT_VELOCITY]
+    copy_vector(vector(flat, at.NOW), lead)
+    copy_vector(vector(flat, at.NOW_SLIP), lead_slip)
+    if row[row_of.IS_READY] > 0.0:
+        leads = (row.shape[0] - row_of.LEAD) // 2
+        for k in range(row_of.LEAD, row_of.LEAD + leads):
+            advance_forces(scalars, elements, lead, lead_slip, row[k], row[leads + k], factor)
+    result[FRICTION] = friction_force(scalars, elements, lead, lead_slip, velocity, factor)
+    result[FRICTION_STD] = math.sqrt(_friction_variance(flat, velocity))
+    for i in range(n_z):
+        k = RESULT_SIZE + i
+        result[k] = lead[i]
+        result[k + n_z] = lead[i] / elements[KAPPA, i]
+        result[k + 2 * n_z] = lead_slip[i]
+    for j in range(n_p):
+        k = RESULT_SIZE + 3 * n_z + j
+        result[k] = x_hat[n_z + j] * scale[j]
+        result[k + n_p] = math.sqrt(max(covariance[n_z + j, n_z + j], 0.0)) * scale[j]
+
+
+@njit_bare
+def estimate_block(flat: Floats, motion: Floats, effort: Floats, factor: Floats, results: Floats) -> None:
     """Run the estimator over a block of n samples.
 
     Args:
         flat: the estimator's memory (memory.py); overwritten.
-        model: nominal model.
-        parameters: which parameters are estimated.
-        process: variances of Q per interval, shape (n_z,).
-        initial: initial variances of x, shape (n_z + n_p,).
-        tuning: estimator settings.
         motion: rows of block V, columns as in ``filters.motion``, shape (n, LEAD + 2 L).
         effort: effort at each row's instant less the effects' forces [N], NaN where there is none, shape (n,).
         factor: effects' factor on the Stribeck level [-], shape (n,).
-        results: written, columns as above, shape (n, RESULT_SIZE + 2 n_z + 2 n_p).
+        results: written, columns as above, shape (n, RESULT_SIZE + 3 n_z + 2 n_p).
     """
-    n_z = model.elements.shape[1]
-    n_p = parameters.kinds.shape[0]
-    leads = (motion.shape[1] - LEAD) // 2
-    memory, _length = views(flat)
     for s in range(motion.shape[0]):
-        row = motion[s]
-        result = results[s]
-        status = RUNNING
-        if memory.flags[STARTED] == 0.0:
-            restart(memory, model, parameters, initial, False)
-        if row[IS_RESTART] > 0.0:
-            restart(memory, model, parameters, initial, True)
-            status = JUMPED if row[IS_JUMP] > 0.0 else RESTARTED
-        result[INNOVATION] = math.nan
-        result[INNOVATION_STD] = math.nan
-        if row[IS_REJECTED] > 0.0:
-            status = SAMPLE_REJECTED
-        elif row[IS_READY] == 0.0:
-            if status == RUNNING:
-                status = STARTING
-        elif not abs(row[STEP_VELOCITY]) + abs(row[VELOCITY_COLUMN]) + row[PERIOD] < 1e300:
-            status = WAS_NOT_FINITE
-        else:
-            advance(memory, parameters.kinds, row[STEP_VELOCITY], max(row[PERIOD], 0.0), factor[s])
-            if memory.flags[SAMPLES] >= tuning.correction_every:
-                memory.record[EFFORT] = effort[s]
-                memory.record[VELOCITY] = row[VELOCITY_COLUMN]
-                memory.record[ACCELERATION] = row[ACCELERATION_COLUMN]
-                memory.record[FACTOR] = factor[s]
-                is_finite = abs(effort[s]) + abs(row[ACCELERATION_COLUMN]) < 1e300
-                memory.record[IS_USED] = 1.0 if is_finite else 0.0
-                outcome, innovation, deviation = _correct(memory, model, parameters, process, initial, tuning)
-                if is_finite:
-                    result[INNOVATION] = innovation
-                    result[INNOVATION_STD] = deviation
-                if status == RUNNING:
-                    status = outcome
-        if status == RUNNING and row[IS_DENSE] > 0.0:
-            status = TOO_DENSE
-        share = memory.flags[SAMPLES] / tuning.correction_every
-        velocity = row[PRESENT_VELOCITY]
-        copy_vector(memory.now, memory.lead)
-        copy_vector(memory.now_slip, memory.lead_slip)
-        for k in range(leads if row[IS_READY] > 0.0 else 0):
-            advance_forces(
-                memory.scalars, memory.elements, memory.lead, memory.lead_slip,
-                row[LEAD + k], row[LEAD + leads + k], factor[s],
-            )  # fmt: skip
-        result[FRICTION] = friction_force(
-            memory.scalars, memory.elements, memory.lead, memory.lead_slip, velocity, factor[s]
-        )
-        result[FRICTION_STD] = math.sqrt(_friction_variance(memory, parameters, process, share, velocity))
-        result[STATUS] = status
-        for i in range(n_z):
-            result[RESULT_SIZE + i] = memory.lead[i]
-            result[RESULT_SIZE + n_z + i] = memory.lead_slip[i]
-        for j in range(n_p):
-            at = RESULT_SIZE + 2 * n_z + j
-            result[at] = memory.x_hat[n_z + j] * parameters.scale[j]
-            result[at + n_p] = math.sqrt(max(memory.covariance[n_z + j, n_z + j], 0.0)) * parameters.scale[j]
+        results[s, STATUS] = _take_sample(flat, motion[s], effort[s], factor[s], results[s])
+        _write_present(flat, motion[s], factor[s], results[s])

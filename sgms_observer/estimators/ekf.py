@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
+from sgms_observer.estimators import memory as at
+from sgms_observer.estimators.fields import matrix, vector
 from sgms_observer.estimators.interval import effort_slopes, predict_effort
 from sgms_observer.estimators.kalman import correct_scalar, propagate_covariance
-from sgms_observer.estimators.layout import Floats, Integers, copy_matrix
-from sgms_observer.estimators.memory import ACCELERATION, EFFORT, FACTOR, IS_USED, VELOCITY, Memory
+from sgms_observer.estimators.layout import Floats, copy_matrix
 from sgms_observer.jit import njit_bare
 
 
 @njit_bare
-def linearise_measurement(memory: Memory, kinds: Integers, scale: Floats, p: Floats, force: Floats, slip: Floats,
-                          record: Floats, row: Floats) -> float:  # fmt: skip
+def linearise_measurement(flat: Floats, p: Floats, force: Floats, slip: Floats, record: Floats, row: Floats) -> float:
     """Evaluate a measurement and its derivatives at a node.
 
     Args:
-        memory: the estimator's memory, with p applied to its model.
-        kinds: P_* code of each entry of p.
-        scale: SI value of one unit of each entry of p.
+        flat: the estimator's memory, with p applied to its model.
         p: estimated parameters.
         force: element forces [N].
         slip: GMS modes.
@@ -27,43 +25,38 @@ def linearise_measurement(memory: Memory, kinds: Integers, scale: Floats, p: Flo
     Returns:
         Measured minus modelled effort [N]; zero where there is no usable measurement.
     """
+    scalars, elements = vector(flat, at.SCALARS), matrix(flat, at.ELEMENTS)
+    velocity, acceleration, factor = record[at.VELOCITY], record[at.ACCELERATION], record[at.FACTOR]
     effort_slopes(
-        memory.scalars, memory.elements, kinds, scale, p, force, slip,
-        record[VELOCITY], record[ACCELERATION], record[FACTOR], row,
+        scalars, elements, vector(flat, at.KINDS), vector(flat, at.SCALE), p, force, slip,
+        velocity, acceleration, factor, row,
     )  # fmt: skip
-    if record[IS_USED] == 0.0:
+    if record[at.IS_USED] == 0.0:
         return 0.0
-    modelled = predict_effort(
-        memory.scalars, memory.elements, force, slip, record[VELOCITY], record[ACCELERATION], record[FACTOR]
-    )
-    return float(record[EFFORT] - modelled)
+    modelled = predict_effort(scalars, elements, force, slip, velocity, acceleration, factor)
+    return float(record[at.EFFORT] - modelled)
 
 
 @njit_bare
-def predict_measurement(memory: Memory, kinds: Integers, scale: Floats, process: Floats, variance: float,
-                        record: Floats, row: Floats, covariance: Floats) -> tuple[float, float]:  # fmt: skip
+def predict_measurement(flat: Floats) -> tuple[float, float]:
     """Predict to the end of the running interval (eq. 11) and compare with the measurement there.
 
+    Writes ``PREDICTED``, P at the end of the interval before the measurement, and ``PREDICTED_ROW``, H there.
+
     Args:
-        memory: the estimator's memory; ``now`` is at the end of the interval.
-        kinds: P_* code of each entry of p.
-        scale: SI value of one unit of each entry of p.
-        process: variances of Q, shape (n_z,).
-        variance: R [N^2].
-        record: the measurement (memory.py).
-        row: H, written.
-        covariance: P at the end of the interval before the measurement, shape (d, d), written.
+        flat: the estimator's memory; ``NOW`` is at the end of the interval, ``RECORD`` is the measurement.
 
     Returns:
         innovation [N] and its variance S [N^2].
     """
-    copy_matrix(memory.covariance, covariance)
-    propagate_covariance(covariance, memory.now_a, memory.now_b, process)
-    n_z = memory.now.shape[0]
+    covariance, row = matrix(flat, at.PREDICTED), vector(flat, at.PREDICTED_ROW)
+    copy_matrix(matrix(flat, at.COVARIANCE), covariance)
+    propagate_covariance(covariance, vector(flat, at.NOW_A), matrix(flat, at.NOW_B), vector(flat, at.PROCESS))
+    now = vector(flat, at.NOW)
     innovation = linearise_measurement(
-        memory, kinds, scale, memory.x_hat[n_z:], memory.now, memory.now_slip, record, row
+        flat, vector(flat, at.X_HAT)[now.shape[0] :], now, vector(flat, at.NOW_SLIP), vector(flat, at.RECORD), row
     )
-    spread = variance
+    spread = flat[at.VARIANCE]
     for i in range(row.shape[0]):
         for j in range(row.shape[0]):
             spread += row[i] * covariance[i, j] * row[j]
@@ -71,27 +64,24 @@ def predict_measurement(memory: Memory, kinds: Integers, scale: Floats, process:
 
 
 @njit_bare
-def ekf_correct(memory: Memory, walk: float, variance: float, is_used: bool, innovation: float,
-                row: Floats, covariance: Floats) -> None:  # fmt: skip
+def ekf_correct(flat: Floats, innovation: float) -> None:
     """Correct at the end of the running interval (eq. 12) and store the new estimate.
 
     Args:
-        memory: the estimator's memory; x_hat, covariance and slip are overwritten.
-        walk: variance of each parameter's drift per correction.
-        variance: R [N^2].
-        is_used: whether there is a measurement to correct with.
+        flat: the estimator's memory after ``predict_measurement``; x_hat, covariance and slip are overwritten.
         innovation: from ``predict_measurement``.
-        row: H there.
-        covariance: P there.
     """
-    n_z = memory.now.shape[0]
-    copy_matrix(covariance, memory.covariance)
-    memory.work[:] = 0.0
-    if is_used:
-        correct_scalar(memory.work, memory.covariance, row, innovation, variance, memory.adjoint)
+    now, now_slip, slip = vector(flat, at.NOW), vector(flat, at.NOW_SLIP), vector(flat, at.SLIP)
+    x_hat, covariance, change = vector(flat, at.X_HAT), matrix(flat, at.COVARIANCE), vector(flat, at.WORK)
+    n_z = now.shape[0]
+    copy_matrix(matrix(flat, at.PREDICTED), covariance)
+    change[:] = 0.0
+    if vector(flat, at.RECORD)[at.IS_USED] > 0.0:
+        row = vector(flat, at.PREDICTED_ROW)
+        correct_scalar(change, covariance, row, innovation, flat[at.VARIANCE], vector(flat, at.ADJOINT))
     for i in range(n_z):
-        memory.x_hat[i] = memory.now[i] + memory.work[i]
-        memory.slip[i] = memory.now_slip[i]
-    for j in range(n_z, memory.x_hat.shape[0]):
-        memory.x_hat[j] += memory.work[j]
-        memory.covariance[j, j] += walk
+        x_hat[i] = now[i] + change[i]
+        slip[i] = now_slip[i]
+    for j in range(n_z, x_hat.shape[0]):
+        x_hat[j] += change[j]
+        covariance[j, j] += flat[at.WALK]

@@ -14,19 +14,17 @@ from sgms_observer.estimators.block import (
     INNOVATION_STD,
     RESULT_SIZE,
     STATUS,
-    Tuning,
     estimate_block,
 )
 from sgms_observer.estimators.layout import (
     COULOMB,
-    KAPPA,
     NU,
     P_OFFSET,
     Floats,
     model_arrays,
     parameter_arrays,
 )
-from sgms_observer.estimators.memory import EKF_NEXT, FLAGS_SIZE, STARTED, Memory, Sizes, allocate, forget, views
+from sgms_observer.estimators.memory import EKF_NEXT, STARTED, Memory, Sizes, Tuning, allocate, forget, views
 from sgms_observer.filters.motion import Motion
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.observer import EstimatorSettings
@@ -42,7 +40,7 @@ class Results:
     """What the estimator says of a block of n samples; row i belongs to sample i's own stamp.
 
     Args:
-        table: columns as in ``block`` [SI units], shape (n, RESULT_SIZE + 2 n_z + 2 n_p).
+        table: columns as in ``block`` [SI units], shape (n, RESULT_SIZE + 3 n_z + 2 n_p).
         n_z: number of elements.
         n_p: number of estimated parameters.
     """
@@ -82,15 +80,20 @@ class Results:
         return self.table[:, RESULT_SIZE : RESULT_SIZE + self.n_z]
 
     @property
+    def element_deflection(self) -> Floats:
+        """Element deflections [m], shape (n, n_z)."""
+        return self.table[:, RESULT_SIZE + self.n_z : RESULT_SIZE + 2 * self.n_z]
+
+    @property
     def parameters(self) -> Floats:
         """Estimated parameters in SI units, kappa as a share of its nominal value, shape (n, n_p)."""
-        start = RESULT_SIZE + 2 * self.n_z
+        start = RESULT_SIZE + 3 * self.n_z
         return self.table[:, start : start + self.n_p]
 
     @property
     def parameter_std(self) -> Floats:
         """Their standard deviations, shape (n, n_p)."""
-        return self.table[:, RESULT_SIZE + 2 * self.n_z + self.n_p :]
+        return self.table[:, RESULT_SIZE + 3 * self.n_z + self.n_p :]
 
 
 class Estimator:
@@ -117,14 +120,10 @@ class Estimator:
             samples=settings.correction_every,
         )
         share = self.model.elements[NU] * self.model.scalars[COULOMB]
-        self.process = np.maximum(settings.process_std * share, _SMALLEST_PROCESS_STD) ** 2
         relative = np.full(self.sizes.n_p, settings.parameter_initial_std)
         relative[self.parameters.kinds == P_OFFSET] = 1.0
-        self.initial = np.concatenate([(settings.initial_std * share) ** 2, relative**2])
         self.tuning = Tuning(
             is_mhe=is_mhe,
-            correction_every=settings.correction_every,
-            horizon=self.sizes.horizon,
             iterations=_MOST_ITERATIONS if settings.converge else settings.iterations,
             tolerance=_CONVERGED if settings.converge else _REAL_TIME_TOLERANCE,
             variance=settings.measurement_std**2,
@@ -132,12 +131,25 @@ class Estimator:
             beta=settings.state_bound,
             outlier_nis=settings.outlier_nis,
         )
-        self.flat = allocate(self.sizes)
+        process = np.maximum(settings.process_std * share, _SMALLEST_PROCESS_STD) ** 2
+        initial = np.concatenate([(settings.initial_std * share) ** 2, relative**2])
+        self.flat = allocate(self.sizes, self.tuning, (*self.model, *self.parameters, process, initial))
+        self._width = RESULT_SIZE + 3 * self.sizes.n_z + 2 * self.sizes.n_p
+
+    @property
+    def process(self) -> Floats:
+        """Variances of Q per interval [N^2], shape (n_z,); a view that may be written to."""
+        return self.memory.process
+
+    @property
+    def initial(self) -> Floats:
+        """Initial variances of (element forces, p), shape (n_z + n_p,); a view that may be written to."""
+        return self.memory.initial
 
     @property
     def memory(self) -> Memory:
         """Return views into everything the estimator remembers."""
-        return views(self.flat)[0]
+        return views(self.flat)
 
     def reset(self) -> None:
         """Forget everything, the parameters learnt included."""
@@ -150,23 +162,7 @@ class Estimator:
     @property
     def is_started(self) -> bool:
         """Return whether any sample has been taken in since the last reset."""
-        return bool(self.flat[:FLAGS_SIZE][STARTED])
-
-    def element_stiffness(self, parameters: Floats) -> Floats:
-        """Element stiffness that belongs to estimated parameters.
-
-        Args:
-            parameters: estimated p in SI units, rows as in ``Results.parameters``; shape (n, n_p).
-
-        Returns:
-            kappa [N/m], shape (n, n_z).
-        """
-        factor = np.ones(len(parameters))
-        for j, kind in enumerate(self.settings.parameters):
-            if kind == "kappa":
-                factor = parameters[:, j]
-        stiffness: Floats = factor[:, None] * self.model.elements[KAPPA][None, :]
-        return stiffness
+        return bool(self.flat[STARTED])
 
     def step(self, motion: Motion, effort: Floats, factor: Floats) -> Results:
         """Take in a block of motion.
@@ -179,18 +175,6 @@ class Estimator:
         Returns:
             Estimates, one row per sample.
         """
-        n_z, n_p = self.sizes.n_z, self.sizes.n_p
-        table = np.empty((len(motion.table), RESULT_SIZE + 2 * n_z + 2 * n_p))
-        estimate_block(
-            self.flat,
-            self.model,
-            self.parameters,
-            self.process,
-            self.initial,
-            self.tuning,
-            motion.table,
-            effort,
-            factor,
-            table,
-        )
-        return Results(table, n_z, n_p)
+        table = np.empty((len(motion.table), self._width))
+        estimate_block(self.flat, motion.table, effort, factor, table)
+        return Results(table, self.sizes.n_z, self.sizes.n_p)

@@ -31,7 +31,6 @@ from sgms_observer.estimators.layout import (
     VISCOUS,
     ZETA,
     Floats,
-    Integers,
 )
 from sgms_observer.formulas import friction as formulas
 from sgms_observer.friction.gms import gms_rate, gms_step, gms_step_with_slopes
@@ -56,8 +55,8 @@ def level_at(scalars: Floats, velocity: float, factor: float) -> float:
 
 
 @njit_bare
-def simulate_interval(scalars: Floats, elements: Floats, kinds: Integers, p: Floats,
-                      velocity: Floats, period: Floats, factor: Floats, count: int,
+def simulate_interval(scalars: Floats, elements: Floats, kinds: Floats, p: Floats,
+                      velocity: Floats, period: Floats, factor: Floats,
                       force_in: Floats, memory_in: Floats,
                       force_out: Floats, memory_out: Floats, a: Floats, b: Floats) -> None:  # fmt: skip
     """Advance all elements through one interval and linearise it exactly.
@@ -70,7 +69,6 @@ def simulate_interval(scalars: Floats, elements: Floats, kinds: Integers, p: Flo
         velocity: velocity of each step [m/s].
         period: length of each step [s].
         factor: effects' factor on the Stribeck level at each step [-].
-        count: number of steps used, from the front of the three arrays.
         force_in: element forces at the start [N], shape (n_z,).
         memory_in: GMS slip modes at the start, shape (n_z,).
         force_out: element forces at the end, written.
@@ -95,7 +93,7 @@ def simulate_interval(scalars: Floats, elements: Floats, kinds: Integers, p: Flo
         a[i] = 1.0
         for j in range(kinds.shape[0]):
             b[i, j] = 0.0
-    for k in range(count):
+    for k in range(velocity.shape[0]):
         v, h = velocity[k], period[k]
         bell = math.exp(-(v / v_s) * (v / v_s))
         level = factor[k] * (f_c + (f_s - f_c) * bell)
@@ -201,7 +199,7 @@ def friction_force(scalars: Floats, elements: Floats, force: Floats, memory: Flo
 
 
 @njit_bare
-def effort_slopes(scalars: Floats, elements: Floats, kinds: Integers, scale: Floats, p: Floats, force: Floats,
+def effort_slopes(scalars: Floats, elements: Floats, kinds: Floats, scale: Floats, p: Floats, force: Floats,
                   memory: Floats, velocity: float, acceleration: float, factor: float,
                   row: Floats) -> None:  # fmt: skip
     """Derivatives of ``predict_effort`` with respect to the element forces and p.

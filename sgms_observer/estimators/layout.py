@@ -50,7 +50,7 @@ class ParameterArrays(NamedTuple):
         upper: upper bound (14e), shape (n_p,).
     """
 
-    kinds: Integers
+    kinds: Floats
     scale: Floats
     start: Floats
     lower: Floats
@@ -89,7 +89,7 @@ def parameter_arrays(settings: EstimatorSettings, model: ModelArrays) -> Paramet
         settings: checked estimator settings.
         model: the nominal model.
     """
-    kinds = np.array([ESTIMABLE.index(name) for name in settings.parameters], dtype=np.int64)
+    kinds = np.array([ESTIMABLE.index(name) for name in settings.parameters], dtype=np.float64)
     count = len(kinds)
     scale, start = np.ones(count), np.ones(count)
     lower = np.full(count, settings.parameter_minimum)
@@ -100,7 +100,7 @@ def parameter_arrays(settings: EstimatorSettings, model: ModelArrays) -> Paramet
             start[j] = model.scalars[OFFSET] / settings.offset_scale
             lower[j], upper[j] = start[j] - 10.0, start[j] + 10.0
         elif kind != P_KAPPA:
-            scale[j] = max(float(model.scalars[SLOT[kind]]), 1e-12)
+            scale[j] = max(float(model.scalars[SLOT[int(kind)]]), 1e-12)
     return ParameterArrays(kinds, scale, start, lower, upper)
 
 
@@ -120,7 +120,7 @@ def copy_matrix(source: Floats, target: Floats) -> None:
 
 
 @njit_bare
-def apply_parameters(scalars: Floats, elements: Floats, kinds: Integers, scale: Floats, p: Floats,
+def apply_parameters(scalars: Floats, elements: Floats, kinds: Floats, scale: Floats, p: Floats,
                      scalars_out: Floats, elements_out: Floats) -> None:  # fmt: skip
     """Write the model with the estimated parameters in place.
 

@@ -1,18 +1,40 @@
-"""Everything an estimator remembers, in one flat array: a reset or a snapshot is a copy, a call is one argument."""
+"""Everything an estimator remembers, in one flat array: a reset or a snapshot is a copy, a call is one argument.
+
+The array begins with a header: sizes, tuning, counters, and where each field lies. Kernels take the flat array and
+look up the few fields that they use: ``forces = matrix(flat, at.FORCES)``, where ``at`` is this module.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from sgms_observer.estimators.layout import MODEL_SIZE, Floats
-from sgms_observer.jit import inlined
 
-# entries of Memory.flags; the first four are the sizes and never change
-N_Z, N_P, HORIZON, INTERVAL, COUNT, SAMPLES, EKF_NEXT, STARTED, FLAGS_SIZE = range(9)
+# Header: sizes, then tuning, then counters; only the counters change
+N_Z, N_P, HORIZON, INTERVAL = range(4)
+IS_MHE, ITERATIONS, TOLERANCE, VARIANCE, WALK, BETA, OUTLIER_NIS = range(4, 11)
+COUNT, SAMPLES, EKF_NEXT, STARTED, HEADER = range(11, 16)
+
+# Fields: the model as it was given, then what evolves
+(
+    NOMINAL_SCALARS, NOMINAL_ELEMENTS, KINDS, SCALE, START, LOWER, UPPER, PROCESS, INITIAL,
+    X_HAT, COVARIANCE, SLIP, NOW, NOW_SLIP, NOW_A, NOW_B, NOW_VELOCITY, NOW_PERIOD, NOW_FACTOR, STEP_A, STEP_B,
+    SCALARS, ELEMENTS,
+    PRIOR, PRIOR_COVARIANCE, FORCES, SLIPS, P, VELOCITIES, PERIODS, FACTORS, ENDS, END_SLIPS, A, B, MEASUREMENTS,
+    ROWS, RESIDUALS,
+    TRIAL_FORCES, TRIAL_P, TRIAL_ENDS, TRIAL_END_SLIPS, TRIAL_A, TRIAL_B, TRIAL_ROWS, TRIAL_RESIDUALS,
+    DEVIATIONS, COVARIANCES, GAINS, INNOVATIONS, SPREADS, ACTIVE, STEPS,
+    RECORD, PREDICTED, PREDICTED_ROW, LEAD, LEAD_SLIP, PRIOR_FACTOR, WORK, ADJOINT, UNIT,
+    FIELDS,
+) = range(63)  # fmt: skip
+
 # entries of one measurement record
 EFFORT, VELOCITY, ACCELERATION, FACTOR, IS_USED, LEVEL, MEASUREMENT_SIZE = range(7)
+
+PLACE = 4  # numbers behind the header per field: where it starts, and its lengths
 
 
 class Sizes(NamedTuple):
@@ -29,11 +51,37 @@ class Sizes(NamedTuple):
         return self.n_z + self.n_p
 
 
+class Tuning(NamedTuple):
+    """Estimator settings for the kernels, in the order of the header.
+
+    Attributes:
+        is_mhe: MHE rather than EKF.
+        iterations: most Gauss-Newton iterations per correction.
+        tolerance: relative step that ends them.
+        variance: R [N^2].
+        walk: variance of each parameter's drift per correction (in shares squared).
+        beta: state bound of 14d.
+        outlier_nis: normalised innovation squared above which a measurement is rejected; 0 never.
+    """
+
+    is_mhe: bool
+    iterations: int
+    tolerance: float
+    variance: float
+    walk: float
+    beta: float
+    outlier_nis: float
+
+
 class Memory(NamedTuple):
     """Views into the flat array. n = n_z, p = n_p, d = n + p; node k = 0..N, interval k leads from node k to k + 1.
 
     Attributes:
-        flags: the sizes; COUNT intervals in the window, SAMPLES since the last correction, EKF_NEXT, STARTED.
+        flags: the header, see the names above.
+        nominal_scalars, nominal_elements: the model without p; see layout.py.
+        kinds, scale, start, lower, upper: which parameters are estimated; see ``layout.ParameterArrays``.
+        process: variances of Q per interval, shape (n,).
+        initial: initial variances of x, shape (d,).
         x_hat: newest corrected estimate of (element forces [N], p); shape (d,).
         covariance: its covariance, shape (d, d).
         slip: GMS modes at the newest correction, shape (n,).
@@ -42,6 +90,7 @@ class Memory(NamedTuple):
         now_a: d now / d x_hat forces (diagonal), shape (n,).
         now_b: d now / d p, shape (n, p).
         now_velocity, now_period, now_factor: steps since the last correction, shape (m,).
+        step_a, step_b: d now / d (now one sample before) and / d p of the latest step, shapes (n,), (n, p).
         scalars, elements: the model with p applied; see layout.py.
         prior: arrival state, shape (d,).
         prior_covariance: arrival covariance, shape (d, d).
@@ -55,7 +104,7 @@ class Memory(NamedTuple):
         measurements: record at each node, shape (N + 1, MEASUREMENT_SIZE).
         rows: H at each node, shape (N + 1, d).
         residuals: measured minus modelled effort at each node [N], shape (N + 1,).
-        trial: forces, p, ends, end_slips, a, b, rows, residuals at a trial point, laid out as their namesakes.
+        trial_forces ... trial_residuals: the window at a trial point, laid out as their namesakes.
         deviations, covariances: filtered, at each node; shapes (N + 1, d), (N + 1, d, d).
         gains, innovations, spreads: one per node and measurement slot; shapes (N + 1, d + 1, d), (N + 1, d + 1).
         active: -1, 0 or 1 where a bound holds, shape (N + 1, d).
@@ -63,10 +112,20 @@ class Memory(NamedTuple):
         record: the measurement being taken in, shape (MEASUREMENT_SIZE,).
         predicted, predicted_row: covariance and H at that measurement before it is used, shapes (d, d), (d,).
         lead, lead_slip: forces and modes on the way from the delayed instant to the present, shape (n,).
-        lower, work, adjoint, unit: scratch, shapes (d, d), (d,), (d,), (d,).
+        prior_factor: Cholesky factor of prior_covariance, shape (d, d).
+        work, adjoint, unit: scratch, shape (d,).
     """
 
     flags: Floats
+    nominal_scalars: Floats
+    nominal_elements: Floats
+    kinds: Floats
+    scale: Floats
+    start: Floats
+    lower: Floats
+    upper: Floats
+    process: Floats
+    initial: Floats
     x_hat: Floats
     covariance: Floats
     slip: Floats
@@ -77,6 +136,8 @@ class Memory(NamedTuple):
     now_velocity: Floats
     now_period: Floats
     now_factor: Floats
+    step_a: Floats
+    step_b: Floats
     scalars: Floats
     elements: Floats
     prior: Floats
@@ -114,124 +175,72 @@ class Memory(NamedTuple):
     predicted_row: Floats
     lead: Floats
     lead_slip: Floats
-    lower: Floats
+    prior_factor: Floats
     work: Floats
     adjoint: Floats
     unit: Floats
 
 
-@inlined
-def _take1(flat: Floats, start: int, rows: int) -> tuple[Floats, int]:
-    """Return a vector view and where the next view starts."""
-    return flat[start : start + rows], start + rows
-
-
-@inlined
-def _take2(flat: Floats, start: int, rows: int, columns: int) -> tuple[Floats, int]:
-    """Return a matrix view and where the next view starts."""
-    end = start + rows * columns
-    return flat[start:end].reshape((rows, columns)), end
-
-
-@inlined
-def _take3(flat: Floats, start: int, depth: int, rows: int, columns: int) -> tuple[Floats, int]:
-    """Return a view of three dimensions and where the next view starts."""
-    end = start + depth * rows * columns
-    return flat[start:end].reshape((depth, rows, columns)), end
-
-
-@inlined
-def views(flat: Floats) -> tuple[Memory, int]:
-    """Return the views into the flat array, and the length they need.
-
-    Args:
-        flat: the estimator's whole memory, beginning with its sizes.
-    """
-    n, p, h, m = int(flat[N_Z]), int(flat[N_P]), int(flat[HORIZON]), int(flat[INTERVAL])
-    d = n + p
-    w = h + 1
-    i = 0
-    flags, i = _take1(flat, i, FLAGS_SIZE)
-    x_hat, i = _take1(flat, i, d)
-    covariance, i = _take2(flat, i, d, d)
-    slip, i = _take1(flat, i, n)
-    now, i = _take1(flat, i, n)
-    now_slip, i = _take1(flat, i, n)
-    now_a, i = _take1(flat, i, n)
-    now_b, i = _take2(flat, i, n, p)
-    now_velocity, i = _take1(flat, i, m)
-    now_period, i = _take1(flat, i, m)
-    now_factor, i = _take1(flat, i, m)
-    scalars, i = _take1(flat, i, MODEL_SIZE)
-    elements, i = _take2(flat, i, 3, n)
-    prior, i = _take1(flat, i, d)
-    prior_covariance, i = _take2(flat, i, d, d)
-    forces, i = _take2(flat, i, w, n)
-    slips, i = _take2(flat, i, w, n)
-    p_window, i = _take1(flat, i, p)
-    velocity, i = _take2(flat, i, h, m)
-    period, i = _take2(flat, i, h, m)
-    factor, i = _take2(flat, i, h, m)
-    ends, i = _take2(flat, i, h, n)
-    end_slips, i = _take2(flat, i, h, n)
-    a, i = _take2(flat, i, h, n)
-    b, i = _take3(flat, i, h, n, p)
-    measurements, i = _take2(flat, i, w, MEASUREMENT_SIZE)
-    rows, i = _take2(flat, i, w, d)
-    residuals, i = _take1(flat, i, w)
-    trial_forces, i = _take2(flat, i, w, n)
-    trial_p, i = _take1(flat, i, p)
-    trial_ends, i = _take2(flat, i, h, n)
-    trial_end_slips, i = _take2(flat, i, h, n)
-    trial_a, i = _take2(flat, i, h, n)
-    trial_b, i = _take3(flat, i, h, n, p)
-    trial_rows, i = _take2(flat, i, w, d)
-    trial_residuals, i = _take1(flat, i, w)
-    deviations, i = _take2(flat, i, w, d)
-    covariances, i = _take3(flat, i, w, d, d)
-    gains, i = _take3(flat, i, w, d + 1, d)
-    innovations, i = _take2(flat, i, w, d + 1)
-    spreads, i = _take2(flat, i, w, d + 1)
-    active, i = _take2(flat, i, w, d)
-    steps, i = _take2(flat, i, w, d)
-    record, i = _take1(flat, i, MEASUREMENT_SIZE)
-    predicted, i = _take2(flat, i, d, d)
-    predicted_row, i = _take1(flat, i, d)
-    lead, i = _take1(flat, i, n)
-    lead_slip, i = _take1(flat, i, n)
-    lower, i = _take2(flat, i, d, d)
-    work, i = _take1(flat, i, d)
-    adjoint, i = _take1(flat, i, d)
-    unit, i = _take1(flat, i, d)
-    memory = Memory(
-        flags, x_hat, covariance, slip, now, now_slip, now_a, now_b, now_velocity, now_period, now_factor, scalars,
-        elements, prior, prior_covariance, forces, slips, p_window, velocity, period, factor, ends, end_slips, a,
-        b, measurements, rows, residuals, trial_forces, trial_p, trial_ends, trial_end_slips, trial_a, trial_b,
-        trial_rows, trial_residuals, deviations, covariances, gains, innovations, spreads, active, steps, record,
-        predicted, predicted_row, lead, lead_slip, lower, work, adjoint, unit,
+def _shapes(sizes: Sizes) -> tuple[tuple[int, ...], ...]:
+    """Return the shape of every field, in the fields' order."""
+    n, p, h, m = sizes
+    d, w, r = n + p, h + 1, MEASUREMENT_SIZE
+    return (
+        (MODEL_SIZE,), (3, n), (p,), (p,), (p,), (p,), (p,), (n,), (d,),
+        (d,), (d, d), (n,), (n,), (n,), (n,), (n, p), (m,), (m,), (m,), (n,), (n, p),
+        (MODEL_SIZE,), (3, n),
+        (d,), (d, d), (w, n), (w, n), (p,), (h, m), (h, m), (h, m), (h, n), (h, n), (h, n), (h, n, p), (w, r),
+        (w, d), (w,),
+        (w, n), (p,), (h, n), (h, n), (h, n), (h, n, p), (w, d), (w,),
+        (w, d), (w, d, d), (w, d + 1, d), (w, d + 1), (w, d + 1), (w, d), (w, d),
+        (r,), (d, d), (d,), (n,), (n,), (d, d), (d,), (d,), (d,),
     )  # fmt: skip
-    return memory, i
 
 
-def allocate(sizes: Sizes) -> Floats:
-    """Return an empty memory for these sizes.
+def allocate(sizes: Sizes, tuning: Tuning, fixed: Sequence[Floats]) -> Floats:
+    """Return an empty memory.
 
     Args:
         sizes: dimensions of the estimator.
+        tuning: its settings.
+        fixed: the fields before ``X_HAT``: nominal model, parameters, process and initial variances.
     """
-    n, p, h, m = sizes
-    d, w = n + p, h + 1
-    vectors = 64 + 8 * (d + 2) ** 2 + 20 * n + 3 * m + n * p
-    flat = np.zeros(vectors + w * (4 * d * d + 40 * (d + 2)) + h * (3 * m + 2 * n * p + 6 * n))
+    shapes = _shapes(sizes)
+    flat = np.zeros(HEADER + PLACE * FIELDS + sum(int(np.prod(shape)) for shape in shapes))
     flat[: len(sizes)] = sizes
-    _memory, needed = views(flat)
-    return flat[:needed].copy()
+    flat[IS_MHE : IS_MHE + len(tuning)] = tuning
+    start = HEADER + PLACE * FIELDS
+    for field, shape in enumerate(shapes):
+        place = HEADER + PLACE * field
+        flat[place] = start
+        flat[place + 1 : place + 1 + len(shape)] = shape
+        start += int(np.prod(shape))
+    memory = views(flat)
+    for target, source in zip(memory[1:], fixed, strict=False):
+        target[...] = source
+    return flat
 
 
-def forget(flat: Floats) -> None:
-    """Empty a memory, its sizes excepted.
+def views(flat: Floats) -> Memory:
+    """Return the views into a memory, for Python; kernels look up the fields that they use.
 
     Args:
         flat: the estimator's whole memory.
     """
-    flat[INTERVAL + 1 :] = 0.0
+    sizes = Sizes(*(int(size) for size in flat[: INTERVAL + 1]))
+    found = []
+    for field, shape in enumerate(_shapes(sizes)):
+        start = int(flat[HEADER + PLACE * field])
+        found.append(flat[start : start + int(np.prod(shape))].reshape(shape))
+    return Memory(flat[:HEADER], *found)
+
+
+def forget(flat: Floats) -> None:
+    """Empty a memory; sizes, tuning and the model as it was given stay.
+
+    Args:
+        flat: the estimator's whole memory.
+    """
+    flat[COUNT:HEADER] = 0.0
+    flat[int(flat[HEADER + PLACE * X_HAT]) :] = 0.0
+

@@ -93,7 +93,7 @@ class _SymbolicModel:
             if kind == P_KAPPA:
                 self.elements[KAPPA] = [value * p[j] for value in self.elements[KAPPA]]
             else:
-                self.scalars[SLOT[kind]] = p[j] * scale
+                self.scalars[SLOT[int(kind)]] = p[j] * scale
 
     def levels(self, velocity: float, factor: float) -> list[casadi.SX]:
         """Return nu s(v) of each element [N]."""

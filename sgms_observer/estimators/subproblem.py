@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from sgms_observer.estimators import memory as at
+from sgms_observer.estimators.fields import layer, matrix, vector
 from sgms_observer.estimators.kalman import (
     correct_scalar,
     propagate_covariance,
@@ -9,8 +11,7 @@ from sgms_observer.estimators.kalman import (
     smooth_back,
     smooth_back_transition,
 )
-from sgms_observer.estimators.layout import NU, Floats, ParameterArrays, copy_matrix, copy_vector
-from sgms_observer.estimators.memory import COUNT, IS_USED, LEVEL, Memory
+from sgms_observer.estimators.layout import NU, Floats, copy_matrix, copy_vector
 from sgms_observer.jit import njit_bare
 
 _MAX_ACTIVE_SET_PASSES = 12
@@ -18,103 +19,128 @@ _BOUND_TOLERANCE = 1e-9
 
 
 @njit_bare
-def bound_of(memory: Memory, node: int, index: int, beta: float, parameters: ParameterArrays, side: float) -> float:
+def bound_of(flat: Floats, node: int, index: int, side: float) -> float:
     """Return the bound (14d, 14e) of entry ``index`` of x at a node; ``side`` is -1 or +1."""
-    n_z = memory.now.shape[0]
+    n_z = int(flat[at.N_Z])
     if index >= n_z:
-        return float(parameters.upper[index - n_z] if side > 0.0 else parameters.lower[index - n_z])
-    return float(side * beta * memory.elements[NU, index] * memory.measurements[node, LEVEL])
+        return float(vector(flat, at.UPPER)[index - n_z] if side > 0.0 else vector(flat, at.LOWER)[index - n_z])
+    level = matrix(flat, at.MEASUREMENTS)[node, at.LEVEL]
+    return float(side * flat[at.BETA] * matrix(flat, at.ELEMENTS)[NU, index] * level)
 
 
 @njit_bare
-def _filter_and_smooth(
-    memory: Memory, process: Floats, variance: float, beta: float, parameters: ParameterArrays
-) -> bool:
-    """Solve the equality-constrained subproblem into ``memory.steps``; return whether the active set is right."""
-    n_z = memory.now.shape[0]
-    d = memory.x_hat.shape[0]
-    count = int(memory.flags[COUNT])
-    unit = memory.unit
-    for k in range(count + 1):
-        deviation = memory.deviations[k]
-        covariance = memory.covariances[k]
+def prior_deviation(flat: Floats, deviation: Floats) -> None:
+    """Write how far the prior lies from the window's first node; shape (n_z + n_p,)."""
+    prior, forces, p = vector(flat, at.PRIOR), matrix(flat, at.FORCES), vector(flat, at.P)
+    n_z = forces.shape[1]
+    for i in range(n_z):
+        deviation[i] = prior[i] - forces[0, i]
+    for j in range(p.shape[0]):
+        deviation[n_z + j] = prior[n_z + j] - p[j]
+
+
+@njit_bare
+def _filter_forward(flat: Floats) -> None:
+    """Filter the window's deviations from node to node; active bounds enter as exact measurements."""
+    forces, p, ends = matrix(flat, at.FORCES), vector(flat, at.P), matrix(flat, at.ENDS)
+    deviations, a, rows = matrix(flat, at.DEVIATIONS), matrix(flat, at.A), matrix(flat, at.ROWS)
+    residuals, measurements = vector(flat, at.RESIDUALS), matrix(flat, at.MEASUREMENTS)
+    innovations, spreads, active = matrix(flat, at.INNOVATIONS), matrix(flat, at.SPREADS), matrix(flat, at.ACTIVE)
+    process, unit = vector(flat, at.PROCESS), vector(flat, at.UNIT)
+    n_z, d = forces.shape[1], unit.shape[0]
+    for k in range(int(flat[at.COUNT]) + 1):
+        deviation, covariance, gains = deviations[k], layer(flat, at.COVARIANCES, k), layer(flat, at.GAINS, k)
         if k == 0:
-            for i in range(d):
-                deviation[i] = memory.prior[i] - (memory.forces[0, i] if i < n_z else memory.p[i - n_z])
-            copy_matrix(memory.prior_covariance, covariance)
+            prior_deviation(flat, deviation)
+            copy_matrix(matrix(flat, at.PRIOR_COVARIANCE), covariance)
         else:
-            copy_vector(memory.deviations[k - 1], deviation)
-            copy_matrix(memory.covariances[k - 1], covariance)
-            propagate_deviation(deviation, memory.a[k - 1], memory.b[k - 1])
-            propagate_covariance(covariance, memory.a[k - 1], memory.b[k - 1], process)
+            b = layer(flat, at.B, k - 1)
+            copy_vector(deviations[k - 1], deviation)
+            copy_matrix(layer(flat, at.COVARIANCES, k - 1), covariance)
+            propagate_deviation(deviation, a[k - 1], b)
+            propagate_covariance(covariance, a[k - 1], b, process)
             for i in range(n_z):
-                deviation[i] += memory.ends[k - 1, i] - memory.forces[k, i]
-        memory.spreads[k, :] = 0.0
-        if k > 0 and memory.measurements[k, IS_USED] > 0.0:
-            memory.innovations[k, d], memory.spreads[k, d] = correct_scalar(
-                deviation, covariance, memory.rows[k], memory.residuals[k], variance, memory.gains[k, d]
+                deviation[i] += ends[k - 1, i] - forces[k, i]
+        for i in range(d + 1):
+            spreads[k, i] = 0.0
+        if k > 0 and measurements[k, at.IS_USED] > 0.0:
+            innovations[k, d], spreads[k, d] = correct_scalar(
+                deviation, covariance, rows[k], residuals[k], flat[at.VARIANCE], gains[d]
             )
         for i in range(d):
-            side = memory.active[k, i]
-            if side != 0.0:
-                present = memory.forces[k, i] if i < n_z else memory.p[i - n_z]
+            if active[k, i] != 0.0:
+                bound = bound_of(flat, k, i, active[k, i])
+                present = forces[k, i] if i < n_z else p[i - n_z]
                 unit[:] = 0.0
                 unit[i] = 1.0
-                memory.innovations[k, i], memory.spreads[k, i] = correct_scalar(
-                    deviation, covariance, unit, bound_of(memory, k, i, beta, parameters, side) - present, 0.0,
-                    memory.gains[k, i],
-                )  # fmt: skip
-    adjoint = memory.adjoint
+                innovations[k, i], spreads[k, i] = correct_scalar(
+                    deviation, covariance, unit, bound - present, 0.0, gains[i]
+                )
+
+
+@njit_bare
+def _smooth_backward(flat: Floats) -> bool:
+    """Smooth the filtered deviations into ``STEPS``; release bounds that pull, and return whether none did."""
+    deviations, steps, active = matrix(flat, at.DEVIATIONS), matrix(flat, at.STEPS), matrix(flat, at.ACTIVE)
+    innovations, spreads = matrix(flat, at.INNOVATIONS), matrix(flat, at.SPREADS)
+    a, rows, adjoint, unit = matrix(flat, at.A), matrix(flat, at.ROWS), vector(flat, at.ADJOINT), vector(flat, at.UNIT)
+    d, count = unit.shape[0], int(flat[at.COUNT])
     adjoint[:] = 0.0
     is_right = True
     for k in range(count, -1, -1):
+        covariance, gains = layer(flat, at.COVARIANCES, k), layer(flat, at.GAINS, k)
         if k < count:
-            smooth_back_transition(adjoint, memory.a[k], memory.b[k])
+            smooth_back_transition(adjoint, a[k], layer(flat, at.B, k))
         for i in range(d):
-            total = memory.deviations[k, i]
+            total = deviations[k, i]
             for j in range(d):
-                total -= memory.covariances[k, i, j] * adjoint[j]
-            memory.steps[k, i] = total
+                total -= covariance[i, j] * adjoint[j]
+            steps[k, i] = total
         for i in range(d - 1, -1, -1):
-            if memory.active[k, i] != 0.0:
+            if active[k, i] != 0.0:
                 unit[:] = 0.0
                 unit[i] = 1.0
-                pull = smooth_back(adjoint, unit, memory.gains[k, i], memory.innovations[k, i], memory.spreads[k, i])
-                if pull * memory.active[k, i] > 0.0:
-                    memory.active[k, i] = 0.0
+                pull = smooth_back(adjoint, unit, gains[i], innovations[k, i], spreads[k, i])
+                if pull * active[k, i] > 0.0:
+                    active[k, i] = 0.0
                     is_right = False
-        smooth_back(adjoint, memory.rows[k], memory.gains[k, d], memory.innovations[k, d], memory.spreads[k, d])
+        smooth_back(adjoint, rows[k], gains[d], innovations[k, d], spreads[k, d])
     return is_right
 
 
 @njit_bare
-def solve_subproblem(
-    memory: Memory, process: Floats, variance: float, beta: float, parameters: ParameterArrays
-) -> None:
-    """Solve the quadratic programme of one Gauss-Newton iteration into ``memory.steps``.
+def _activate_bounds(flat: Floats) -> bool:
+    """Activate every bound that the step crosses; return whether there was none."""
+    forces, p = matrix(flat, at.FORCES), vector(flat, at.P)
+    steps, active = matrix(flat, at.STEPS), matrix(flat, at.ACTIVE)
+    n_z, d = forces.shape[1], active.shape[1]
+    is_right = True
+    for k in range(int(flat[at.COUNT]) + 1):
+        last = d if k == 0 else n_z  # p is one variable for the whole window
+        for i in range(last):
+            if active[k, i] == 0.0:
+                value = steps[k, i] + (forces[k, i] if i < n_z else p[i - n_z])
+                for side in (-1.0, 1.0):
+                    bound = bound_of(flat, k, i, side)
+                    if side * (value - bound) > _BOUND_TOLERANCE * (1.0 + abs(bound)):
+                        active[k, i] = side
+                        is_right = False
+    return is_right
+
+
+@njit_bare
+def solve_subproblem(flat: Floats) -> None:
+    """Solve the quadratic programme of one Gauss-Newton iteration into ``STEPS``.
 
     Args:
-        memory: the estimator's memory, its window linearised.
-        process: variances of Q, shape (n_z,).
-        variance: R [N^2].
-        beta: state bound of 14d.
-        parameters: which parameters are estimated, with their bounds.
+        flat: the estimator's memory, its window linearised.
     """
-    n_z = memory.now.shape[0]
-    d = memory.x_hat.shape[0]
-    count = int(memory.flags[COUNT])
-    memory.active[:, :] = 0.0
+    active = matrix(flat, at.ACTIVE)
+    for k in range(active.shape[0]):
+        for i in range(active.shape[1]):
+            active[k, i] = 0.0
     for _ in range(_MAX_ACTIVE_SET_PASSES):
-        is_right = _filter_and_smooth(memory, process, variance, beta, parameters)
-        for k in range(count + 1):
-            last = d if k == 0 else n_z  # p is one variable for the whole window
-            for i in range(last):
-                if memory.active[k, i] == 0.0:
-                    value = memory.steps[k, i] + (memory.forces[k, i] if i < n_z else memory.p[i - n_z])
-                    for side in (-1.0, 1.0):
-                        bound = bound_of(memory, k, i, beta, parameters, side)
-                        if side * (value - bound) > _BOUND_TOLERANCE * (1.0 + abs(bound)):
-                            memory.active[k, i] = side
-                            is_right = False
-        if is_right:
+        _filter_forward(flat)
+        is_smooth = _smooth_backward(flat)
+        if _activate_bounds(flat) and is_smooth:
             break

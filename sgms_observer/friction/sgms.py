@@ -11,7 +11,7 @@ import math
 from sgms_observer.jit import njit_bare
 
 _SATURATED = 19.0  # 1 - tanh(19) is below the rounding error of 1
-_TOLERANCE = 1e-13
+_TOLERANCE = 1e-15
 _MAX_ITERATIONS = 80
 
 
@@ -51,8 +51,8 @@ def slip_fraction_with_slope(u: float, lam: float, zeta: float, gain: float) -> 
 
 
 @njit_bare
-def sgms_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -> tuple[float, float, float, float]:
-    """Solve the backward-Euler step u1 = u0 + a (1 - eta(u1) u1) of eq. 4.
+def solve_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -> float:
+    """Solve the backward-Euler step u1 = u0 + a (1 - eta(u1) u1) of eq. 4 by bracketed Newton iterations.
 
     Args:
         u0: ratio before the step, along the direction of motion [-].
@@ -62,14 +62,10 @@ def sgms_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -
         gain: reset gain [-].
 
     Returns:
-        u1, eta(u1), dG/du1 of the residual G (its slope, > 0), dG/d gain.
+        u1 [-].
     """
     stick = u0 + travel
-    if abs(stick) < zeta - _SATURATED / lam and lam * zeta > _SATURATED:
-        return stick, 0.0, 1.0, 0.0
     slip = stick / (1.0 + travel)
-    if slip > zeta + _SATURATED / lam and gain * slip > _SATURATED and lam * (slip + zeta) > _SATURATED:
-        return slip, 1.0, 1.0 + travel, 0.0
     low = min(stick, slip)
     high = max(stick, slip)
     u = min(max(zeta, low), high)
@@ -82,12 +78,27 @@ def sgms_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -
         else:
             low = u
         candidate = u - residual / derivative if derivative > 0.0 else low - 1.0
-        if candidate < low or candidate > high:
+        is_newton = low <= candidate <= high
+        if not is_newton:
             candidate = 0.5 * (low + high)
-        change = abs(candidate - u)
+        change = candidate - u
         u = candidate
-        if change <= _TOLERANCE * (1.0 + abs(u)):
+        # the residual bends by less than 2 (lam + gain) times its slope, so this bounds the error that is left
+        if (is_newton and (lam + gain) * change * change <= _TOLERANCE) or abs(change) <= _TOLERANCE:
             break
+    return u
+
+
+@njit_bare
+def sgms_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -> tuple[float, float, float, float]:
+    """Solve a step and evaluate it there.
+
+    Args: as ``solve_ratio``.
+
+    Returns:
+        u1, eta(u1), dG/du1 of the residual G (its slope, > 0), dG/d gain.
+    """
+    u = solve_ratio(u0, travel, lam, zeta, gain)
     eta, slope, gain_slope = slip_fraction_with_slope(u, lam, zeta, gain)
     return u, eta, 1.0 + travel * (eta + u * slope), travel * u * gain_slope
 
@@ -116,9 +127,20 @@ def sgms_step_with_slopes(
     """
     distance = velocity * period
     stuck = force + stiffness * distance
-    if abs(stuck) < (zeta - _SATURATED / lam) * level and lam * zeta > _SATURATED:
+    if lam * abs(stuck) < (lam * zeta - _SATURATED) * level:
         return stuck, 1.0, distance, 0.0, 0.0
     direction = math.copysign(1.0, velocity)
+    reach = level + stiffness * abs(distance)
+    push = direction * stuck
+    if lam * push > (lam * zeta + _SATURATED) * reach and gain * push > _SATURATED * reach:  # u = push / reach slides
+        inverse = 1.0 / reach
+        return (
+            level * stuck * inverse,
+            level * inverse,
+            distance * (level - direction * force) * inverse * inverse * level,
+            stuck * inverse * (stiffness * abs(distance)) * inverse,
+            0.0,
+        )
     share = direction / level
     travel = stiffness * distance * share
     u, eta, slope, gain_slope = sgms_ratio(force * share, travel, lam, zeta, gain)
@@ -143,7 +165,17 @@ def sgms_step(
     Returns:
         Element force after the step [N].
     """
-    return sgms_step_with_slopes(force, velocity, period, stiffness, level, lam, zeta, gain)[0]
+    distance = velocity * period
+    stuck = force + stiffness * distance
+    if lam * abs(stuck) < (lam * zeta - _SATURATED) * level:
+        return stuck
+    direction = math.copysign(1.0, velocity)
+    reach = level + stiffness * abs(distance)
+    push = direction * stuck
+    if lam * push > (lam * zeta + _SATURATED) * reach and gain * push > _SATURATED * reach:
+        return level * stuck * (1.0 / reach)
+    share = direction / level
+    return direction * level * solve_ratio(force * share, stiffness * distance * share, lam, zeta, gain)
 
 
 @njit_bare

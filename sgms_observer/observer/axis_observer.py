@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from sgms_observer.compensation.feedforward import Compensator, Preview
+from sgms_observer.compensation.feedforward import Compensator
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.estimators.estimator import Estimator
 from sgms_observer.estimators.interval import stribeck_level
@@ -48,6 +48,7 @@ class AxisObserver:
         self.deadline_misses = 0
         self._effects_state = self.effects.initial_state()
         self._origin_ns: int | None = None
+        self._zeros, self._ones = np.zeros(1), np.ones(1)
 
     def reset(self) -> None:
         """Forget every sample and everything learnt; the compensation moves to zero within its slew limit."""
@@ -71,25 +72,18 @@ class AxisObserver:
         position = self.effects.corrected_position(samples.position)
         effort = self.effects.arrived_effort(samples.effort, self._effects_state)
         motion = self.differentiator.step(samples.stamp_ns, position, effort)
-        force, factor = self._effects_on(samples, motion)
-        results = self.estimator.step(motion, motion.effort - force, factor)
+        if self.effects.has_force_or_level:
+            force, factor = self._effects_on(samples, motion)
+            effort = motion.effort - force
+        else:
+            force, factor = self._no_effects(len(samples.stamp_ns))
+            effort = motion.effort.copy()
+        results = self.estimator.step(motion, effort, factor)
         self._watch_deadline(time.perf_counter() - start, len(samples.stamp_ns))
-        status = results.status
-        compensation = self.compensator.step(
-            Preview(
-                period=np.ascontiguousarray(motion.period),
-                velocity=np.ascontiguousarray(motion.present_velocity),
-                element_force=np.ascontiguousarray(results.element_force),
-                parameters=np.ascontiguousarray(results.parameters),
-                friction_std=np.ascontiguousarray(results.friction_std),
-                reference_position=samples.reference_position,
-                reference_velocity=samples.reference_velocity,
-                effects_force=force,
-                effects_factor=factor,
-                status=status,
-            )
+        compensation = self.compensator.step_tables(
+            motion.table, results.table, samples.reference_position, samples.reference_velocity, force, factor
         )
-        return Estimates(
+        return Estimates.of(
             stamp_ns=samples.stamp_ns,
             position=motion.present_position,
             velocity=motion.present_velocity,
@@ -97,23 +91,28 @@ class AxisObserver:
             friction=results.friction,
             friction_std=results.friction_std,
             element_force=results.element_force,
-            element_deflection=results.element_force / self.estimator.element_stiffness(results.parameters),
+            element_deflection=results.element_deflection,
             parameters=results.parameters,
             parameter_std=results.parameter_std,
             innovation=results.innovation,
             innovation_std=results.innovation_std,
             compensation=compensation,
-            status=status,
+            status=results.status,
         )
+
+    def _no_effects(self, count: int) -> tuple[Floats, Floats]:
+        """Return a force of zero [N] and a factor of one on the Stribeck level, from arrays that are made once."""
+        if len(self._zeros) < count:
+            self._zeros, self._ones = np.zeros(count), np.ones(count)
+        return self._zeros[:count], self._ones[:count]
 
     def _effects_on(self, samples: Samples, motion: Motion) -> tuple[Floats, Floats]:
         """Return the effects' force [N] and factor on the Stribeck level at the rows' instants."""
         count = len(samples.stamp_ns)
-        if not self.effects.has_force_or_level:
-            return np.zeros(count), np.ones(count)
         if self._origin_ns is None and count:
             self._origin_ns = int(samples.stamp_ns[0])
-        seconds = (samples.stamp_ns - (self._origin_ns or 0)) * 1e-9 - self.differentiator.delay
+        since = np.asarray(samples.stamp_ns - (self._origin_ns or 0), dtype=np.float64)
+        seconds = since * 1e-9 - self.differentiator.delay
         velocity = np.ascontiguousarray(motion.velocity)
         level = np.empty(count)
         _levels(self.estimator.model, velocity, level)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,3 +65,14 @@ class Estimates:
     innovation_std: Floats
     compensation: Floats
     status: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, **fields: Any) -> Estimates:
+        """Return estimates without the checks and calls of a frozen dataclass's constructor, for every live sample.
+
+        Args:
+            fields: all fields by name.
+        """
+        estimates = object.__new__(cls)
+        estimates.__dict__.update(fields)
+        return estimates

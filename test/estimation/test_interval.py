@@ -30,7 +30,7 @@ def end_of_interval(friction: FrictionSettings, x: np.ndarray, velocity: np.ndar
     b, row = np.zeros((N_Z, len(p))), np.zeros(N_Z + len(p))
     count = len(velocity)
     simulate_interval(
-        scalars, elements, parameters.kinds, p, velocity, np.full(count, 1e-4), np.full(count, 1.1), count,
+        scalars, elements, parameters.kinds, p, velocity, np.full(count, 1e-4), np.full(count, 1.1),
         x[:N_Z].copy(), np.zeros(N_Z), after, modes, a, b,
     )  # fmt: skip
     effort_slopes(
