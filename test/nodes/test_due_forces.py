@@ -1,0 +1,58 @@
+"""A compensation is applied when it was made for, whatever the way of its message took."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sgms_observer.nodes.due_forces import DueForces
+
+MS = 1_000_000
+
+
+@given(delays=st.lists(st.integers(0, 4 * MS), min_size=50, max_size=50))
+def test_jitter_below_the_lead_changes_nothing(delays: list[int]) -> None:
+    start = 10**12
+    due = DueForces(lead=5e-3, timeout=0.05)
+    due.at(np.array([start]))
+    arrivals = np.maximum.accumulate([start + k * MS + delay for k, delay in enumerate(delays)])
+    got = []
+    sent = 0
+    for k in range(len(delays)):
+        now = start + k * MS
+        while sent < len(delays) and arrivals[sent] <= now:
+            due.put(start + sent * MS, float(sent), now)
+            sent += 1
+        got.append(float(due.at(np.array([now]))[0]))
+    assert got == [max(0.0, k - 5.0) for k in range(len(delays))]
+
+
+def test_a_late_message_counts_at_once_and_silence_ends_at_zero() -> None:
+    due = DueForces(lead=1e-3, timeout=0.01)
+    due.at(np.array([0]))
+    due.put(0, 2.0, 8 * MS)
+    assert due.at(np.array([8, 9, 10, 11]) * MS).tolist() == [2.0, 2.0, 2.0, 2.0]
+    assert due.at(np.array([12, 13]) * MS).tolist() == [0.0, 0.0]
+
+
+def test_a_message_that_is_later_than_the_timeout_is_not_applied() -> None:
+    due = DueForces(lead=1e-3, timeout=0.01)
+    due.at(np.array([0]))
+    due.put(5 * MS, 2.0, 5000 * MS)
+    assert due.at(np.array([5000, 5001]) * MS).tolist() == [0.0, 0.0]
+
+
+def test_stamps_of_another_clock_count_at_once() -> None:
+    due = DueForces(lead=1e-3, timeout=0.01)
+    due.put(1, 3.0, 10**15)
+    assert due.at(np.array([10**15])).tolist() == [3.0]
+
+
+def test_what_is_not_finite_is_ignored() -> None:
+    due = DueForces(lead=0.0, timeout=0.01)
+    due.put(0, math.nan, 0)
+    due.put(0, math.inf, 0)
+    assert due.at(np.array([0, MS])).tolist() == [0.0, 0.0]
