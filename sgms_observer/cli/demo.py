@@ -65,18 +65,19 @@ def run(args: argparse.Namespace) -> int:
     out = Path(args.out)
     bag = out / "bag"
     shutil.rmtree(bag, ignore_errors=True)
-    switched_ns = _play(config, [axis.name for axis in settings.axes], out, bag, args.duration)
+    switched_ns, said = _play(config, [axis.name for axis in settings.axes], out, bag, args.duration)
     result = present(bag, settings, switched_ns, out)
-    for line in result.lines:
+    for line in [*result.lines, *said]:
         print(line)
     print(f"report: {result.page}")
     print(f"bag:    {bag}")
     return 0
 
 
-def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) -> int:
-    """Run the nodes and record them; return when the compensation was switched on [ns]."""
+def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) -> tuple[int, list[str]]:
+    """Run the nodes and record them; return when the compensation went on [ns], and what the stage noted."""
     from sgms_observer.nodes.conductor import Conductor, prepare_graph
+    from sgms_observer.nodes.pace import AGE_SENTENCE
 
     domain = prepare_graph()
     print(f"starting {STAGE}, {OBSERVER} and a recorder on this machine's graph, ROS_DOMAIN_ID {domain}", flush=True)
@@ -100,7 +101,9 @@ def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) 
         _wait_until_written(bag)
         for name in (RECORDER, OBSERVER, STAGE):
             conductor.stop(name)
-    return switched_ns
+        said = conductor.said(STAGE).splitlines()
+    noted = [AGE_SENTENCE + line.partition(AGE_SENTENCE)[2] for line in said if AGE_SENTENCE in line]
+    return switched_ns, [f"  on the way          {line}" for line in noted]
 
 
 def _sleep(conductor: Conductor, seconds: float) -> None:

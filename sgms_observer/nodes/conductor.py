@@ -24,7 +24,7 @@ from sgms_observer.nodes.transport import use_shipped_transport
 
 _PATIENCE = 180.0  # s; a first start compiles every kernel
 _END = 20.0  # s that a process has to end after a signal
-_MATCHING = 1.0  # s from the graph's knowing of a subscription to its being served for sure
+_MATCHING = 2.0  # s from the graph's knowing of a subscription to its being served for sure
 
 
 def prepare_graph() -> int:

@@ -5,6 +5,9 @@ from __future__ import annotations
 LONGEST_CATCH_UP = 0.5
 """A clock that leaps further than this [s] was stopped, set or asleep: the samples in between are given up."""
 
+AGE_SENTENCE = "the compensation arrived"
+"""How the stage node's note on the way's delay begins, for those who quote it."""
+
 
 class Pace:
     """Follows a clock that may stand still, run slow, leap or go back.

@@ -82,7 +82,7 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
         lines += _lines(axis.name, without, with_it, same, compared)
         verdicts.append(
             f"axis {axis.name}: friction known to {100 * without.friction_share:.2f} % of its range, tracking error"
-            f" {without.tracking_rms / with_it.tracking_rms:.1f} times smaller with compensation"
+            f" {_times(without.tracking_rms, with_it.tracking_rms)} with compensation"
         )
         sections += _sections(axis.name, run, switched, without, with_it, same, compared)
     page = write_page(
@@ -163,6 +163,13 @@ def _replayed(bag: Path, settings: Settings, axis: str) -> tuple[int, int]:
     return sum(replayed.get(stamp) == friction for stamp, friction in live), len(stamps)
 
 
+def _times(before: float, after: float) -> str:
+    """Return how an error changed, in words."""
+    if after <= before:
+        return f"{before / after:.1f} times smaller"
+    return f"{after / before:.1f} times larger (the machine was too busy to send it in time)"
+
+
 def _lines(axis: str, without: Half, with_it: Half, same: int, compared: int) -> list[str]:
     """Return what the terminal shows of one axis."""
     return [
@@ -172,8 +179,8 @@ def _lines(axis: str, without: Half, with_it: Half, same: int, compared: int) ->
         f"  tracking error      {1e9 * without.tracking_rms:.0f} nm rms, {1e9 * without.tracking_peak:.0f} nm peak"
         " without compensation",
         f"                      {1e9 * with_it.tracking_rms:.0f} nm rms, {1e9 * with_it.tracking_peak:.0f} nm peak"
-        f" with it: {without.tracking_rms / with_it.tracking_rms:.1f} and"
-        f" {without.tracking_peak / with_it.tracking_peak:.1f} times smaller",
+        f" with it: {_times(without.tracking_rms, with_it.tracking_rms)} and"
+        f" {_times(without.tracking_peak, with_it.tracking_peak)}",
         f"  replay of the bag   {same} of {compared} live estimates again to the last bit",
     ]
 

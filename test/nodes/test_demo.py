@@ -1,0 +1,90 @@
+"""The main job: both nodes, the recorder and the evaluation; and a recorded live run that replays to the last bit."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from ros_graph import ONE_AXIS, PATIENCE, Graph, Start, wait_until
+
+from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
+from sgms_observer.bags.reader import read_joint_states
+from sgms_observer.bags.source import BagReader
+
+OUTPUTS = ("friction_estimate", "friction_std", "friction_compensation", "friction_elements")
+ROOT = Path(__file__).parents[2]
+
+
+def _sgms(*arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "sgms_observer", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
+    )
+
+
+def test_a_recorded_live_run_replays_to_the_last_bit(graph: Graph, start: Start, tmp_path: Path) -> None:
+    """Every message of every output topic, from the very first sample on."""
+    bag, again = tmp_path / "live", tmp_path / "again"
+    recorder = _sgms("record", "--out", str(bag))
+    yaml = ONE_AXIS.replace("estimator:", "compensation: {enabled: true}\n      estimator:")
+    start("observer_node", yaml)
+    stage = start("stage_node", yaml, "--ros-args", "-p", "autostart:=false", wait=False)
+    assert graph.change("stage_node", 1)
+    for topic, count in {"position": 2, "control_effort": 2, "reference": 2, "friction_elements": 1}.items():
+        wait_until(lambda t=topic, n=count: graph.node.count_subscribers(t) >= n, f"subscribers of {topic}")
+    graph.listen("friction_elements")
+    time.sleep(3.0)  # the graph knows a subscription before its publisher serves it
+    assert graph.change("stage_node", 3)
+    graph.wait_messages("friction_elements", 2000)
+    assert graph.change("stage_node", 4)
+    assert stage.stop() == 0
+    recorder.send_signal(signal.SIGINT)
+    said, _ = recorder.communicate(timeout=PATIENCE)
+    assert recorder.returncode == 0, said
+    replay = _sgms("replay", str(bag), "--config", str(tmp_path / "observer_node.yaml"), "--out", str(again))
+    said, _ = replay.communicate(timeout=PATIENCE)
+    assert replay.returncode == 0, said
+    for topic in OUTPUTS:
+        live, replayed = read_joint_states(bag, topic), read_joint_states(again, topic)
+        shared = np.isin(live.stamp_ns, replayed.stamp_ns)
+        # The watchdog's own zeros, after the last sample, belong to no sample.
+        assert np.count_nonzero(~shared) <= (10 if topic == "friction_compensation" else 0)
+        rows = np.isin(replayed.stamp_ns, live.stamp_ns)
+        assert np.count_nonzero(rows) >= 2000
+        for field in ("position", "velocity", "effort"):
+            before, after = getattr(live, field)[shared], getattr(replayed, field)[rows]
+            assert np.array_equal(before, after, equal_nan=True), (topic, field)
+    with BagReader(bag) as first, BagReader(again) as second:
+        live_parameters = [decode_diagnostics(data) for _, _, data in first.messages(["/friction_parameters"])]
+        replayed_parameters = [decode_diagnostics(data) for _, _, data in second.messages(["/friction_parameters"])]
+    assert live_parameters and set(live_parameters) <= set(replayed_parameters)
+
+
+def test_the_demonstration(tmp_path: Path) -> None:
+    demo = _sgms("demo", "--out", str(tmp_path), "--duration", "5")
+    said, _ = demo.communicate(timeout=3 * PATIENCE)
+    assert demo.returncode == 0, said
+    share = float(re.search(r"([\d.]+) % of the true", said)[1])
+    assert share < 3.0
+    same, compared = map(int, re.search(r"(\d+) of (\d+) live estimates", said).groups())
+    assert same == compared > 5000
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("data:image/png;base64") == 8 and "<script" not in page
+    assert len(list(tmp_path.glob("*.png"))) == 8
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
+
+
+def test_a_demonstration_without_a_usable_file_is_a_sentence(tmp_path: Path) -> None:
+    for arguments in (("--config", "/no/such.yaml"), ("--duration", "-1")):
+        demo = _sgms("demo", "--out", str(tmp_path), *arguments)
+        said, _ = demo.communicate(timeout=PATIENCE)
+        assert demo.returncode == 1 and len(said.splitlines()) == 1, said
