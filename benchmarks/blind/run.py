@@ -48,16 +48,16 @@ def run_case(case: Case, out: Path, keep_bags: bool) -> str:
     shutil.rmtree(result, ignore_errors=True)
     make_case(case.seed, case.effect, case.size, out)
     arguments = ["diagnose", str(paths.bag), "--config", str(paths.config), "--out", str(result), "--holdout"]
-    arguments += [str(path) for path in paths.holdouts]
+    arguments += [*map(str, paths.holdouts), "--workers", "1"]
     spoken = io.StringIO()
-    started = time.perf_counter()
+    started = time.process_time()  # of this one process, so that other work on the machine does not count
     try:
         with contextlib.redirect_stdout(spoken), contextlib.redirect_stderr(spoken):
             code = main(arguments)
     except BaseException:  # a crash of the workflow is a result too
         code = -1
         spoken.write(traceback.format_exc())
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     result.mkdir(parents=True, exist_ok=True)
     if code != 0 or not (result / "result.json").exists():
         (result / "failed.txt").write_text(f"exit code {code}\n{spoken.getvalue()}", encoding="utf-8")

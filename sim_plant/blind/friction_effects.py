@@ -97,7 +97,7 @@ def frictional_lag(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
         model="sgms",
         static_force=(1.0 + drop) * stage.coulomb_force,
         knee=knee,
-        attraction=stage.coulomb_force / 5.0e-4,
+        attraction=stage.coulomb_force / 2.0e-4,
     )
 
     def make(strength: float) -> Hidden:

@@ -33,7 +33,7 @@ class CaseScore:
         closure: share of the closable gap closed on held-out data; None where nothing is closable or nothing named.
         is_worse: whether the held-out gap grew.
         parameters: one entry per comparable parameter of a rightly named effect.
-        seconds: computing time per 60 s of recording; None where not measured.
+        seconds: computing time on one core per 60 s of recording; None where not measured.
     """
 
     effects: tuple[str, ...]

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.signal import butter, filtfilt
 
 from sim_plant.blind.hidden import Hidden, Kind, Maker
-from sim_plant.blind.recording import Track
+from sim_plant.blind.motion import PERIOD
+from sim_plant.blind.recording import FORCE_BAND, Track
 
 PEAK = 0.995
 """Quantile of the hidden force's magnitude that counts as its peak: 150 ms of 30 s may lie above."""
@@ -21,13 +23,14 @@ class NotShownError(ValueError):
 
 
 def measured_size(track: Track, coulomb_force: float) -> float:
-    """Return the peak of the hidden force over the recording (its rms where that is larger: rare, hard blows).
+    """Return the peak of the hidden force below ``FORCE_BAND`` (its rms where that is larger: rare, hard blows).
 
     Args:
         track: recording with the hidden force.
         coulomb_force: unit of the size [N].
     """
-    return max(float(np.quantile(np.abs(track.hidden_force), PEAK)) / coulomb_force, rms_size(track, coulomb_force))
+    slow = filtfilt(*butter(2, 2.0 * PERIOD * FORCE_BAND), track.hidden_force)
+    return max(float(np.quantile(np.abs(slow), PEAK)) / coulomb_force, rms_size(track, coulomb_force))
 
 
 def rms_size(track: Track, coulomb_force: float) -> float:

@@ -81,7 +81,7 @@ def draw_stage(rng: Generator) -> TrueStage:
     shares = rng.dirichlet(np.full(count, 3.0) * np.linspace(0.6, 1.8, count))
     top_speed = float(rng.uniform(0.12, 0.3))
     model = "gms" if rng.random() < 0.25 else "sgms"
-    settle = float(rng.uniform(0.008, 0.04)) if model == "gms" else 5.0e-4
+    settle = float(rng.uniform(0.008, 0.04)) if model == "gms" else 2.0e-4
     return TrueStage(
         mass=mass,
         shares=tuple(float(one) for one in shares),
