@@ -181,9 +181,7 @@ def detectable(found: Diagnosis, tolerance: float) -> dict[str, float]:
         if not listed:
             sizes[name] = 1.0
             continue
-        needed = max(
-            ALARM_GAIN, calibration.mean[name] + alarm_threshold(name, calibration) * calibration.spread[name]
-        )
+        needed = max(ALARM_GAIN, calibration.mean[name] + alarm_threshold(name, calibration) * calibration.spread[name])
         kept = float(np.median([item.kept for item in listed]))
         sizes[name] = float(min(9.99, 2.5 * noise * math.sqrt(needed / count) / max(kept, 1e-3)))
     sizes["mass_error"] = OUTSIDE * tolerance

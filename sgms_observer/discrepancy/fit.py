@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.model import Model, largest_reach, predict
+from sgms_observer.discrepancy.model import KNEE, Model, largest_reach, predict
 from sgms_observer.discrepancy.motion import Motion
 from sgms_observer.discrepancy.noise import Noise
 from sgms_observer.effects.catalogue import effect
@@ -117,6 +117,7 @@ def refit(
     fixed: Sequence[tuple[int, int]] = (),
     iterations: int = _MAX_ITERATIONS,
     nominal_columns: Floats | None = None,
+    limit: float | None = None,
 ) -> Refit:
     """Fit nominal parameters and effects by Levenberg-Marquardt with numerical derivatives.
 
@@ -130,6 +131,7 @@ def refit(
         iterations: largest number of steps.
         nominal_columns: derivatives of the whitened residual by the nominal parameters, when they are known well
             enough: they hardly change while an effect is fitted.
+        limit: largest logarithm by which a parameter may move; elements ``ELEMENT_SLACK`` times as far.
 
     Returns:
         The best point found.
@@ -148,6 +150,9 @@ def refit(
     x = np.concatenate([np.zeros(n) if start is None else start, values / np.where(scales > 0, scales, 1.0)])
     low = np.concatenate([np.full(n, -3.0), minimum / scales]) if len(free) else np.full(n, -3.0)
     high = np.concatenate([np.full(n, 3.0), maximum / scales]) if len(free) else np.full(n, 3.0)
+    if limit is not None:
+        low[: KNEE + 1], high[: KNEE + 1] = -limit, limit
+        low[KNEE + 1 : n], high[KNEE + 1 : n] = -ELEMENT_SLACK * limit, ELEMENT_SLACK * limit
     x = np.clip(x, low, high)
 
     def unpack(z: Floats) -> tuple[Model, tuple[EffectSettings, ...]]:
@@ -209,6 +214,8 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
     if name == "thermal_drift" and parameter == "time_constant":
         length = max(float(motion.time[-1]) for motion in motions)
         return SHORTEST_DRIFT * length, LONGEST_DRIFT * length
+    if name == "frictional_lag" and parameter == "distance":
+        return 0.05 * largest_reach(nominal.friction), np.inf
     if parameter in ("memory_distance", "distance", "gap"):
         return SHORTEST * largest_reach(nominal.friction), np.inf
     return -np.inf, np.inf

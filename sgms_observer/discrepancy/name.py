@@ -56,6 +56,7 @@ def fitted(
     before: Refit,
     start: EffectSettings,
     columns: Floats,
+    limit: float | None = None,
 ) -> Candidate:
     """Fit one effect next to those already there.
 
@@ -66,25 +67,28 @@ def fitted(
         before: fit without the effect.
         start: the effect at its start.
         columns: derivatives by the nominal parameters.
+        limit: of the friction parameters, see ``refit``.
     """
     effects = (*before.effects, start)
     fixed = [(len(effects) - 1, j) for j in FIXED_SHAPES.get(start.name, ())]
     fixed += [(i, j) for i, e in enumerate(before.effects) for j in FIXED_SHAPES.get(e.name, ()) if j == 2]
-    found = refit(judged, nominal, tolerance, effects, before.logs, fixed, 8, columns)
+    found = refit(judged, nominal, tolerance, effects, before.logs, fixed, 8, columns, limit)
     if start.name == "cogging":
-        found = _with_second_harmonic(judged, nominal, tolerance, found, columns)
+        found = _with_second_harmonic(judged, nominal, tolerance, found, columns, limit)
     taken = 2.0 * (before.cost - found.cost) - math.log(len(found.residual)) * len(start.values)
     return Candidate(start.name, found, taken, _at_bound(found.effects[-1]))
 
 
-def _with_second_harmonic(judged: Judged, nominal: Model, tolerance: float, found: Refit, columns: Floats) -> Refit:
+def _with_second_harmonic(
+    judged: Judged, nominal: Model, tolerance: float, found: Refit, columns: Floats, limit: float | None
+) -> Refit:
     """Return the fit of a cogging with its second harmonic, if that is worth its two parameters."""
     best = found
     for phase in (0.0, 2.1, -2.1):
         last = found.effects[-1]
         values = (*last.values[:3], 0.1 * abs(last.values[0]), phase)
         effects = (*found.effects[:-1], replace(last, values=values))
-        other = refit(judged, nominal, tolerance, effects, found.logs, (), 4, columns)
+        other = refit(judged, nominal, tolerance, effects, found.logs, (), 4, columns, limit)
         if other.cost < best.cost - 15.0:
             best = other
             break
@@ -103,7 +107,7 @@ def _at_bound(settings: EffectSettings) -> tuple[str, ...]:
 
 
 def candidates(
-    screen: Screen, nominal: Model, before: Refit, workers: int, extra: Sequence[str] = ()
+    screen: Screen, nominal: Model, before: Refit, workers: int, limit: float | None = None
 ) -> list[Candidate]:
     """Fit the effects that the first look does not exclude.
 
@@ -112,7 +116,7 @@ def candidates(
         nominal: the given model.
         before: fit without the effect.
         workers: threads.
-        extra: effects to fit in any case.
+        limit: of the friction parameters, see ``refit``.
 
     Returns:
         Candidates, the best first.
@@ -122,7 +126,6 @@ def candidates(
     largest = max((gain for gain, _ in gains.values()), default=0.0)
     ranked = sorted(gains, key=lambda name: -gains[name][0])
     chosen = [name for name in ranked if gains[name][0] > WORTH * largest][:TRIED]
-    chosen += [name for name in extra if name not in chosen and gains[name][1] is not None]
     jobs: list[EffectSettings] = []
     for name in chosen:
         column = gains[name][1]
@@ -131,7 +134,7 @@ def candidates(
             jobs += screen.other_starts(name, left)
 
     def one(start: EffectSettings) -> Candidate:
-        return fitted(screen.judged, nominal, screen.tolerance, before, start, screen.nominal_columns)
+        return fitted(screen.judged, nominal, screen.tolerance, before, start, screen.nominal_columns, limit)
 
     with ThreadPoolExecutor(max_workers=workers) as pool:
         done = list(pool.map(one, jobs))

@@ -84,13 +84,14 @@ class Noise:
         return np.concatenate([spectrum.real, spectrum.imag[1:]])
 
 
-def fit_noise(residual: Floats, doubt: Floats, period: float) -> Noise:
+def fit_noise(residual: Floats, doubt: Floats, period: float, least: float = 0.0) -> Noise:
     """Fit the noise of a residual.
 
     Args:
         residual: at the rate of residuals [N].
         doubt: 0 where the contact slides, 1 where it sticks or creeps, at the same rate.
         period: time between residuals [s].
+        least: rms below which nobody measures a force [N]; white.
     """
     stick = _stick_share(residual, doubt, period)
     weights = Noise(period, 1.0, LOWEST_CORNER, 0.0, stick).weights(doubt)
@@ -119,7 +120,7 @@ def fit_noise(residual: Floats, doubt: Floats, period: float) -> Noise:
         key=lambda found: float(found.cost),
     )
     low, corner, white = np.exp(best.x)
-    return Noise(period, float(low), float(corner), float(white), stick)
+    return Noise(period, float(low), float(corner), float(white) + least**2 / (2.0 * BAND), stick)
 
 
 def _stick_share(residual: Floats, doubt: Floats, period: float) -> float:

@@ -66,9 +66,7 @@ class Screen:
         names: effects to look for.
     """
 
-    def __init__(
-        self, judged: Judged, current: Refit, tolerance: float, names: Sequence[str]
-    ) -> None:
+    def __init__(self, judged: Judged, current: Refit, tolerance: float, names: Sequence[str]) -> None:
         model = current.model
         self.judged, self.model, self.tolerance = judged, model, tolerance
         base = [predict(model, motion) for motion in judged.motions]

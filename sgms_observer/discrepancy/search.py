@@ -156,8 +156,10 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
                 for d in grid(0.8 * reach, max(5e-4, 3.0 * reach), 4)
             ]
         case "frictional_lag":
-            curve, distance = model.friction, max(3.0 * _reach(model), 1e-6)
-            return [whole(name, (curve.coulomb_force / tau, distance)) for tau in grid(0.002, 0.2, 7)]
+            coulomb, mean_reach = model.friction.coulomb_force, _reach(model)
+            return [
+                whole(name, (coulomb / tau, r * mean_reach)) for tau in grid(0.002, 0.2, 7) for r in (0.5, 1.5, 5.0)
+            ]
         case "backlash":
             return [scaled(name, (1,), (gap, LOOK), True) for gap in grid(0.8 * reach, max(2e-4, 3.0 * reach), 8)]
         case "actuator_gain":

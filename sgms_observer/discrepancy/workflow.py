@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.discrepancy import audit
 from sgms_observer.discrepancy.fit import Judged, Refit, refit
-from sgms_observer.discrepancy.model import Model, predict
+from sgms_observer.discrepancy.model import KNEE, VISCOUS, Model, predict
 from sgms_observer.discrepancy.motion import Motion, motion_of
 from sgms_observer.discrepancy.name import Candidate, alternatives, candidates
 from sgms_observer.discrepancy.noise import fit_noise
@@ -27,6 +27,8 @@ Floats = NDArray[np.float64]
 Report = Callable[[str, float], None]
 
 MOST_EFFECTS = 4
+LEAST_NOISE = 1.0e-3
+"""Least rms noise of a measured force, as a share of the effort."""
 ALARM = 20.0
 """Standardised gain that counts as an alarm, if the twins' own largest is below."""
 STRUCTURAL_ALARM = {
@@ -57,6 +59,9 @@ KIN = 0.3
 """A further effect that alone would have taken this share of what the first one took is of its kind,"""
 KIN_SHARE = 0.25
 """and has to take this share on top of it."""
+BEYOND_BELIEF = 2.5
+"""A refit that moves a friction parameter by this many tolerances has swallowed an effect: the tolerance is then kept
+hard while effects are named."""
 NEVER_SEARCHED = ("actuator_gain", "mass_error", "quantisation")
 """Effects that are judged by the parameters' tolerance or read off the data, not by the residual."""
 
@@ -117,6 +122,7 @@ class Diagnosis:
         motions: recordings to learn from.
         held_out: recordings to judge on.
         notes: sentences of the audit.
+        limit: how far parameters were let go, or None.
     """
 
     verdict: str
@@ -132,6 +138,7 @@ class Diagnosis:
     motions: tuple[Motion, ...]
     held_out: tuple[Motion, ...]
     notes: tuple[str, ...] = field(default=())
+    limit: float | None = None
 
 
 def judged_with(motions: Sequence[Motion], model: Model) -> Judged:
@@ -140,7 +147,8 @@ def judged_with(motions: Sequence[Motion], model: Model) -> Judged:
     for motion in motions:
         prediction = predict(model, motion)
         doubt = motion.thinned(prediction.doubt)
-        noise = fit_noise(motion.low_pass(prediction.residual), doubt, motion.residual_period)
+        least = LEAST_NOISE * float(np.std(motion.effort))
+        noise = fit_noise(motion.low_pass(prediction.residual), doubt, motion.residual_period, least)
         noises.append(noise)
         weights.append(noise.weights(doubt))
     return Judged(tuple(motions), tuple(noises), tuple(weights))
@@ -178,6 +186,13 @@ def diagnose(
     found = refit(judged, fine, tolerance, own, None, kept(own), 5)
     judged = judged_with(motions, found.model)
     found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 4)
+    limit = None
+    if _is_beyond_belief(found, fine, tolerance):
+        limit = tolerance
+        judged = judged_with(motions, fine.with_effects(own))
+        for _ in range(2):
+            found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 5, None, limit)
+            judged = judged_with(motions, found.model)
     names = [name for name in catalogue_names() if name not in NEVER_SEARCHED]
     names = [name for name in names if name not in {item.name for item in own}]
     rounds: list[Round] = []
@@ -205,7 +220,7 @@ def diagnose(
             rounds.append(Round(screen, scores, (), now, now, False, ()))
             break
         report("full refits", 0.32 + 0.2 * number)
-        listed = candidates(screen, fine, current, workers)
+        listed = candidates(screen, fine, current, workers, limit)
         step = _judge(screen, scores, listed, now, current, rounds, bool(strong))
         rounds.append(step)
         if not step.accepted:
@@ -213,26 +228,34 @@ def diagnose(
         best = step.listed[0].refit
         judged = judged_with(motions, best.model)
         current = refit(
-            judged, fine, tolerance, best.effects, best.logs, kept(best.effects), 3, screen.nominal_columns
+            judged, fine, tolerance, best.effects, best.logs, kept(best.effects), 3, screen.nominal_columns, limit
         )
         names = [name for name in names if name != step.listed[0].name]
     assert calibration is not None
     report("refit of the model as it is", 0.9)
-    before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 5)
+    before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 5, None, limit)
     after = before
     if len(current.effects) > len(own):
-        after = refit(judged, nominal, tolerance, current.effects, before.logs, kept(current.effects), 8)
+        after = refit(judged, nominal, tolerance, current.effects, before.logs, kept(current.effects), 8, None, limit)
     deviation = None if len(current.effects) > len(own) else named_deviation(nominal, after, tolerance)
     verdict = _verdict(rounds, current, deviation, resolution, is_poor)
     return Diagnosis(
         verdict, nominal, own, before, after, tuple(rounds), calibration, deviation, resolution, judged, motions,
-        held_out, tuple(notes),
+        held_out, tuple(notes), limit,
     )  # fmt: skip
 
 
 def alarm_threshold(name: str, calibration: Calibration) -> float:
     """Return the standardised gain from which an effect counts as an alarm."""
     return max(STRUCTURAL_ALARM.get(name, ALARM), float(calibration.largest.max()))
+
+
+def _is_beyond_belief(found: Refit, nominal: Model, tolerance: float) -> bool:
+    """Return whether the refit moved friction parameters so far that it must have swallowed an effect."""
+    deviation = named_deviation(nominal, found, tolerance)
+    common = -np.log(deviation.value) if deviation is not None and deviation.name == "actuator_gain" else 0.0
+    moved = found.logs[VISCOUS : KNEE + 1] - common * np.array([1.0, 1.0, 1.0, 0.0])
+    return bool(np.max(np.abs(moved)) > BEYOND_BELIEF * tolerance)
 
 
 def axis_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:
