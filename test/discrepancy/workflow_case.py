@@ -1,6 +1,7 @@
 """A small simulated recording for tests: the model's own friction along a rich motion, with an effect put in."""
 
 import numpy as np
+
 from sgms_observer.discrepancy.model import Model, predict
 from sgms_observer.discrepancy.motion import motion_of
 from sgms_observer.discrepancy.record import Record
@@ -33,7 +34,9 @@ def rich_position(duration: float, seed: int) -> np.ndarray:
     return np.cumsum(velocity) * PERIOD
 
 
-def record(effects: tuple[EffectSettings, ...] = (), seed: int = 1, duration: float = 20.0, mass: float = 5.0) -> Record:
+def record(
+    effects: tuple[EffectSettings, ...] = (), seed: int = 1, duration: float = 20.0, mass: float = 5.0
+) -> Record:
     """Return a recording of a stage with ``effects`` and force noise of 1 % of the Coulomb force."""
     raw = np.round(rich_position(duration, seed) / 1e-8) * 1e-8
     rng = np.random.default_rng([seed, 5])

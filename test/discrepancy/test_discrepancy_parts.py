@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from workflow_case import AXIS, FRICTION, PERIOD, record
+
 from sgms_observer.discrepancy.fit import refit
 from sgms_observer.discrepancy.model import Model, element_friction, predict
 from sgms_observer.discrepancy.motion import grid_of, motion_of, without_flicker
@@ -14,7 +16,6 @@ from sgms_observer.discrepancy.twins import calibrate, coloured
 from sgms_observer.discrepancy.workflow import judged_with
 from sgms_observer.errors import DataError
 from sgms_observer.settings.axis import EffectSettings
-from workflow_case import AXIS, FRICTION, PERIOD, record
 
 
 def test_grid_is_read_off_the_position() -> None:
