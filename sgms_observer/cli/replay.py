@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from sgms_observer.bags.writer import BagWriter
+    from sgms_observer.observer.axis_observer import AxisObserver
     from sgms_observer.observer.outgoing import Outgoing
     from sgms_observer.observer.samples import Estimates, Samples
+
+Given, Done = TypeVar("Given"), TypeVar("Done")
 
 NAME = "replay"
 HELP = "run the observer over a recorded bag and write its estimates into another; deterministic"
@@ -62,12 +65,11 @@ def run(args: argparse.Namespace) -> int:
     tallies = [_Tally() for _ in names]
     start = time.perf_counter()
     with BagWriter(args.out, args.storage) as bag, Progress("replay", max(1, last - first)) as progress:
-        for block in _blocks_of_all_axes(source, names):
-            estimates = {number: observers[number].step(samples) for number, samples in block.items()}
+        for estimates in _beside(_blocks_of_all_axes(source, names), lambda block: _observe(observers, block)):
             for number, estimate in estimates.items():
                 tallies[number].add(estimate)
             _write(bag, outgoing, estimates)
-            progress.show(max(int(samples.stamp_ns[-1]) for samples in block.values()) - first)
+            progress.show(max(int(estimate.stamp_ns[-1]) for estimate in estimates.values()) - first)
     seconds = time.perf_counter() - start
     for name, tally in zip(names, tallies, strict=True):
         print(f"{name}: {tally.sentence()}")
@@ -103,6 +105,29 @@ def _blocks_of_all_axes(source: Iterator[tuple[str, Samples]], names: Sequence[s
         gathered[number] = samples
     if gathered:
         yield gathered
+
+
+def _observe(observers: Sequence[AxisObserver], block: Mapping[int, Samples]) -> dict[int, Estimates]:
+    """Return what the observers say of a block."""
+    return {number: observers[number].step(samples) for number, samples in block.items()}
+
+
+def _beside(given: Iterator[Given], work: Callable[[Given], Done]) -> Iterator[Done]:
+    """Yield ``work`` of each item, in order, done in a thread of its own while the caller deals with the one before.
+
+    The kernels leave Python's lock alone, so reading and writing the bags costs no time on a second core. At most two
+    items wait: memory stays as it is however long the bag.
+    """
+    from concurrent.futures import Future, ThreadPoolExecutor
+
+    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="observer") as pool:
+        running: Future[Done] | None = None
+        for item in given:
+            before, running = running, pool.submit(work, item)
+            if before is not None:
+                yield before.result()
+        if running is not None:
+            yield running.result()
 
 
 def _write(bag: BagWriter, outgoing: Outgoing, estimates: dict[int, Estimates]) -> None:
