@@ -30,8 +30,7 @@ docs: setup
 
 # The pictures of README and docs, from a run of the demonstration.
 pictures: demo
-	cp $(OUT)/x_with_friction.png docs/images/friction.png
-	cp $(OUT)/x_with_hysteresis.png docs/images/hysteresis.png
+	cp $(OUT)/x_without_friction.png docs/images/friction.png
 
 clean:
 	rm -rf .venv .venv-ros build install log out *.egg-info
