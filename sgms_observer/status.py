@@ -29,7 +29,7 @@ _SENTENCES = {
     Status.RUNNING: "the estimator runs on good samples",
     Status.STARTING: "the filters are filling; estimates follow shortly",
     Status.PREDICTING: "no usable effort: the friction is predicted from the motion alone; check control_effort",
-    Status.SAMPLE_REJECTED: "a sample disagreed with the model beyond outlier_nis and was not used",
+    Status.SAMPLE_REJECTED: "a sample was absurd or disagreed with the model beyond outlier_nis, and was not used",
     Status.FALLBACK_NOT_CONVERGED: "the moving horizon estimator found no descent; the EKF took this correction",
     Status.FALLBACK_NOT_FINITE: "a result was not finite; the EKF took over from the last good estimate",
     Status.FALLBACK_DEADLINE: "the last correction took longer than estimator.deadline; the EKF took this one",

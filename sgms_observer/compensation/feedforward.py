@@ -27,7 +27,7 @@ from sgms_observer.estimators.layout import (
     ParameterArrays,
     apply_parameters,
 )
-from sgms_observer.filters.motion import LEAD, PERIOD, PRESENT_VELOCITY
+from sgms_observer.filters.motion import ELAPSED, LEAD, PRESENT_VELOCITY
 from sgms_observer.jit import njit
 from sgms_observer.settings.observer import CompensationSettings
 from sgms_observer.status import Status
@@ -135,7 +135,7 @@ def _compensate(
     modes = np.zeros(n_z, dtype=np.int64)
     apply_parameters(scalars, elements, kinds[:0], unit[:0], unit[:0], row, bars)
     for k in range(motion.shape[0]):
-        h = motion[k, PERIOD]
+        h = motion[k, ELAPSED]
         verdict = state[VERDICT + int(results[k, STATUS])]
         element_force = results[k, RESULT_SIZE : RESULT_SIZE + n_z]
         trust = _next_trust(state[TRUST], verdict, h, state[TIMEOUT]) if state[ENABLED] > 0.5 else 0.0
@@ -232,6 +232,11 @@ class Compensator:
             settings.timeout,
         )
 
+    @property
+    def output(self) -> float:
+        """Return the latest force [N], from which the slew limit counts."""
+        return float(self._state[OUTPUT])
+
     def continue_from(self, output: float) -> None:
         """Go on from another output, the one that really went out; trust has to be regained.
 
@@ -258,7 +263,7 @@ class Compensator:
         count, n_z = block.element_force.shape
         n_p = block.parameters.shape[1]
         motion = np.zeros((count, LEAD))
-        motion[:, PERIOD], motion[:, PRESENT_VELOCITY] = block.period, block.velocity
+        motion[:, ELAPSED], motion[:, PRESENT_VELOCITY] = block.period, block.velocity
         results = np.zeros((count, RESULT_SIZE + 3 * n_z + 2 * n_p))
         results[:, FRICTION_STD], results[:, STATUS] = block.friction_std, block.status
         results[:, RESULT_SIZE : RESULT_SIZE + n_z] = block.element_force

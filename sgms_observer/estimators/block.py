@@ -204,6 +204,8 @@ def _take_sample(flat: Floats, row: Floats, effort: float, factor: float, result
             result[INNOVATION_STD] = deviation
         if status == RUNNING:
             status = outcome
+    if status == RUNNING and not abs(effort) < 1e300:
+        return PREDICTING  # between two corrections as well: nothing will confirm what is predicted
     return TOO_DENSE if status == RUNNING and row[row_of.IS_DENSE] > 0.0 else status
 
 

@@ -14,8 +14,8 @@ from sgms_observer.filters.tracking import tracking_sample
 from sgms_observer.jit import njit
 from sgms_observer.observer.samples import Floats
 
-_LARGEST = 1.0e150
-"""A larger position [m] is no measurement; squares of smaller ones stay finite."""
+_LARGEST = 1.0e9
+"""A larger position [m] or effort [N] is no measurement, and would stay in a recursive filter's memory for long."""
 
 
 @njit
@@ -23,6 +23,25 @@ def _has_jumped(config: Floats, state: Floats, position: float, period: float) -
     """Return whether the speed changed by more than an axis can change it: the encoder wrapped or was set anew."""
     speed = (position - state[layout.LATEST_POSITION]) / period
     return bool(abs(speed - state[layout.LATEST_SPEED]) > config[layout.JUMP_SPEED])
+
+
+@njit
+def _elapsed(config: Floats, state: Floats, high: int, low: int, is_used: bool) -> float:
+    """Return the time since the latest sample, used or not [s], and remember this one if time went on."""
+    elapsed = config[layout.SAMPLE_PERIOD]
+    if state[layout.HAS_PREVIOUS] > 0.0:
+        elapsed = 1.0e-9 * ((high - state[layout.SEEN_HIGH]) * layout.STAMP_SPLIT + (low - state[layout.SEEN_LOW]))
+        if elapsed > config[layout.MAXIMUM_GAP] or elapsed < -layout.CLOCK_RESET:
+            if not is_used:
+                return 0.0
+            elapsed = config[layout.SAMPLE_PERIOD]
+        elif not elapsed > 0.0:
+            return 0.0
+    elif not is_used:
+        return 0.0
+    state[layout.SEEN_HIGH] = high
+    state[layout.SEEN_LOW] = low
+    return elapsed
 
 
 @njit
@@ -50,12 +69,16 @@ def filter_sample(
         if period > 0.0 and not is_restart:
             is_jump = _has_jumped(config, state, position, period)
             is_restart = is_jump
+    if not abs(effort) < _LARGEST:
+        effort = math.nan
     row[motion.IS_RESTART] = 0.0
     row[motion.IS_JUMP] = 0.0
     row[motion.IS_DENSE] = 0.0
     row[motion.IS_READY] = 0.0
     row[motion.IS_REJECTED] = 0.0
-    if not ((period > 0.0 or is_restart) and abs(position) < _LARGEST):
+    is_used = (period > 0.0 or is_restart) and abs(position) < _LARGEST
+    row[motion.ELAPSED] = _elapsed(config, state, high, low, is_used)
+    if not is_used:
         row[motion.IS_REJECTED] = 1.0
         row[motion.PERIOD] = 0.0
         row[motion.EFFORT] = math.nan

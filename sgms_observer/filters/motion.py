@@ -23,7 +23,8 @@ IS_RESTART = 10
 IS_REJECTED = 11
 IS_JUMP = 12
 IS_DENSE = 13
-LEAD = 14  # lead velocities, then as many lead periods
+ELAPSED = 14
+LEAD = 15  # lead velocities, then as many lead periods
 
 
 def row_width(delay_samples: int) -> int:
@@ -103,6 +104,11 @@ class Motion:
         return self.table[:, IS_RESTART] > 0.5
 
     @property
+    def elapsed(self) -> Floats:
+        """Time from the sample before to this one, used or not [s]; nominal after a pause, 0 where time stood still."""
+        return self.table[:, ELAPSED]
+
+    @property
     def is_jump(self) -> NDArray[np.bool_]:
         """Whether it restarted because the position jumped, by more than ``jump_speed`` allows."""
         return self.table[:, IS_JUMP] > 0.5
@@ -140,7 +146,7 @@ def known_motion(period: Floats, velocity: Floats, acceleration: Floats) -> Moti
         Motion whose positions are the travel since the first sample's predecessor [m].
     """
     table = np.zeros((len(period), LEAD))
-    table[:, PERIOD] = period
+    table[:, PERIOD] = table[:, ELAPSED] = period
     table[:, POSITION] = table[:, PRESENT_POSITION] = np.cumsum(velocity * period)
     table[:, VELOCITY] = table[:, STEP_VELOCITY] = table[:, PRESENT_VELOCITY] = velocity
     table[:, ACCELERATION] = table[:, PRESENT_ACCELERATION] = acceleration
