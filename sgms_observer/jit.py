@@ -18,8 +18,8 @@ from typing import Any, TypeVar
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 _ROOT = Path(__file__).resolve().parent.parent
-_CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "sgms_observer"
 _KEPT_KEYS = 64
+_KEY = re.compile(r"[0-9a-f]{16}")
 _IMPORT = re.compile(
     r"^\s*(?:from|import)\s+((?:sgms_observer|sim_plant)[\w.]*)(?:\s+import\s+(\([^)]*\)|[^\n#]*))?", re.MULTILINE
 )
@@ -33,6 +33,15 @@ try:
     HAS_NUMBA = not os.environ.get("SGMS_OBSERVER_NO_NUMBA")
 except ImportError:
     HAS_NUMBA = False
+
+
+def _cache_folder() -> Path:
+    """Return where kernels are kept: below XDG_CACHE_HOME where that is an absolute path, else below ~/.cache."""
+    home = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return (home if home.is_absolute() else Path.home() / ".cache") / "sgms_observer" / "kernels"
+
+
+_CACHE = _cache_folder()
 
 
 def _file_of(module: str) -> Path | None:
@@ -78,7 +87,8 @@ def _key_of(module: str) -> str:
 def _forget_old_keys() -> None:
     """Remove all but the newest cache folders, once per process."""
     try:
-        folders = sorted(_CACHE.iterdir(), key=lambda entry: entry.stat().st_mtime)
+        keys = (entry for entry in _CACHE.iterdir() if _KEY.fullmatch(entry.name))
+        folders = sorted(keys, key=lambda entry: entry.stat().st_mtime)
     except OSError:
         return
     for folder in folders[:-_KEPT_KEYS]:
@@ -104,6 +114,8 @@ def _compile(function: Kernel, **options: Any) -> Kernel:
         numba.config.CACHE_DIR = str(_CACHE / _key_of(function.__module__))  # type: ignore[attr-defined]
     try:
         compiled: Kernel = numba.njit(function, cache=True, error_model="numpy", nogil=True, **options)
+    except RuntimeError:  # no folder to write to: compile at every start
+        compiled = numba.njit(function, error_model="numpy", nogil=True, **options)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
     return compiled
