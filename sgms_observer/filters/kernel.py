@@ -28,7 +28,7 @@ def _has_jumped(config: Floats, state: Floats, position: float, period: float) -
 @njit
 def _elapsed(config: Floats, state: Floats, high: int, low: int, is_used: bool) -> float:
     """Return the time since the latest sample, used or not [s], and remember this one if time went on."""
-    elapsed = config[layout.SAMPLE_PERIOD]
+    elapsed: float = config[layout.SAMPLE_PERIOD]
     if state[layout.HAS_PREVIOUS] > 0.0:
         elapsed = 1.0e-9 * ((high - state[layout.SEEN_HIGH]) * layout.STAMP_SPLIT + (low - state[layout.SEEN_LOW]))
         if elapsed > config[layout.MAXIMUM_GAP] or elapsed < -layout.CLOCK_RESET:

@@ -19,7 +19,7 @@ from sgms_observer.errors import SgmsError
 from sgms_observer.nodes.commands import CommandTopic
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.lifecycle import ManagedNode
-from sgms_observer.nodes.report import OK, axis_entry, node_entry, parameter_entry
+from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, parameter_entry
 from sgms_observer.nodes.statistics import Growth, Sentences
 from sgms_observer.nodes.topics import JointStateTopics, subscribe
 from sgms_observer.nodes.watchdog import Watchdog
@@ -217,8 +217,7 @@ class ObserverNode(ManagedNode):
             grown = self._growth.take(axis, pairing.counts)
             entry = axis_entry(name, axis, statistics, pairing.counts, grown, seconds)
             entries.append(entry)
-            troubles = dict.fromkeys([*grown.sentences(), *([entry.message] if entry.level != OK else [])])
-            sentences += [f"axis {axis}: {sentence}" for sentence in troubles]
+            sentences += [f"axis {axis}: {sentence}" for sentence in axis_sentences(entry, statistics, grown)]
             statistics.start_anew()
         self._diagnostics.publish(encode_diagnostics(self.get_clock().now().nanoseconds, entries))
         for sentence in self._sentences.new(sentences):

@@ -14,6 +14,7 @@ from sgms_observer.status import Status
 
 OK, WARN, ERROR, STALE = range(4)
 
+HIGH_NIS = "innovations are larger than the model expects; raise measurement_std or identify the model anew"
 NO_SAMPLES = "no samples arrive; check that position and control_effort are published and remapped"
 _LEVELS = {Status.RUNNING: OK, Status.STARTING: OK}
 _NIS_HIGH = 5.0
@@ -46,9 +47,8 @@ def axis_entry(
     sentence = statistics.worst.sentence
     if statistics.samples == 0:
         level, sentence = STALE, NO_SAMPLES
-    elif statistics.worst is Status.RUNNING and statistics.nis > _NIS_HIGH:
-        level = WARN
-        sentence = "innovations are larger than the model expects; raise measurement_std or identify the model anew"
+    elif level == OK and statistics.nis > _NIS_HIGH:
+        level, sentence = WARN, HIGH_NIS
     troubles = new.sentences()
     if troubles and level in (OK, STALE):
         level, sentence = max(level, WARN), troubles[0]
@@ -67,6 +67,20 @@ def axis_entry(
         **{f"samples {status.name.lower()}": str(count) for status, count in sorted(statistics.totals.items())},
     }
     return DiagnosticStatus(level, f"{name}: axis {axis}", sentence, axis, tuple(values.items()))
+
+
+def axis_sentences(entry: DiagnosticStatus, statistics: AxisStatistics, new: PairingCounts) -> list[str]:
+    """Return everything that is to be said of an axis in the log, each sentence once.
+
+    Args:
+        entry: what diagnostics say of the axis.
+        statistics: what the estimator said since the last report.
+        new: what became of the axis's messages since the last report.
+    """
+    troubles = [status.sentence for status in sorted(statistics.seen) if _LEVELS.get(status, WARN) != OK]
+    troubles += [HIGH_NIS] if statistics.nis > _NIS_HIGH else []
+    told = [entry.message] if entry.level != OK else []
+    return list(dict.fromkeys([*new.sentences(), *troubles, *told]))
 
 
 def node_entry(
@@ -98,6 +112,7 @@ def node_entry(
         "malformed": str(counts.malformed),
         "foreign": str(counts.foreign),
         "short": str(counts.short),
+        "repeated names": str(counts.repeated_names),
         "step time p50 [us]": _number(times.median * 1e6),
         "step time p99 [us]": _number(times.p99 * 1e6),
         "step time max [us]": _number(times.longest * 1e6),

@@ -24,14 +24,14 @@ class AxisStatistics:
         samples: samples since the last report.
         total: samples since the start.
         totals: samples per ``Status`` since the start.
-        worst: worst status since the last report.
+        seen: statuses since the last report.
         latest: status of the latest sample.
     """
 
     samples: int = 0
     total: int = 0
     totals: dict[Status, int] = field(default_factory=dict)
-    worst: Status = Status.RUNNING
+    seen: set[Status] = field(default_factory=set)
     latest: Status = Status.STARTING
     _nis_sum: float = 0.0
     _nis_count: int = 0
@@ -44,13 +44,18 @@ class AxisStatistics:
         for code, count in zip(codes.tolist(), counts.tolist(), strict=True):
             status = Status(code)
             self.totals[status] = self.totals.get(status, 0) + count
-        self.worst = max(self.worst, Status(int(codes[-1])))
+            self.seen.add(status)
         self.latest = Status(int(estimates.status[-1]))
         corrected = np.isfinite(estimates.innovation) & (estimates.innovation_std > 0.0)
         if corrected.any():
             ratio = estimates.innovation[corrected] / estimates.innovation_std[corrected]
             self._nis_sum += float(ratio @ ratio)
             self._nis_count += int(ratio.size)
+
+    @property
+    def worst(self) -> Status:
+        """Return the worst status since the last report."""
+        return max(self.seen, default=Status.RUNNING)
 
     @property
     def rejected(self) -> int:
@@ -65,7 +70,7 @@ class AxisStatistics:
     def start_anew(self) -> None:
         """Begin the next report."""
         self.samples = 0
-        self.worst = self.latest
+        self.seen = {self.latest}
         self._nis_sum = 0.0
         self._nis_count = 0
 
