@@ -95,13 +95,11 @@ def run(args: argparse.Namespace) -> int:
         values = ", ".join(f"{value:.4g}" for value in item.settings.values)
         others = f"; could also be {', '.join(item.alternatives)}" if item.alternatives else ""
         print(f"  {item.settings.name}: {values} (confidence {item.confidence:.2f}{others})")
-    print(
-        f"gap on {gap.held_out} data: {gap.before:.3g} -> {gap.after:.3g} % of rms effort (noise floor {gap.floor:.3g} %)"
-    )
+    floor = f"(noise floor {gap.floor:.3g} %)"
+    print(f"gap on {gap.held_out} data: {gap.before:.3g} -> {gap.after:.3g} % of rms effort {floor}")
     print(f"observer innovation:  {closings[0].innovation:.4g} -> {closings[1].innovation:.4g} N rms")
-    print(
-        f"left to the controller after compensation: {closings[0].compensation:.4g} -> {closings[1].compensation:.4g} N rms"
-    )
+    left = f"{closings[0].compensation:.4g} -> {closings[1].compensation:.4g}"
+    print(f"left to the controller after compensation: {left} N rms")
     if answer.next_experiment:
         print(f"next: {answer.next_experiment}")
     print(f"wrote {out}/result.json, augmented.yaml, report.html")

@@ -83,7 +83,7 @@ def answer_of(found: Diagnosis, options: Options) -> Answer:
     before_model, after_model = found.before.model, after.model
     accepted = [step for step in found.rounds if step.accepted]
     extra = _extra(found)
-    if verdict == "unknown_effect":
+    if verdict in ("unknown_effect", "cannot_tell"):
         after_model, accepted, extra = before_model, [], []
     if extra and found.deviation is not None:
         before_model, after_model = _with_deviation(found, options)
@@ -201,8 +201,8 @@ def next_experiment(verdict: str, named: Sequence[Named], told: Sequence[Located
     if verdict == "unknown_effect" and told:
         where = told[0]
         return (
-            f"Record slow repeated motion that stays at {where.coordinate} {where.low:.3g} to {where.high:.3g} {where.unit}, "
-            "and the same motion again after changing one thing at a time (load, temperature, cables)."
+            f"Record slow repeated motion that stays at {where.coordinate} {where.low:.3g} to {where.high:.3g}"
+            f" {where.unit}, and the same motion again after changing one thing at a time (load, temperature, cables)."
         )
     if verdict == "no_effect":
         weakest = max(

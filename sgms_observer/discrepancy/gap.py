@@ -93,7 +93,8 @@ def measure(found: Diagnosis, before: Model, after: Model, stages: Sequence[Mode
     gap_after = relative(other, motions)
     floor = min(100.0 * noise / float(np.sqrt(np.mean(effort**2))), gap_after)
     return Gap(
-        relative(one, motions), gap_after, floor, _interval(other, motions, seed), label, (*steps, gap_after), one, other,
+        relative(one, motions), gap_after, floor, _interval(other, motions, seed), label, (*steps, gap_after), one,
+        other,
         motions,
     )  # fmt: skip
 

@@ -117,7 +117,10 @@ def _element_friction(
     first: Floats, second: Floats, period: float, kappa: Floats, fraction: Floats, level: Floats, numbers: Floats,
     out: Floats, stiffness: Floats,
 ) -> None:  # fmt: skip
-    """Write the summed element force after each step, and the stiffness of what sticks; ``numbers``: is_gms, lambda, zeta, gamma, is_paper, v_s, C."""
+    """Write the summed element force after each step, and the stiffness of what sticks.
+
+    ``numbers``: is_gms, lambda, zeta, gamma, is_paper, v_s, C.
+    """
     n_z = kappa.shape[0]
     force = np.zeros(n_z)
     mode = np.zeros(n_z, dtype=np.int64)
@@ -229,7 +232,7 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
 
 
 def creep(motion: Motion) -> Floats:
-    """Return 1 where the stage is slower than ``CREEP`` steps of the encoder's grid per sample, 0 where it is faster."""
+    """Return 1 where the stage is slower than ``CREEP`` steps of the encoder's grid per sample, else 0."""
     if motion.resolution <= 0.0:
         return np.zeros(len(motion.time))
     slow = CREEP * motion.resolution / motion.period

@@ -1,14 +1,15 @@
 """What of a residual is noise: its colour, and where it is larger. Both whiten every column alike.
 
-The force noise of a drive is taken as first-order noise plus white noise, with a corner no lower than ``LOWEST_CORNER``:
-whatever moves more slowly than that has a cause. The spectrum is fitted to medians over bands, so that lines and
-slow effects do not count as noise. Where the contact sticks, the encoder's noise (and what a few elements cannot
-follow) comes through its doubt; residuals there weigh less.
+The force noise of a drive is taken as first-order noise plus white noise, its corner no lower than
+``LOWEST_CORNER``: whatever moves more slowly than that has a cause. The spectrum is fitted to medians over bands, so
+that lines and slow effects do not count as noise. Where the contact sticks, the encoder's noise (and what a few
+elements cannot follow) comes through its stiffness; residuals there weigh less.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +101,7 @@ def fit_noise(residual: Floats, doubt: Floats, period: float, least: float = 0.0
     frequency = np.fft.rfftfreq(len(residual), period)
     edges = np.geomspace(4.0, 0.95 * BAND, _BANDS + 1)
     centre, level = [], []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         rows = (frequency >= low) & (frequency < high)
         if rows.sum() >= 5:
             centre.append(float(np.sqrt(low * high)))

@@ -222,8 +222,8 @@ def _decisions(answer: Answer, options: Options) -> Section:
         text.append(f"Noise below the band {item.rms:.3g} N rms, corner {item.corner:.0f} Hz.")
     text.append(
         f"{len(found.calibration.largest)} null twins (others set the scale): the largest standardised gain by chance "
-        f"was {found.calibration.largest.max():.1f}. An effect is taken when it explains at least {100 * CLOSES:.0f} % of what is "
-        f"more than noise. Owner's tolerance {100 * options.tolerance:.0f} %."
+        f"was {found.calibration.largest.max():.1f}. An effect is taken when it explains at least "
+        f"{100 * CLOSES:.0f} % of what is more than noise. Owner's tolerance {100 * options.tolerance:.0f} %."
     )
     if isinstance(found.deviation, Deviation):
         text.append(f"The refitted parameters together say {found.deviation.name} = {found.deviation.value:.4g}.")

@@ -145,7 +145,7 @@ class Screen:
         best: tuple[float, Columns | None] = (0.0, None)
         for offset in (-0.6, -0.3, 0.0, 0.3, 0.6):
             shape = search.wave(LINES, size, peak + offset / float(motion.time[-1]))
-            raw = np.column_stack([self._column(LINES, values) for values in shape.bases])
+            raw = np.column_stack([self._column(LINES, item.values) for item in shape.columns()])
             item = self._orthonormal(shape, raw)
             if item is not None and (gain := item.gain(left)) > best[0]:
                 best = (gain, item)
@@ -170,7 +170,7 @@ class Screen:
         """Return the columns of every shape of an effect."""
         made = []
         for shape in search.shapes(name, self.judged.motions, self.model):
-            raw = np.column_stack([self._column(name, values) for values in shape.bases])
+            raw = np.column_stack([self._column(name, item.values) for item in shape.columns()])
             item = self._orthonormal(shape, raw)
             if item is not None:
                 made.append(item)
@@ -206,9 +206,7 @@ class Screen:
         formula = getattr(vectorised(entry.output.__module__), entry.output.__name__)
         wanted = inspect.signature(formula).parameters
         parts = []
-        for motion, noise, weights, thin in zip(
-            self.judged.motions, self.judged.noise, self.judged.weights, self._thin, strict=True
-        ):
+        for noise, weights, thin in zip(self.judged.noise, self.judged.weights, self._thin, strict=True):
             known = {**thin, "p": values}
             result = formula(*(known[key] for key in wanted))
             force = thin["friction"] * (result - 1.0) if entry.place is Place.LEVEL_FACTOR else result

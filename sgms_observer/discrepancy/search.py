@@ -41,9 +41,16 @@ class Shape:
     combine: Combine
     is_positive: bool = False
 
+    def columns(self) -> list[EffectSettings]:
+        """Return the effect at each basis, inside its bounds."""
+        return [self._inside(values) for values in self.bases]
+
     def settings(self, coefficients: Floats) -> EffectSettings:
         """Return the effect at these coefficients, inside its bounds."""
-        values = self.combine(coefficients)
+        return self._inside(self.combine(coefficients))
+
+    def _inside(self, values: tuple[float, ...]) -> EffectSettings:
+        """Return the effect with every value inside its bounds."""
         parameters = effect(self.name).parameters
         return EffectSettings(
             self.name,

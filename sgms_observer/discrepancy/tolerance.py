@@ -1,4 +1,4 @@
-"""Effects that a refit of the nominal model takes in whole: a mass or an actuator gain outside the owner's tolerance."""
+"""Effects that a refit of the nominal model takes in whole: mass or actuator gain outside the owner's tolerance."""
 
 from __future__ import annotations
 

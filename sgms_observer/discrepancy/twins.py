@@ -67,7 +67,8 @@ def twin_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Generator
     record = Record(motion.name, motion.period, position, 0.5 * (effort + held))
     made = motion_of(record)
     return Motion(**{**made.__dict__, "effort": effort, "has_other": motion.has_other,
-                     "other_velocity": motion.other_velocity, "other_acceleration": motion.other_acceleration})  # fmt: skip
+                     "other_velocity": motion.other_velocity,
+                     "other_acceleration": motion.other_acceleration})  # fmt: skip
 
 
 def calibrate(screen: Screen, seed: int, workers: int, report: Callable[[float], None] | None = None) -> Calibration:

@@ -59,6 +59,8 @@ KIN = 0.3
 """A further effect that alone would have taken this share of what the first one took is of its kind,"""
 KIN_SHARE = 0.25
 """and has to take this share on top of it."""
+HARD = 1.2
+"""Hard limit of parameters that have swallowed an effect, in tolerances."""
 BEYOND_BELIEF = 2.5
 """A refit that moves a friction parameter by this many tolerances has swallowed an effect: the tolerance is then kept
 hard while effects are named."""
@@ -188,7 +190,7 @@ def diagnose(
     found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 4)
     limit = None
     if _is_beyond_belief(found, fine, tolerance):
-        limit = tolerance
+        limit = HARD * tolerance
         judged = judged_with(motions, fine.with_effects(own))
         for _ in range(2):
             found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 5, None, limit)
@@ -198,6 +200,8 @@ def diagnose(
     rounds: list[Round] = []
     calibration: Calibration | None = None
     current = found
+    if is_poor:
+        names = []
     for number in range(MOST_EFFECTS + 1):
         report(f"first look at {len(names)} effects", 0.15 + 0.2 * number)
         screen = Screen(judged, current, tolerance, names)
@@ -215,7 +219,7 @@ def diagnose(
             for name in names
             if scores[name] > raised * alarm_threshold(name, calibration) and gains[name][0] > ALARM_GAIN
         ]
-        is_loud = now.sum() > 0.0 and resolution is None
+        is_loud = now.sum() > 0.0 and resolution is None and bool(names)
         if not (strong or is_loud) or number == MOST_EFFECTS:
             rounds.append(Round(screen, scores, (), now, now, False, ()))
             break
@@ -233,11 +237,19 @@ def diagnose(
         names = [name for name in names if name != step.listed[0].name]
     assert calibration is not None
     report("refit of the model as it is", 0.9)
-    before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 5, None, limit)
+    before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 5)
     after = before
     if len(current.effects) > len(own):
-        after = refit(judged, nominal, tolerance, current.effects, before.logs, kept(current.effects), 8, None, limit)
-    deviation = None if len(current.effects) > len(own) else named_deviation(nominal, after, tolerance)
+        after = refit(judged, nominal, tolerance, current.effects, None, kept(current.effects), 8)
+    if limit is not None and _is_beyond_belief(after, nominal, tolerance):
+        before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 5, None, limit)
+        after = before
+        if len(current.effects) > len(own):
+            after = refit(judged, nominal, tolerance, current.effects, None, kept(current.effects), 8, None, limit)
+    else:
+        limit = None
+    is_clear = len(current.effects) == len(own) and resolution is None
+    deviation = None if not is_clear else named_deviation(nominal, after, tolerance)
     verdict = _verdict(rounds, current, deviation, resolution, is_poor)
     return Diagnosis(
         verdict, nominal, own, before, after, tuple(rounds), calibration, deviation, resolution, judged, motions,
@@ -314,6 +326,8 @@ def _verdict(
     rounds: Sequence[Round], current: Refit, deviation: Deviation | None, resolution: float | None, is_poor: bool
 ) -> str:
     """Return the verdict of the whole run."""
+    if is_poor:
+        return "cannot_tell"
     accepted = [item for item in rounds if item.accepted]
     if accepted:
         total = sum(item.listed[0].taken for item in accepted)
@@ -327,4 +341,4 @@ def _verdict(
         return "ambiguous" if deviation.alternatives else "effect_found"
     if resolution is not None:
         return "effect_found"
-    return "cannot_tell" if is_poor else "no_effect"
+    return "no_effect"
