@@ -6,9 +6,11 @@ import os
 import tempfile
 from pathlib import Path
 
+from sgms_observer.nodes.domain import claim_domain
+
 # Before anything imports rclpy. The domain is this run's own: two jobs on one machine must not hear each other,
 # and no test may ever speak to a machine that is really there.
-os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
+os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "sgms_observer_test_logs")

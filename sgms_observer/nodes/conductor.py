@@ -20,6 +20,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from sgms_observer.errors import DataError
+from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.nodes.transport import use_shipped_transport
 
 _PATIENCE = 180.0  # s; a first start compiles every kernel
@@ -35,7 +36,8 @@ def prepare_graph() -> int:
     """
     if not any(name in os.environ for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY")):
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+    if "ROS_DOMAIN_ID" not in os.environ:
+        os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
     use_shipped_transport()
     return int(os.environ["ROS_DOMAIN_ID"])
 

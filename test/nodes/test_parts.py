@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.intake import Intake
 from sgms_observer.nodes.pace import LONGEST_CATCH_UP, Pace
@@ -201,3 +205,17 @@ def test_the_engine_starts_a_new_block_when_the_clock_was_reset() -> None:
     stamps = [stamp for block in processed.blocks if block.topic == ESTIMATE for stamp in block.stamp_ns.tolist()]
     assert len(stamps) == 100 and stamps[0] == 100 * SECOND and stamps[-1] == 5 * SECOND + 49_000_000
     assert engine.statistics[0].total == 100
+
+
+def test_two_runs_never_share_a_domain() -> None:
+    code = "from sgms_observer.nodes.domain import claim_domain; print(claim_domain(), flush=True); input()"
+    others = [
+        subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        for _ in range(5)
+    ]
+    domains = [int(other.stdout.readline()) for other in others]
+    for other in others:
+        other.communicate("\n")
+    domains += [claim_domain(), claim_domain(), int(os.environ["ROS_DOMAIN_ID"])]
+    assert len(set(domains)) == len(domains)
+    assert all(1 <= domain <= 100 for domain in domains)
