@@ -38,6 +38,7 @@ from sgms_observer.identification.least_squares import (
     inverse_model_error,
 )
 from sgms_observer.identification.recording import Recording, join_samples, recordings_from_samples
+from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.settings.load import load_settings
@@ -173,7 +174,7 @@ def live(out: Path) -> str:
     environment = {
         **os.environ,
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID", str(os.getpid() % 100)),
+        "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID", str(claim_domain())),
     }
     python = [sys.executable, "-m"]
     node = [*python, "sgms_observer.nodes.observer_node", "--ros-args", "--params-file", str(out / "sgms.yaml")]
