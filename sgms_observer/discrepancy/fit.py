@@ -214,6 +214,8 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
     if name == "thermal_drift" and parameter == "time_constant":
         length = max(float(motion.time[-1]) for motion in motions)
         return SHORTEST_DRIFT * length, LONGEST_DRIFT * length
+    if name == "stribeck" and parameter == "velocity":  # slower is the nominal curve itself
+        return 2.5 * nominal.friction.stribeck_velocity, np.inf
     if name == "frictional_lag" and parameter == "distance":
         return 0.05 * largest_reach(nominal.friction), np.inf
     if parameter in ("memory_distance", "distance", "gap"):

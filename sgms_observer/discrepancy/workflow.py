@@ -26,7 +26,7 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings
 Floats = NDArray[np.float64]
 Report = Callable[[str, float], None]
 
-MOST_EFFECTS = 4
+MOST_EFFECTS = 3
 LEAST_NOISE = 1.0e-3
 """Least rms noise of a measured force, as a share of the effort."""
 ALARM = 20.0
