@@ -59,8 +59,13 @@ def run_node(make_node: Callable[[Executor], ManagedNode], arguments: list[str])
     executor = node = None
     try:
         use_shipped_transport()
-        signal.signal(signal.SIGINT, _leave_it_to_ros)
+        interrupts: list[int] = []
+        # rclpy's own handler ends the context, and no KeyboardInterrupt falls into a callback; what comes before
+        # that handler is there would be lost, so it is kept.
+        signal.signal(signal.SIGINT, lambda number, _frame: interrupts.append(number))
         rclpy.init(args=arguments)
+        if interrupts:
+            return 0
         executor = make_executor()
         node = make_node(executor)
         executor.add_node(node)
@@ -94,10 +99,6 @@ def fail(sentences: str) -> int:
     """
     print(sentences, file=sys.stderr)
     return EXIT_FAILED
-
-
-def _leave_it_to_ros(number: int, frame: object) -> None:
-    """Do nothing: rclpy's own handler ends the context, and no KeyboardInterrupt falls into a callback."""
 
 
 def leave_if_working(code: int) -> int:
