@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -63,7 +64,7 @@ def test_any_split_into_blocks_gives_the_same_bits(
     edges = np.unique(np.random.default_rng(SEED).integers(0, COUNT, 40)).tolist()
     for cuts in ([0, *edges, COUNT], list(range(COUNT + 1))):
         observer = AxisObserver(axis, PERIOD)
-        parts = [observer.step(part(samples, a, b)) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+        parts = [observer.step(part(samples, a, b)) for a, b in pairwise(cuts)]
         for field in fields(Estimates):
             joined = np.concatenate([getattr(block, field.name) for block in parts])
             np.testing.assert_array_equal(joined, getattr(whole, field.name), err_msg=field.name)
