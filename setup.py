@@ -29,6 +29,8 @@ ROS_WHEELS = [
 DOCUMENTATION = [
     "mkdocs>=1.6,<2",
 ]
+# Peers that ``sgms bench`` times beside our own estimators, where they are installed.
+BENCHMARKS = ["do-mpc>=4.6,<6"]
 DEVELOPMENT = [
     *DOCUMENTATION,
     "colcon-common-extensions>=0.3,<1",
@@ -67,7 +69,7 @@ setup(
         (f"share/{NAME}/launch", files("launch/*.launch.py")),
     ],
     install_requires=RUNTIME,
-    extras_require={"ros": ROS_WHEELS, "dev": DEVELOPMENT, "docs": DOCUMENTATION},
+    extras_require={"bench": BENCHMARKS, "ros": ROS_WHEELS, "dev": DEVELOPMENT, "docs": DOCUMENTATION},
     zip_safe=False,
     entry_points={
         "console_scripts": [

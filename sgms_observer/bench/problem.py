@@ -1,0 +1,144 @@
+"""The estimation problem that is timed: a stage in sinusoidal motion, its noisy effort, and window after window."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.estimators import stages
+from sgms_observer.estimators.block import restart
+from sgms_observer.estimators.estimator import Estimator
+from sgms_observer.filters.motion import known_motion
+from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.observer import EstimatorSettings
+
+Floats = NDArray[np.float64]
+
+PERIOD = 1e-4  # s
+PER_INTERVAL = 20  # samples from one correction to the next
+MASS = 10.0  # kg
+AMPLITUDE, FREQUENCY = 2e-4, 5.0  # m, Hz
+NOISE = 0.1  # N, standard deviation of the measured effort; R of the paper
+PROCESS = 1e-2  # N, times nu: Q of the paper (its unit is not stated; forces are in newton here)
+SEED = 1
+WINDOWS = 397  # windows that are timed
+_RUN_IN = 20  # corrections before them, at least
+_STIFFNESS_ERROR = 0.8  # the estimator starts with this share of the true stiffness
+
+_TABLE_I = FrictionSettings()
+
+
+def elements(n_z: int) -> FrictionSettings:
+    """Return friction with so many elements: Table I for four, else stiffness spread over the same range.
+
+    Args:
+        n_z: number of elements.
+    """
+    if n_z == len(_TABLE_I.element_stiffness):
+        return FrictionSettings(reset="paper")
+    stiffness = np.geomspace(1.2e7, 7e5, n_z) * 4.0 / n_z
+    share = np.arange(1.0, n_z + 1.0)
+    return FrictionSettings(
+        reset="paper",
+        element_stiffness=tuple(stiffness.tolist()),
+        element_fraction=tuple((share / share.sum()).tolist()),
+        element_damping=(0.0,) * n_z,
+    )
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A recording and the estimator that runs over it.
+
+    Attributes:
+        velocity: of each sample [m/s], shape (n,).
+        acceleration: of each sample [m/s^2], shape (n,).
+        effort: measured, with noise [N], shape (n,).
+        friction: the estimator's friction, its stiffness off.
+        horizon: intervals N.
+    """
+
+    velocity: Floats
+    acceleration: Floats
+    effort: Floats
+    friction: FrictionSettings
+    horizon: int
+
+    def estimator(self) -> Estimator:
+        """Return a moving horizon estimator of the element forces and the stiffness, started."""
+        settings = EstimatorSettings(
+            kind="mhe", parameters=("kappa",), horizon=self.horizon, correction_every=PER_INTERVAL,
+            measurement_std=NOISE, process_std=PROCESS / self.friction.coulomb_force,
+        )  # fmt: skip
+        estimator = Estimator(settings, self.friction, MASS)
+        restart(estimator.flat, False)
+        return estimator
+
+    @property
+    def run_in(self) -> int:
+        """Return the number of corrections before the window is full and has settled."""
+        return max(_RUN_IN, self.horizon)
+
+    @property
+    def intervals(self) -> int:
+        """Return the number of whole intervals in the recording."""
+        return len(self.effort) // PER_INTERVAL
+
+    def windows(self, estimator: Estimator) -> Iterator[tuple[int, bool]]:
+        """Lead an estimator to one window after another, each with its newest measurement taken in.
+
+        The caller improves the estimate; the estimator then goes on from it.
+
+        Args:
+            estimator: from ``estimator``.
+
+        Yields:
+            Number of the window's newest sample, and whether the window is full and past the run-in.
+        """
+        flat = estimator.flat
+        for k in range(self.intervals):
+            for i in range(k * PER_INTERVAL, (k + 1) * PER_INTERVAL):
+                stages.predict(flat, self.velocity[i], PERIOD)
+            stages.take_in(flat, self.effort[i], self.velocity[i], self.acceleration[i])
+            yield i, k >= self.run_in
+            stages.finish(flat)
+
+
+def make_problem(n_z: int = 4, horizon: int = 4, windows: int = WINDOWS) -> Problem:
+    """Return the problem: GMS friction as the truth, S-GMS with 20 % too soft elements in the estimator.
+
+    Args:
+        n_z: number of elements.
+        horizon: intervals N.
+        windows: how many full windows are timed.
+    """
+    count = PER_INTERVAL * (windows + max(_RUN_IN, horizon))
+    omega = 2.0 * np.pi * FREQUENCY
+    time = PERIOD * np.arange(count)
+    velocity = AMPLITUDE * omega * np.cos(omega * time)
+    acceleration = -AMPLITUDE * omega**2 * np.sin(omega * time)
+    truth = elements(n_z)
+    one = np.ones(count)
+    # an EKF without measurements is the friction model alone
+    model = Estimator(
+        EstimatorSettings(kind="ekf", correction_every=PER_INTERVAL),
+        FrictionSettings(
+            model="gms",
+            element_stiffness=truth.element_stiffness,
+            element_fraction=truth.element_fraction,
+            element_damping=truth.element_damping,
+        ),
+        MASS,
+    )
+    true_friction = model.step(known_motion(PERIOD * one, velocity, acceleration), np.full(count, np.nan), one).friction
+    effort = true_friction + MASS * acceleration + np.random.default_rng(SEED).normal(0.0, NOISE, count)
+    softer = FrictionSettings(
+        reset=truth.reset,
+        element_stiffness=tuple(_STIFFNESS_ERROR * kappa for kappa in truth.element_stiffness),
+        element_fraction=truth.element_fraction,
+        element_damping=truth.element_damping,
+    )
+    return Problem(velocity, acceleration, effort, softer, horizon)
