@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.bags.mat_reader import read_mat
 from sgms_observer.errors import RecordingError
 
 Floats = NDArray[np.float64]
@@ -55,22 +56,8 @@ class MatLog:
     """
 
     def __init__(self, path: Path) -> None:
-        from scipy.io import loadmat
-
-        try:
-            content = loadmat(path, simplify_cells=True)
-        except OSError:
-            raise
-        except NotImplementedError:
-            raise RecordingError(
-                f"{path} is a MAT file of version 7.3, which is not read; in MATLAB: save(..., '-v7')"
-            ) from None
-        except Exception as error:  # scipy raises many kinds on damaged files
-            raise RecordingError(
-                f"{path} is no readable MAT file ({type(error).__name__}: {error}); save it again"
-            ) from None
         self._columns: dict[str, Floats] = {}
-        self._collect("", {key: value for key, value in content.items() if not key.startswith("__")})
+        self._collect("", read_mat(path))
         self.names = tuple(self._columns)
 
     def column(self, name: str) -> Floats:
