@@ -19,6 +19,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from pathlib import Path
 
+import yaml
 from plan import AMOUNTS, FIRST_SEED, Case, cases, twin
 
 from sim_plant.blind.case import case_name, make_case, paths_of
@@ -100,7 +101,9 @@ def read_scores(listed: list[Case], out: Path) -> tuple[list[CaseScore], int]:
         truth = open_seal(paths_of(name, out).truth_file, paths_of(name, out).folder)
         seconds = json.loads((result / "run.json").read_text(encoding="utf-8"))["seconds"] * 60.0 / MAIN_DURATION
         floor = twin_gap(case, out) if case.size > 0.0 else None
-        scores.append(score_case(truth, read_result(result), floor, seconds))
+        tree = yaml.safe_load((result / "augmented.yaml").read_text(encoding="utf-8"))
+        mass = tree["/**"]["ros__parameters"]["x"]["mass"]
+        scores.append(score_case(truth, read_result(result), floor, seconds, mass))
     return scores, failed
 
 

@@ -50,13 +50,22 @@ def placed_factor(x: float, v: float, p: Floats) -> float:
     if p[s.SPOT_A] != 0.0:  # flat top, steep edges
         away = abs(x - p[s.SPOT_PLACE]) - p[s.SPOT_HALF_WIDTH]
         factor *= 1.0 + p[s.SPOT_A] / (1.0 + math.exp(min(50.0, away / p[s.SPOT_EDGE])))
-    if v > 0.0:
-        factor *= 1.0 + p[s.SIDED_COULOMB_A]
-    elif v < 0.0:
-        factor *= 1.0 - p[s.SIDED_COULOMB_A]
     if p[s.WEAKENING_A] != 0.0:
         factor *= 1.0 + p[s.WEAKENING_A] / (1.0 + (abs(v) / p[s.WEAKENING_SPEED]) ** p[s.WEAKENING_POWER])
     return float(factor)
+
+
+@njit
+def sided_factor(v: float, remembered: float, p: Floats) -> float:
+    """Return the factor on the sliding level that depends on the direction alone [-].
+
+    Args:
+        v: its sign is the direction.
+        remembered: how long it went which way, -1 to 1.
+        p: the hidden parameters.
+    """
+    side = 1.0 if v > 0.0 else -1.0
+    return float((1.0 + side * p[s.SIDED_COULOMB_A]) * (1.0 + side * p[s.MEMORY_A] * remembered))
 
 
 @njit

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sgms_observer.jit import njit
 from sim_plant.blind import slots as s
 from sim_plant.blind.contact import carry, sliding_curve
-from sim_plant.blind.hidden_force import added_force, arriving_effort, placed_factor, reading
+from sim_plant.blind.hidden_force import added_force, arriving_effort, placed_factor, reading, sided_factor
 
 Floats = NDArray[np.float64]
 STEPS = 100  # per sample of 1 ms: 10 us
@@ -148,7 +148,6 @@ def run(
                 side = 1.0 if v > 0.0 else -1.0
                 if speed > 1.0e-4:
                     remembered += dt / p[s.MEMORY_TIME] * (side - remembered)
-                factor *= 1.0 + p[s.MEMORY_A] * remembered * side
             if p[s.RIDGE_A] != 0.0:
                 width = p[s.RIDGE_WIDTH]
                 at_rest = at_rest + dt if speed < 5.0e-4 else 0.0
@@ -164,7 +163,8 @@ def run(
                     if has_left:
                         bump = max(bump, math.exp(-(((x - ridge_newer) / width) ** 2)))
                 factor *= 1.0 + p[s.RIDGE_A] * bump
-            level *= factor * kept
+            either = level * factor * kept
+            level = either * sided_factor(v, remembered, p)
             # --- forces on the carriage
             viscous = curve[3] * viscous_series[k] * v
             extra_viscous = curve[3] * (viscous_series[k] - 1.0) * v
@@ -190,6 +190,7 @@ def run(
                 contact = carry(loads, is_slipping, springs, shares, 0.5 * v * turn * dt, turn * dt, level, curve[4])
                 is_slipping[:] = False
                 left = 1.0 - turn
+                level = either * sided_factor(v_new, remembered, p)
                 contact = carry(
                     loads, is_slipping, springs, shares, 0.5 * v_new * left * dt, left * dt, level, curve[4]
                 )

@@ -40,27 +40,30 @@ def actuator_saturation(stage: TrueStage, motion: Motion, rng: Generator) -> Mak
 
     def make(strength: float) -> Hidden:
         limit = max(1.5 * asked * float(np.exp(-2.0 * strength)), 1.5 * stage.coulomb_force)
-        return Hidden(stage, stage, {s.LIMIT: limit}, truth={"limit": limit})
+        return Hidden(stage, stage, {s.LIMIT: limit}, truth={"limit": 1.03 * limit})
 
     return make
 
 
 def actuator_dead_zone(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
-    """Small efforts are lost, with a soft edge."""
+    """Small efforts are lost, with a soft edge; the catalogue's width is compared with the mean loss."""
+    demand = stage.mass * motion.acceleration + stage.viscous * motion.velocity
+    demand = np.abs(demand + stage.coulomb_force * np.sign(motion.velocity))[motion.velocity != 0.0]
 
     def make(strength: float) -> Hidden:
-        width = strength * stage.coulomb_force
-        return Hidden(stage, stage, {s.DEAD_BAND: width}, truth={"width": width})
+        band = strength * stage.coulomb_force
+        loss = band + demand - np.sqrt(demand**2 + band**2)
+        return Hidden(stage, stage, {s.DEAD_BAND: band}, truth={"width": float(np.mean(loss))})
 
     return make
 
 
 def flexible_mode(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
     """A second mass on a damped spring, part of the known total."""
-    frequency, damping = float(np.exp(rng.uniform(np.log(25.0), np.log(90.0)))), rng.uniform(0.02, 0.06)
+    frequency, damping = float(np.exp(rng.uniform(np.log(20.0), np.log(55.0)))), rng.uniform(0.02, 0.06)
 
     def make(strength: float) -> Hidden:
-        mass = min(strength, 0.45) * stage.mass
+        mass = min(strength, 0.35) * stage.mass
         omega = 2.0 * np.pi * frequency
         entries = {s.LINK_MASS: mass, s.LINK_STIFFNESS: mass * omega**2, s.LINK_DAMPING: 2.0 * damping * omega * mass}
         return Hidden(stage, stage, entries, truth={"frequency": frequency, "mass": mass})

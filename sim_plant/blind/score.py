@@ -65,7 +65,11 @@ class CaseScore:
 
 
 def score_case(
-    truth: dict[str, Any], result: dict[str, Any], floor: float | None = None, seconds: float | None = None
+    truth: dict[str, Any],
+    result: dict[str, Any],
+    floor: float | None = None,
+    seconds: float | None = None,
+    refitted_mass: float | None = None,
 ) -> CaseScore:
     """Score one result.
 
@@ -74,6 +78,8 @@ def score_case(
         result: as in result.json.
         floor: held-out gap with the true effect known, in the result's unit; the result's own floor where None.
         seconds: computing time per 60 s of recording.
+        refitted_mass: mass in augmented.yaml [kg]; a mass error counts from the owner's mass, which is off as well, so
+            that only the sum of both is compared.
 
     Raises:
         ValueError: when the result has no verdict the schema knows.
@@ -94,7 +100,7 @@ def score_case(
         if entry["name"] in effects and verdict in NAMING
         for score in compare(
             entry["name"],
-            entry.get("parameters") or {},
+            with_refitted_mass(entry, truth, refitted_mass),
             entry.get("std_error") or {},
             (truth.get("parameters") or {}).get(entry["name"], {}),
         )
@@ -112,6 +118,14 @@ def score_case(
         parameters=tuple(parameters),
         seconds=seconds,
     )
+
+
+def with_refitted_mass(entry: dict[str, Any], truth: dict[str, Any], mass: float | None) -> dict[str, float]:
+    """Return an entry's parameters; a mass error is moved onto the true mass without it."""
+    found: dict[str, float] = dict(entry.get("parameters") or {})
+    if entry["name"] == "mass_error" and "mass" in found and mass is not None:
+        found["mass"] += mass - truth["stage"]["mass"]
+    return found
 
 
 def closure(before: float | None, after: float | None, floor: float | None) -> float | None:

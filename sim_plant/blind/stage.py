@@ -9,6 +9,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+FILTER_TIME = 1.5e-4  # s, of the controller's velocity: more would excite the contact's own resonance at 100-150 Hz
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,13 @@ class TrueStage:
         """Return the kernel's row: position, velocity and integral gain, filter time, largest effort."""
         rate = self.bandwidth
         return np.array(
-            [self.mass * rate**2, 1.6 * self.mass * rate, self.mass * rate**3 / 8.0, 6.0e-4, 40.0 * self.coulomb_force]
+            [
+                self.mass * rate**2,
+                1.6 * self.mass * rate,
+                self.mass * rate**3 / 8.0,
+                FILTER_TIME,
+                40.0 * self.coulomb_force,
+            ]
         )
 
     def with_elements(self, shares: Floats, reaches: Floats) -> TrueStage:
@@ -77,7 +84,7 @@ def draw_stage(rng: Generator) -> TrueStage:
     coulomb = float(np.exp(rng.uniform(np.log(3.0), np.log(14.0))))
     mass = coulomb * float(rng.uniform(0.7, 1.6))
     count = int(rng.integers(10, 13))
-    reaches = np.sort(np.exp(rng.uniform(np.log(2.0e-7), np.log(1.2e-5), count)))
+    reaches = np.sort(np.exp(rng.uniform(np.log(5.0e-7), np.log(1.5e-5), count)))
     shares = rng.dirichlet(np.full(count, 3.0) * np.linspace(0.6, 1.8, count))
     top_speed = float(rng.uniform(0.12, 0.3))
     model = "gms" if rng.random() < 0.25 else "sgms"
