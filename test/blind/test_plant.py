@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from scipy.signal import butter, filtfilt
 
 from sgms_observer.jit import HAS_NUMBA
 from sim_plant.blind import kernel, menu, slots
@@ -14,7 +15,7 @@ from sim_plant.blind.case import chance, make_scene, recording_noise
 from sim_plant.blind.contact import carry, sliding_curve
 from sim_plant.blind.hidden import Around, Hidden
 from sim_plant.blind.motion import HELD_OUT, PERIOD, held_out_motion, rich_motion
-from sim_plant.blind.recording import coloured_noise, record
+from sim_plant.blind.recording import NOISE_SHARE, coloured_noise, record
 from sim_plant.blind.reduction import nominal_model, reduce_contact, virgin_curve
 from sim_plant.blind.sizing import measured_size
 from sim_plant.blind.stage import draw_stage
@@ -132,6 +133,37 @@ def test_forces_balance(name: str) -> None:
     assert np.max(np.abs(rest)) < 2.0e-3 * stage.coulomb_force
     if name == "nothing":
         assert np.max(np.abs(out[:, kernel.HIDDEN])) < 1.0e-9
+
+
+@needs_numba
+def test_resting_contact_does_not_climb_to_the_level_of_the_other_direction() -> None:
+    """Jitter at rest must leave the force where it is, also when the directions slip at different forces."""
+    stage = draw_stage(chance(3, 1))
+    count = 3000
+    flat, zero = np.ones(count), np.zeros(count)
+    hold = -0.8 * stage.coulomb_force * np.minimum(np.arange(count) / 300.0, 1.0)
+    jitter = 0.01 * stage.coulomb_force * chance(3, 2).standard_normal(count)
+    places = []
+    for share in (0.0, 0.15):
+        vector = slots.nothing_hidden()
+        vector[slots.SIDED_COULOMB_A] = share
+        out = kernel.run(
+            zero, zero, zero, PERIOD, stage.mass, stage.springs, np.array(stage.shares), stage.curve,
+            np.array([0.0, 0.0, 0.0, 1.0e-3, 1.0]), vector, hold + jitter, flat, flat, 100,
+        )  # fmt: skip
+        places.append(out[:, kernel.TRUE_X])
+    for place in places:
+        assert abs(place[-1] - place[1000]) < 0.1 * abs(place[1000])
+
+
+@needs_numba
+def test_chatter_at_rest_is_small() -> None:
+    for seed in (0, 2):
+        track = make_scene(seed, "nothing", 0.0, 12.0).tracks[0]["x"]
+        stage = draw_stage(chance(seed, 1))
+        fast = filtfilt(*butter(2, 2.0 * PERIOD * 100.0, "high"), track.effort)
+        still = np.abs(np.gradient(track.reference, PERIOD)) < 1.0e-9
+        assert np.sqrt(np.mean(fast[still] ** 2)) < NOISE_SHARE * stage.coulomb_force
 
 
 @needs_numba
