@@ -13,6 +13,7 @@ from sgms_observer.observer.samples import Estimates
 from sgms_observer.status import Status
 
 _KEPT_TIMES = 20_000
+_STATUS = tuple(Status)  # by code
 _Counts = TypeVar("_Counts", bound=Any)  # a dataclass of whole numbers
 
 
@@ -40,12 +41,14 @@ class AxisStatistics:
         """Take in a block of estimates."""
         self.samples += len(estimates.status)
         self.total += len(estimates.status)
-        codes, counts = np.unique(estimates.status, return_counts=True)
-        for code, count in zip(codes.tolist(), counts.tolist(), strict=True):
-            status = Status(code)
-            self.totals[status] = self.totals.get(status, 0) + count
-            self.seen.add(status)
-        self.latest = Status(int(estimates.status[-1]))
+        for code, count in enumerate(np.bincount(estimates.status).tolist()):
+            if count:
+                status = _STATUS[code]
+                self.totals[status] = self.totals.get(status, 0) + count
+                self.seen.add(status)
+        self.latest = _STATUS[estimates.status[-1]]
+        if len(estimates.status) == 1 and math.isnan(estimates.innovation[0]):
+            return  # most live samples lie between two corrections
         corrected = np.isfinite(estimates.innovation) & (estimates.innovation_std > 0.0)
         if corrected.any():
             ratio = estimates.innovation[corrected] / estimates.innovation_std[corrected]

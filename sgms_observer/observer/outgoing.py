@@ -104,8 +104,8 @@ class Outgoing:
                 "effort": _columns(group, "friction"),
             }
             elements = {
-                "position": np.concatenate([block.element_deflection for block in group], axis=1),
-                "effort": np.concatenate([block.element_force for block in group], axis=1),
+                "position": _side_by_side([block.element_deflection for block in group]),
+                "effort": _side_by_side([block.element_force for block in group]),
             }
             element_names = tuple(name for axis in axes for name in self._elements[axis])
             found.append(OutgoingBlock(ESTIMATE, names, stamps, motion))
@@ -123,6 +123,9 @@ class Outgoing:
         for axis, block in estimates.items():
             if not self._parameters[axis]:
                 continue
+            last = int(block.stamp_ns[-1]) // PARAMETERS_EVERY_NS
+            if int(block.stamp_ns[0]) // PARAMETERS_EVERY_NS == last == self._reported[axis]:
+                continue  # nothing is due; stamps increase inside a block
             slots = block.stamp_ns // PARAMETERS_EVERY_NS
             before = np.concatenate([[self._reported[axis]], slots[:-1]])
             self._reported[axis] = int(slots[-1])
@@ -160,6 +163,11 @@ def select_rows(block: Estimates, rows: slice | NDArray[np.bool_]) -> Estimates:
         rows: which of them.
     """
     return Estimates(**{field.name: getattr(block, field.name)[rows] for field in fields(Estimates)})
+
+
+def _side_by_side(values: Sequence[Floats]) -> Floats:
+    """Return arrays of several axes side by side, shape (n, all columns)."""
+    return values[0] if len(values) == 1 else np.concatenate(values, axis=1)
 
 
 def _columns(group: Sequence[Estimates], field: str) -> Floats:
