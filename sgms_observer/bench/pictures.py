@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from sgms_observer.whole_file import write_figure
+
 
 def draw(result: Mapping[str, Any], folder: Path) -> list[Path]:
     """Draw the growth and, if they were timed, the peers.
@@ -42,7 +44,7 @@ def _growth(growth: Mapping[str, Any], path: Path) -> Path:
         axis.grid(True, which="both", alpha=0.3)
     axes[0].set_ylabel("time [us]")
     axes[0].legend()
-    figure.savefig(path, dpi=120)
+    write_figure(figure, path, 120)
     pyplot.close(figure)
     return path
 
@@ -70,6 +72,6 @@ def _peers(result: Mapping[str, Any], path: Path) -> Path:
     axis.set_yticks(list(places), [label for label, _ in rows])
     axis.set_xlabel("median time of one call from Python [us]")
     axis.legend(loc="lower right")
-    figure.savefig(path, dpi=120)
+    write_figure(figure, path, 120)
     pyplot.close(figure)
     return path

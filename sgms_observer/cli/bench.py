@@ -72,7 +72,9 @@ def run(args: argparse.Namespace) -> int:
                 _show(part)
                 _RUN[part](args, result, Path(folder))
     if args.json:
-        Path(args.json).write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        from sgms_observer.whole_file import write_text
+
+        write_text(json.dumps(result, indent=1) + "\n", args.json)
     else:
         print(json.dumps(result, indent=1))
     if args.out:

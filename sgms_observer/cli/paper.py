@@ -75,5 +75,7 @@ def _say(sentence: str) -> None:
 
 
 def _write(path: Path, text: str) -> None:
-    """Write a text file in one go."""
-    path.write_text(text, encoding="utf-8")
+    """Write a text file, whole or not at all."""
+    from sgms_observer.whole_file import write_text
+
+    write_text(text, path)

@@ -20,6 +20,7 @@ from sgms_observer.discrepancy.workflow import ALARM_GAIN, Diagnosis, Options, R
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings, Settings
 from sgms_observer.settings.write import write_settings
+from sgms_observer.whole_file import write_text
 
 SHAPE_ERROR = 1.5
 """Standard errors grow by this: the catalogue's shapes are not the machine's."""
@@ -302,7 +303,6 @@ def write(answer: Answer, settings: Settings, axis: str, out: Path) -> None:
         axis: name of the axis.
         out: folder; made if need be.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "result.json").write_text(json.dumps(result_of(answer), indent=1) + "\n", encoding="utf-8")
+    write_text(json.dumps(result_of(answer), indent=1) + "\n", out / "result.json")
     head = f"sgms diagnose: {answer.verdict}; gap {answer.gap.before:.3g} -> {answer.gap.after:.3g} % of rms effort"
     write_settings(settings, out / "augmented.yaml", {axis: changes_of(answer)}, {"": head})

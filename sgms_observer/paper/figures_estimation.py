@@ -18,6 +18,7 @@ from sgms_observer.paper.conditions import (
     simulate,
 )
 from sgms_observer.paper.estimate import Estimate, estimate
+from sgms_observer.whole_file import write_figure
 from sim_plant.record import StageRecord
 
 SEED = 1
@@ -60,7 +61,7 @@ def figure_five(folder: Path) -> None:
         axes[2].axvspan(onset - _BEFORE, onset + _AFTER / 2, alpha=0.2)
     axes[0].set_title("Figure 5: sine of 200 µm at 5 Hz")
     axes[2].set_xlabel("time [s]")
-    figure.savefig(folder / "figure5.png", dpi=150)
+    write_figure(figure, folder / "figure5.png", 150)
 
 
 def figures_six_and_seven(folder: Path) -> None:
@@ -104,4 +105,4 @@ def _zoom_figure(path: Path, number: int, row: str) -> None:
             axis.grid(alpha=0.3)
     axes[0, 0].legend(fontsize=8)
     figure.suptitle(f"Figure {number}: kappa {100 * (factor - 1):+.0f} %")
-    figure.savefig(path, dpi=150)
+    write_figure(figure, path, 150)

@@ -16,6 +16,7 @@ from sgms_observer.friction.sgms import sgms_step
 from sgms_observer.jit import njit
 from sgms_observer.observer.samples import Floats
 from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.whole_file import write_figure
 
 _N = 8
 EIGHT = FrictionSettings(
@@ -210,4 +211,4 @@ def _panel(title: str, x_label: str, y_label: str) -> tuple[Any, Any]:
 
 def _save(figure: Any, axis: Any, path: Path) -> None:
     axis.legend()
-    figure.savefig(path, dpi=150)
+    write_figure(figure, path, 150)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -12,7 +11,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from sgms_observer import __version__
-from sgms_observer.errors import RecordingError
+from sgms_observer.whole_file import write_bytes
 
 
 @dataclass(frozen=True)
@@ -105,24 +104,8 @@ def write_page(folder: Path, title: str, verdict: str, sections: Sequence[Sectio
         RecordingError: the folder cannot be written.
     """
     page = folder / "report.html"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for section in sections:
-            for picture in section.pictures:
-                _write_whole(folder / f"{re.sub(r'[^A-Za-z0-9_.-]', '_', picture.name)}.png", picture.png)
-        _write_whole(page, render_page(title, verdict, sections, provenance).encode())
-    except OSError as error:
-        fault = f"{page} cannot be written: {error.strerror}; free space or choose another folder"
-        raise RecordingError(fault) from error
+    for section in sections:
+        for picture in section.pictures:
+            write_bytes(picture.png, folder / f"{re.sub(r'[^A-Za-z0-9_.-]', '_', picture.name)}.png")
+    write_bytes(render_page(title, verdict, sections, provenance).encode(), page)
     return page
-
-
-def _write_whole(path: Path, content: bytes) -> None:
-    """Write a file beside its name and move it there when it is complete."""
-    partial = path.with_name(path.name + ".partial")
-    try:
-        partial.write_bytes(content)
-        os.replace(partial, path)
-    except OSError:
-        partial.unlink(missing_ok=True)
-        raise

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 from collections.abc import Mapping
-from itertools import count
 from pathlib import Path
 from typing import Any
 
-from sgms_observer.errors import RecordingError
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.normal_form import normal_parameters
 from sgms_observer.settings.parameter_file import expanded, our_sections, sections
 from sgms_observer.settings.tree import at, put, tree_of, updated_tree
 from sgms_observer.settings.yaml_text import text_of
+from sgms_observer.whole_file import write_text
 
 __all__ = ["tree_of", "updated_tree", "write_settings", "write_text", "write_yaml", "yaml_of"]
 
 Comments = Mapping[str, str]
 
 _KEY = re.compile(r'( *)(?:"((?:[^"\\]|\\.)*)"|([^\s"#:][^:]*)):( .*)?$')
-_number = count()
 
 
 def yaml_of(
@@ -115,31 +112,3 @@ def write_settings(
     for axis, own in (changes or {}).items():
         tree = updated_tree(tree, axis, own)
     write_yaml(tree, path, comments, read_from=settings.folder)
-
-
-def write_text(text: str, path: str | Path) -> None:
-    """Write a text file, whole or not at all: under another name first, then renamed.
-
-    Args:
-        text: all of it.
-        path: the file; its folder is made if need be.
-
-    Raises:
-        RecordingError: the file cannot be written; one sentence.
-    """
-    partial = None
-    try:
-        target = Path(path).resolve()
-        target.parent.mkdir(parents=True, exist_ok=True)
-        partial = target.with_name(f".{target.name[:100]}.{os.getpid()}.{next(_number)}")
-        with open(partial, "x", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(partial, target)
-    except (OSError, ValueError) as error:
-        if partial is not None:
-            with contextlib.suppress(OSError):
-                partial.unlink(missing_ok=True)
-        reason = getattr(error, "strerror", None) or "it is not a possible file name"
-        raise RecordingError(f"{path} cannot be written: {reason}; make room or choose another folder") from None

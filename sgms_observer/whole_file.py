@@ -1,0 +1,75 @@
+"""Files that are written whole or not at all: a full disk or a signal leaves nothing half-written under their name."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import itertools
+import os
+from pathlib import Path
+from typing import Any
+
+from sgms_observer.errors import RecordingError
+
+_number = itertools.count()
+
+
+def write_bytes(content: bytes, path: str | Path) -> None:
+    """Write a file under another name first, then rename it.
+
+    Args:
+        content: all of it.
+        path: the file; its folder is made if need be.
+
+    Raises:
+        RecordingError: the file cannot be written; one sentence.
+    """
+    partial = None
+    try:
+        target = Path(path).resolve()
+        target.parent.mkdir(parents=True, exist_ok=True)
+        partial = target.with_name(f".{target.name[:100]}.{os.getpid()}.{next(_number)}")
+        with open(partial, "xb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, target)
+    except (OSError, ValueError) as error:
+        if partial is not None:
+            with contextlib.suppress(OSError, ValueError):
+                partial.unlink(missing_ok=True)
+        reason = getattr(error, "strerror", None) or "it is not a possible file name"
+        raise RecordingError(f"{path} cannot be written: {reason}; make room or choose another folder") from None
+    except BaseException:
+        if partial is not None:
+            partial.unlink(missing_ok=True)
+        raise
+
+
+def write_text(text: str, path: str | Path) -> None:
+    """Write a text file in UTF-8, whole or not at all.
+
+    Args:
+        text: all of it.
+        path: the file; its folder is made if need be.
+
+    Raises:
+        RecordingError: the file cannot be written; one sentence.
+    """
+    write_bytes(text.encode("utf-8"), path)
+
+
+def write_figure(figure: Any, path: str | Path, dpi: int) -> None:
+    """Write a figure of matplotlib as PNG, whole or not at all.
+
+    Args:
+        figure: the figure.
+        path: the file; its folder is made if need be.
+        dpi: pixels per inch.
+
+    Raises:
+        RecordingError: the file cannot be written; one sentence.
+    """
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi)
+    write_bytes(buffer.getvalue(), path)

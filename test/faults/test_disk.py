@@ -1,0 +1,109 @@
+"""Full disks and folders that refuse: one sentence, nothing half-written under a final name.
+
+A limit on the size of files stands for the full disk: the kernel refuses the write in the same place, also for root.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ros_graph import ONE_AXIS
+
+from sgms_observer.bags.writer import BagWriter
+
+REFUSING = Path("/proc/sgms")
+ROOT = Path(__file__).resolve().parents[2]
+LIMITED = """
+import resource, signal, sys
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+size = int(sys.argv.pop(1))
+if size:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+{body}
+"""
+COMMAND = LIMITED.format(body="from sgms_observer.cli.main import main\nsys.exit(main(sys.argv[1:]))")
+PAGE = LIMITED.format(
+    body="""
+from pathlib import Path
+from sgms_observer.cli.main import _fail
+from sgms_observer.errors import SgmsError
+from sgms_observer.report.page import Picture, Section, write_page
+try:
+    picture = Picture("large", "a picture", b"x" * 400_000)
+    write_page(Path(sys.argv[1]), "title", "verdict", [Section("part", pictures=[picture])])
+except SgmsError as error:
+    sys.exit(_fail(str(error)))
+"""
+)
+
+
+def run(code: str, size: int, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run Python code that may write files of so many bytes only (0: any)."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
+    command = [sys.executable, "-c", code, str(size), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120)
+
+
+def simulate(folder: Path, out: Path) -> tuple[str, list[str | Path]]:
+    """Return a command that simulates."""
+    return COMMAND, ["simulate", "--config", folder / "axis.yaml", "--out", out, "--duration", "3"]
+
+
+def replay(folder: Path, out: Path) -> tuple[str, list[str | Path]]:
+    """Return a command that replays."""
+    stamps = 10**9 + np.arange(4000, dtype=np.int64) * 1_000_000
+    with BagWriter(folder / "source") as bag:
+        bag.write_joint_states("position", stamps, ("x",), position=1e-3 * np.sin(0.01 * np.arange(4000)))
+        bag.write_joint_states("control_effort", stamps, ("x",), effort=4.0 * np.sign(np.cos(0.01 * np.arange(4000))))
+    return COMMAND, ["replay", folder / "source", "--config", folder / "axis.yaml", "--out", out]
+
+
+def convert(folder: Path, out: Path) -> tuple[str, list[str | Path]]:
+    """Return a command that converts."""
+    (folder / "log.csv").write_text("t,x\n" + "".join(f"{i * 0.001},{i}\n" for i in range(9000)))
+    return COMMAND, ["convert", folder / "log.csv", "--out", out, "--map", "time=t", "position=x"]
+
+
+def excite(folder: Path, out: Path) -> tuple[str, list[str | Path]]:
+    """Return a command that writes a table."""
+    return COMMAND, ["excite", "--config", folder / "axis.yaml", "--out", out]
+
+
+def report(folder: Path, out: Path) -> tuple[str, list[str | Path]]:
+    """Return code that writes a report."""
+    return PAGE, [out]
+
+
+JOBS = (simulate, replay, convert, excite, report)
+
+
+@pytest.mark.parametrize("job", JOBS, ids=lambda job: job.__name__)
+def test_a_full_disk(job: Callable[..., tuple[str, list[str | Path]]], tmp_path: Path) -> None:
+    (tmp_path / "axis.yaml").write_text(ONE_AXIS)
+    out = tmp_path / "place" / "result"
+    code, arguments = job(tmp_path, out)
+    done = run(code, 50_000, *arguments)
+    assert done.returncode == 1, done.stderr
+    assert "cannot be written" in done.stderr and done.stderr.count("\n") == 1, done.stderr
+    left = [path for path in (tmp_path / "place").rglob("*") if path.is_file()]
+    assert left == [], "nothing is left, under whatever name"
+
+
+@pytest.mark.parametrize("job", JOBS, ids=lambda job: job.__name__)
+def test_a_folder_that_refuses(job: Callable[..., tuple[str, list[str | Path]]], tmp_path: Path) -> None:
+    """Nobody may make files in /proc, not even root; a file in the place of a folder refuses as well."""
+    (tmp_path / "axis.yaml").write_text(ONE_AXIS)
+    (tmp_path / "file").write_text("mine")
+    code, arguments = job(tmp_path, REFUSING)
+    for out in (REFUSING, tmp_path / "file" / "result"):
+        arguments = [out if item == REFUSING else item for item in arguments]
+        done = run(code, 0, *arguments)
+        assert done.returncode == 1, done.stderr
+        assert "cannot be written" in done.stderr and done.stderr.count("\n") == 1, done.stderr
+    assert (tmp_path / "file").read_text() == "mine"
