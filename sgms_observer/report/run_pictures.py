@@ -13,6 +13,7 @@ from sgms_observer.report.page import Picture
 
 Floats = NDArray[np.float64]
 _MOST_POINTS = 20_000
+_FEWEST_POINTS = 50
 
 
 @dataclass(frozen=True)
@@ -50,8 +51,8 @@ class Run:
         return bool(np.isfinite(self.truth).any())
 
 
-def last_reversal(run: Run) -> float:
-    """Return the time of the last reversal that has at least a little motion on both sides [s].
+def telling_reversal(run: Run) -> float:
+    """Return the time of the last reversal but one, so that what follows it is in the run too [s].
 
     Args:
         run: the run; its end if it never reverses.
@@ -71,16 +72,21 @@ def run_pictures(run: Run, window: tuple[float, float], name: str = "") -> tuple
 
     Args:
         run: the whole run.
-        window: the part that the time series show [s].
+        window: the part that the time series show [s]; moved to the samples before it if the recording has a gap there.
         name: put in front of the pictures' names.
     """
     part = run.between(*window)
-    reversal = last_reversal(part)
+    if len(part.time) < _FEWEST_POINTS:
+        rows = max(0, int(np.searchsorted(run.time, window[0])) - _FEWEST_POINTS)
+        start = float(run.time[rows])
+        part = run.between(start, start + window[1] - window[0])
+    reversal = telling_reversal(part)
+    zoomed = part.between(reversal - 0.015, reversal + 0.035)
     return (
         _motion(part, name),
         _friction(part, name),
         _maps(part, name),
-        _zoom(part.between(reversal - 0.015, reversal + 0.035), reversal, name),
+        _zoom(zoomed if len(zoomed.time) else part, reversal, name),
     )
 
 

@@ -1,0 +1,39 @@
+"""Pictures of runs as they really come: with gaps, without truth, without a reversal."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sgms_observer.report.run_pictures import Run, telling_reversal, run_pictures
+
+
+def a_run(time: np.ndarray, has_truth: bool = True) -> Run:
+    """A sine of 5 Hz at these times."""
+    position = 2e-4 * np.sin(2 * np.pi * 5 * time)
+    velocity = 2e-4 * 2 * np.pi * 5 * np.cos(2 * np.pi * 5 * time)
+    friction = 4.0 * np.sign(velocity)
+    truth = friction + 0.01 if has_truth else np.full(len(time), np.nan)
+    return Run(time, position, velocity, position, friction, np.full(len(time), 0.1), truth, 0.9 * friction)
+
+
+SECONDS = np.arange(4000) * 1e-3
+
+
+@pytest.mark.parametrize("window", [(1.0, 1.4), (0.0, 0.2), (3.9, 5.0), (6.0, 6.4)])
+@pytest.mark.parametrize("has_truth", [True, False])
+def test_a_window_with_or_without_samples(window: tuple[float, float], has_truth: bool) -> None:
+    pictures = run_pictures(a_run(SECONDS, has_truth), window)
+    assert len({picture.name for picture in pictures}) == 4
+    assert all(picture.png.startswith(b"\x89PNG") for picture in pictures)
+
+
+def test_a_gap_in_the_recording_moves_the_window() -> None:
+    holey = a_run(SECONDS[(SECONDS < 1.0) | (SECONDS > 2.0)])
+    assert len(run_pictures(holey, (1.3, 1.7))) == 4
+
+
+def test_a_reversal_is_where_the_velocity_changes_sign() -> None:
+    assert abs(telling_reversal(a_run(SECONDS)) - 3.85) < 2e-3
+    still = a_run(np.arange(100) * 1e-3 * 0.1)
+    assert telling_reversal(still) == still.time[-1]
