@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sgms_observer.report.run_pictures import Run, telling_reversal, run_pictures
+from sgms_observer.report.run_pictures import Run, run_pictures, telling_reversal
 
 
 def a_run(time: np.ndarray, has_truth: bool = True) -> Run:
