@@ -31,8 +31,11 @@ DOCUMENTATION = [
 ]
 # Peers that ``sgms bench`` times beside our own estimators, where they are installed.
 BENCHMARKS = ["do-mpc>=4.6,<6"]
+# Many recordings at once on a Dask cluster: --scheduler.
+FLEET = ["distributed>=2023.5"]
 DEVELOPMENT = [
     *DOCUMENTATION,
+    *FLEET,
     "colcon-common-extensions>=0.3,<1",
     "hypothesis>=6.100,<7",
     "mypy>=1.10,<3",
@@ -69,7 +72,7 @@ setup(
         (f"share/{NAME}/launch", files("launch/*.launch.py")),
     ],
     install_requires=RUNTIME,
-    extras_require={"bench": BENCHMARKS, "ros": ROS_WHEELS, "dev": DEVELOPMENT, "docs": DOCUMENTATION},
+    extras_require={"bench": BENCHMARKS, "ros": ROS_WHEELS, "dev": DEVELOPMENT, "docs": DOCUMENTATION, "fleet": FLEET},
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -4,6 +4,14 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from sgms_observer.fleet.arguments import add_fleet_arguments
+
+if TYPE_CHECKING:
+    from sgms_observer.discrepancy.answer import Answer
+    from sgms_observer.discrepancy.closing import Closing
 
 NAME = "diagnose"
 HELP = "find the effect that the model misses, name it, add it to the model, and show the gap shrink"
@@ -38,12 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the null twins (default: 1)")
     parser.add_argument(
-        "--workers",
-        type=int,
-        default=0,
-        metavar="N",
-        help="threads; the result does not depend on them (default: cores)",
+        "--each",
+        action="store_true",
+        help="diagnose every bag by itself, many at once: DIR/BAG/ for each, and one summary, DIR/report.html",
     )
+    add_fleet_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -55,42 +62,26 @@ def run(args: argparse.Namespace) -> int:
     Returns:
         The exit code, 0 only on success.
     """
-    from pathlib import Path
-
     from sgms_observer.cli.progress import Progress
-    from sgms_observer.discrepancy.answer import answer_of, write
-    from sgms_observer.discrepancy.closing import closing
-    from sgms_observer.discrepancy.record import read_records
-    from sgms_observer.discrepancy.report import write_report
-    from sgms_observer.discrepancy.workflow import Options, diagnose
     from sgms_observer.errors import ConfigurationError
-    from sgms_observer.settings.load import load_settings
 
-    settings = load_settings(args.config)
-    names = [axis.name for axis in settings.axes]
-    wanted = args.axis or names[0]
-    if wanted not in names:
-        raise ConfigurationError([f"--axis {wanted} is not in {args.config}; it has {', '.join(names)}"])
     if not 0.0 < args.tolerance < 1.0:
         raise ConfigurationError([f"--tolerance {args.tolerance:g} must lie between 0 and 1; 0.05 is five per cent"])
     if args.workers < 0 or args.seed < 0:
         raise ConfigurationError(["--workers and --seed must not be negative; leave them out for the defaults"])
-    axis = settings.axes[names.index(wanted)]
-    other = next((name for name in names if name != wanted), None)
-    options = Options(args.tolerance, args.seed, args.workers or os.cpu_count() or 1)
-    learn = [piece for bag in args.bags for piece in read_records(bag, axis.name, other)]
-    judge = [piece for bag in args.holdout for piece in read_records(bag, axis.name, other)]
-    out = Path(args.out)
+    if args.each:
+        from sgms_observer.fleet.command import diagnose_each
+
+        return diagnose_each(args)
+    if args.scheduler is not None:
+        raise ConfigurationError(["--scheduler is for many diagnoses; add --each, or leave it out"])
+    workers = args.workers or os.cpu_count() or 1
     with Progress("diagnose", 1.0) as progress:
-        found = diagnose(learn, judge, axis, options, lambda _text, share: progress.show(share))
-        answer = answer_of(found, options)
-    write(answer, settings, axis.name, out)
-    after = load_settings(out / "augmented.yaml").axes[names.index(wanted)]
-    record = (judge or learn)[0]
-    closings = tuple(closing(record, one, record.period) for one in (axis, after))
-    write_report(answer, axis, closings, options, out, [*args.bags, *args.holdout])
+        answer, closings = diagnose_bags(
+            args.bags, args.holdout, args.config, args.out, args.axis, args.tolerance, args.seed, workers, progress.show
+        )
     gap = answer.gap
-    print(f"verdict: {answer.verdict} (seed {options.seed})")
+    print(f"verdict: {answer.verdict} (seed {args.seed})")
     for item in answer.effects:
         values = ", ".join(f"{value:.4g}" for value in item.settings.values)
         others = f"; could also be {', '.join(item.alternatives)}" if item.alternatives else ""
@@ -102,5 +93,66 @@ def run(args: argparse.Namespace) -> int:
     print(f"left to the controller after compensation: {left} N rms")
     if answer.next_experiment:
         print(f"next: {answer.next_experiment}")
-    print(f"wrote {out}/result.json, augmented.yaml, report.html")
+    print(f"wrote {args.out}/result.json, augmented.yaml, report.html")
     return 0
+
+
+def diagnose_bags(
+    bags: Sequence[str],
+    holdout: Sequence[str],
+    config: str,
+    out: str,
+    axis_name: str | None,
+    tolerance: float,
+    seed: int,
+    workers: int,
+    show: Callable[[float], None],
+) -> tuple[Answer, tuple[Closing, ...]]:
+    """Run the discrepancy workflow and write its three files.
+
+    Args:
+        bags: recordings to learn from.
+        holdout: recordings to judge on.
+        config: parameter file.
+        out: folder of result.json, augmented.yaml and report.html.
+        axis_name: axis to diagnose; the first of the YAML if None.
+        tolerance: how far the YAML's mass and friction may be off, as a share.
+        seed: of the null twins.
+        workers: threads.
+        show: told how much is done, from 0 to 1.
+
+    Returns:
+        The answer, and what observer and compensation make of it before and after.
+
+    Raises:
+        SgmsError: something cannot be read, written or made sense of.
+    """
+    from pathlib import Path
+
+    from sgms_observer.discrepancy.answer import answer_of, write
+    from sgms_observer.discrepancy.closing import closing
+    from sgms_observer.discrepancy.record import read_records
+    from sgms_observer.discrepancy.report import write_report
+    from sgms_observer.discrepancy.workflow import Options, diagnose
+    from sgms_observer.errors import ConfigurationError
+    from sgms_observer.settings.load import load_settings
+
+    settings = load_settings(config)
+    names = [axis.name for axis in settings.axes]
+    wanted = axis_name or names[0]
+    if wanted not in names:
+        raise ConfigurationError([f"--axis {wanted} is not in {config}; it has {', '.join(names)}"])
+    axis = settings.axes[names.index(wanted)]
+    other = next((name for name in names if name != wanted), None)
+    options = Options(tolerance, seed, workers)
+    learn = [piece for bag in bags for piece in read_records(bag, axis.name, other)]
+    judge = [piece for bag in holdout for piece in read_records(bag, axis.name, other)]
+    found = diagnose(learn, judge, axis, options, lambda _text, share: show(share))
+    answer = answer_of(found, options)
+    folder = Path(out)
+    write(answer, settings, axis.name, folder)
+    after = load_settings(folder / "augmented.yaml").axes[names.index(wanted)]
+    record = (judge or learn)[0]
+    closings = tuple(closing(record, one, record.period) for one in (axis, after))
+    write_report(answer, axis, closings, options, folder, [*bags, *holdout])
+    return answer, closings

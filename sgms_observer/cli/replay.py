@@ -5,7 +5,10 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
+
+from sgms_observer.fleet.arguments import add_fleet_arguments
 
 if TYPE_CHECKING:
     from sgms_observer.bags.writer import BagWriter
@@ -25,9 +28,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     Args:
         parser: the command's own parser.
     """
-    parser.add_argument("bag", metavar="BAG", help="recorded bag with position and control_effort")
+    parser.add_argument("bags", nargs="+", metavar="BAG", help="recorded bag with position and control_effort")
     parser.add_argument("--config", required=True, metavar="F", help="parameter file (YAML)")
-    parser.add_argument("--out", required=True, metavar="BAG2", help="folder of the new bag")
+    parser.add_argument(
+        "--out",
+        required=True,
+        metavar="BAG2",
+        help="folder of the new bag; for several, the folder of the new bags and of one summary, report.html",
+    )
     parser.add_argument(
         "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the new bag (default: mcap)"
     )
@@ -38,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=TOPIC",
         help="where the bag's topic is called otherwise, such as position=/joint_states; may be given several times",
     )
+    add_fleet_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,36 +58,78 @@ def run(args: argparse.Namespace) -> int:
     Returns:
         The exit code, 0 only on success.
     """
+    from sgms_observer.cli.progress import Progress
+
+    if len(args.bags) > 1 or args.scheduler is not None:
+        from sgms_observer.fleet.command import replay_many
+
+        return replay_many(args, _renamed(args.topic))
+    start = time.perf_counter()
+    with Progress("replay", 1.0) as progress:
+        done = replay_bag(args.bags[0], args.config, args.out, args.storage, _renamed(args.topic), progress.show)
+    seconds = time.perf_counter() - start
+    for name, tally in done.tallies.items():
+        print(f"{name}: {tally.sentence()}")
+    for warning in done.warnings:
+        print(f"note: {warning}")
+    print(f"{args.out}: {done.messages} messages in {seconds:.1f} s, {done.duration / seconds:.1f} times real time")
+    return 0
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """What became of a replayed bag.
+
+    Attributes:
+        tallies: name of each axis to what is said of it.
+        warnings: sentences about the recording.
+        messages: messages written.
+        duration: time from the first message of the recording to the last [s].
+    """
+
+    tallies: dict[str, Tally]
+    warnings: tuple[str, ...]
+    messages: int
+    duration: float
+
+
+def replay_bag(
+    bag: str, config: str, out: str, storage: str, topics: Mapping[str, str], show: Callable[[float], None]
+) -> Replayed:
+    """Run the observer over a recording and write what the node would publish.
+
+    Args:
+        bag: the recording.
+        config: parameter file.
+        out: folder of the new bag.
+        storage: ``mcap`` or ``sqlite3``.
+        topics: names of the input topics where they differ.
+        show: told how much is done, from 0 to 1.
+
+    Raises:
+        SgmsError: something cannot be read, written or made sense of.
+    """
     from sgms_observer.bags.reader import BagSamples
     from sgms_observer.bags.writer import BagWriter
-    from sgms_observer.cli.progress import Progress
     from sgms_observer.observer.axis_observer import AxisObserver
     from sgms_observer.observer.outgoing import Outgoing
     from sgms_observer.settings.load import load_settings
 
-    settings = load_settings(args.config)
+    settings = load_settings(config)
     names = [axis.name for axis in settings.axes]
     observers = [AxisObserver(axis, settings.sample_period) for axis in settings.axes]
-    source = BagSamples(args.bag, names, settings.sample_period, topics=_renamed(args.topic))
+    source = BagSamples(bag, names, settings.sample_period, topics=topics)
     first, last = source.span_ns
     outgoing = Outgoing(settings)
-    tallies = [_Tally() for _ in names]
-    start = time.perf_counter()
-    with BagWriter(args.out, args.storage) as bag, Progress("replay", max(1, last - first)) as progress:
+    tallies = {name: Tally() for name in names}
+    with BagWriter(out, storage) as written:
         for estimates in _beside(_blocks_of_all_axes(source, names), lambda block: _observe(observers, block)):
             for number, estimate in estimates.items():
-                tallies[number].add(estimate)
-            _write(bag, outgoing, estimates)
-            progress.show(max(int(estimate.stamp_ns[-1]) for estimate in estimates.values()) - first)
-    seconds = time.perf_counter() - start
-    for name, tally in zip(names, tallies, strict=True):
-        print(f"{name}: {tally.sentence()}")
-    for warning in source.warnings:
-        print(f"note: {warning}")
-    messages = sum(bag.counts.values())
-    duration = (last - first) * 1e-9
-    print(f"{args.out}: {messages} messages in {seconds:.1f} s, {duration / seconds:.1f} times real time")
-    return 0
+                tallies[names[number]].add(estimate)
+            _write(written, outgoing, estimates)
+            latest = max(int(estimate.stamp_ns[-1]) for estimate in estimates.values())
+            show((latest - first) / max(1, last - first))
+    return Replayed(tallies, tuple(source.warnings), sum(written.counts.values()), (last - first) * 1e-9)
 
 
 def _renamed(arguments: Sequence[str]) -> dict[str, str]:
@@ -143,7 +194,7 @@ def _write(bag: BagWriter, outgoing: Outgoing, estimates: dict[int, Estimates]) 
         bag.write(PARAMETERS, "diagnostic_msgs/msg/DiagnosticArray", report.stamp_ns, message)
 
 
-class _Tally:
+class Tally:
     """What is said of one axis at the end: innovations and statuses."""
 
     def __init__(self) -> None:
@@ -166,14 +217,29 @@ class _Tally:
         for status, count in zip(*np.unique(estimates.status, return_counts=True), strict=True):
             self._statuses[int(status)] = self._statuses.get(int(status), 0) + int(count)
 
+    def figures(self) -> dict[str, float]:
+        """Return samples, corrections, innovation [N rms], NIS and the samples in trouble."""
+        from sgms_observer.status import Status
+
+        corrections = max(self._corrections, 1)
+        return {
+            "samples": self._samples,
+            "corrections": self._corrections,
+            "innovation": (self._squares / corrections) ** 0.5,
+            "nis": self._nis / corrections,
+            "in_trouble": sum(
+                count for code, count in self._statuses.items() if code not in (Status.RUNNING, Status.STARTING)
+            ),
+        }
+
     def sentence(self) -> str:
         """Return the axis's sentence."""
         from sgms_observer.status import Status
 
-        corrections = max(self._corrections, 1)
+        figures = self.figures()
         parts = [
-            f"{self._samples} samples, {self._corrections} corrections, innovation"
-            f" {(self._squares / corrections) ** 0.5:.4g} N rms, NIS {self._nis / corrections:.3g}"
+            f"{figures['samples']} samples, {figures['corrections']} corrections, innovation"
+            f" {figures['innovation']:.4g} N rms, NIS {figures['nis']:.3g}"
         ]
         for status in Status:
             if status not in (Status.RUNNING, Status.STARTING) and self._statuses.get(status):

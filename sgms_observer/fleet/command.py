@@ -1,0 +1,71 @@
+"""Commands over many recordings: jobs, a progress bar, the summary, and what the terminal says."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from sgms_observer.cli.progress import Progress
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.fleet.jobs import DiagnoseJob, ReplayJob, job_names
+from sgms_observer.fleet.run import Job, run_jobs
+from sgms_observer.fleet.summary import verdict, write_summary
+from sgms_observer.settings.load import load_settings
+
+
+def replay_many(args: argparse.Namespace, topics: Mapping[str, str]) -> int:
+    """Replay several bags.
+
+    Args:
+        args: what the user gave to ``sgms replay``.
+        topics: names of the input topics where they differ.
+
+    Returns:
+        The exit code, 0 only if every recording gave a result.
+    """
+    out = Path(args.out).resolve()
+    config = str(Path(args.config).resolve())
+    jobs = [
+        ReplayJob(name, str(Path(bag).resolve()), config, str(out / name), args.storage, dict(topics))
+        for name, bag in zip(job_names(args.bags), args.bags, strict=True)
+    ]
+    return _do("replay", "Replay of a fleet", jobs, args, out)
+
+
+def diagnose_each(args: argparse.Namespace) -> int:
+    """Diagnose several bags, each by itself.
+
+    Args:
+        args: what the user gave to ``sgms diagnose``.
+
+    Returns:
+        The exit code, 0 only if every recording gave a result.
+    """
+    out = Path(args.out).resolve()
+    config = str(Path(args.config).resolve())
+    holdout = tuple(str(Path(bag).resolve()) for bag in args.holdout)
+    jobs = [
+        DiagnoseJob(
+            name, str(Path(bag).resolve()), holdout, config, str(out / name), args.axis, args.tolerance, args.seed
+        )
+        for name, bag in zip(job_names(args.bags), args.bags, strict=True)
+    ]
+    return _do("diagnose", "Diagnosis of a fleet", jobs, args, out)
+
+
+def _do(label: str, title: str, jobs: Sequence[Job], args: argparse.Namespace, out: Path) -> int:
+    """Run the jobs, write the summary and say what is in it."""
+    load_settings(args.config)  # what is wrong with it is told once, not once per recording
+    if out.exists() and not out.is_dir():
+        raise ConfigurationError([f"--out {args.out} is a file; several recordings need a folder"])
+    with Progress(label, len(jobs)) as progress:
+        outcomes = run_jobs(jobs, args.workers, args.scheduler, progress.show)
+    page = write_summary(title, outcomes, out, args.config)
+    for outcome in outcomes:
+        if outcome.fault:
+            print(f"{outcome.name}: {outcome.fault}", file=sys.stderr)
+    print(verdict(outcomes))
+    print(f"wrote {page}, summary.json and {sum(not outcome.fault for outcome in outcomes)} results in {out}")
+    return 1 if any(outcome.fault for outcome in outcomes) else 0
