@@ -41,12 +41,12 @@ def time_live(folder: Path, seconds: float, publish_every: int = 1) -> dict[str,
         observer = ["--ros-args", "--params-file", str(config)]
         conductor.start("observer_node", "sgms_observer.nodes.observer_node", observer)
         listener = ["--topic", "friction_estimate", "--out", str(heard_file)]
-        conductor.start("listener", "sgms_observer.bench.live_listener", listener)
+        conductor.start("listener", "sgms_observer.nodes.bench_listener", listener)
         conductor.wait_active("observer_node")
         conductor.wait_subscribers({"friction_estimate": 1})
         publisher = ["--count", str(count), "--out", str(sent_file)]
         used = seconds_used(conductor.process_id("observer_node"))
-        conductor.start("publisher", "sgms_observer.bench.live_publisher", publisher)
+        conductor.start("publisher", "sgms_observer.nodes.bench_publisher", publisher)
         conductor.wait(sent_file.exists, "the publisher to send everything")
         share = (seconds_used(conductor.process_id("observer_node")) - used) / (count / _RATE)
         _wait_until_idle(conductor.process_id("observer_node"))

@@ -39,6 +39,8 @@ def _growth(growth: Mapping[str, Any], path: Path) -> Path:
         sizes, times = zip(*growth[name], strict=True)
         axis.loglog(sizes, times, "o-", label="one iteration")
         axis.loglog(sizes, [times[-1] * size / sizes[-1] for size in sizes], ":", color="grey", label="linear")
+        axis.set_xticks(sizes, [f"{size:g}" for size in sizes])
+        axis.set_xticks([], minor=True)
         axis.set_xlabel(label)
         axis.set_title(f"slope {growth['slope'][name]:.2f}", fontsize=10)
         axis.grid(True, which="both", alpha=0.3)
@@ -65,13 +67,24 @@ def _peers(result: Mapping[str, Any], path: Path) -> Path:
     rows += [(label, result["peers_us"][name]) for name, label in names if result["peers_us"].get(name)]
     figure, axis = pyplot.subplots(figsize=(9.0, 3.2), layout="constrained")
     places = range(len(rows) - 1, -1, -1)
-    axis.barh(list(places), [row["median"] for _, row in rows], log=True, color=["C0"] * 3 + ["C7"] * (len(rows) - 3))
+    axis.barh(
+        list(places),
+        [row["median"] for _, row in rows],
+        log=True,
+        height=0.9,
+        color=["C0"] * 3 + ["C7"] * (len(rows) - 3),
+    )
     axis.plot([row["p99"] for _, row in rows], list(places), "k|", markersize=12, label="99th percentile")
     for place, (_, row) in zip(places, rows, strict=True):
-        axis.text(row["median"], place, f" {row['median']:.3g}", va="center", fontsize=8)
+        text = f"{row['median']:.3g}" if row["median"] < 100.0 else f"{row['median']:,.0f}"
+        axis.annotate(
+            text, (row["median"], place), (-4, 0), textcoords="offset points", va="center", ha="right", fontsize=8,
+            color="white",
+        )  # fmt: skip
+    axis.set_xlim(left=0.1)
     axis.set_yticks(list(places), [label for label, _ in rows])
     axis.set_xlabel("median time of one call from Python [us]")
-    axis.legend(loc="lower right")
+    axis.legend(loc="upper right")
     write_figure(figure, path, 120)
     pyplot.close(figure)
     return path

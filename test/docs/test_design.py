@@ -40,7 +40,7 @@ def test_only_nodes_and_commands_import_ros() -> None:
         for path in (ROOT / "sgms_observer").rglob("*.py")
         if WITH_ROS.search(path.read_text(encoding="utf-8"))
     }
-    assert with_ros == {"nodes", "cli", "bench"}
+    assert with_ros == {"nodes", "cli"}
     assert not any(WITH_ROS.search(path.read_text(encoding="utf-8")) for path in (ROOT / "sim_plant").rglob("*.py"))
 
 

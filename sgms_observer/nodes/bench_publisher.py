@@ -1,0 +1,74 @@
+"""A process that publishes position and effort of one axis at 10 kHz, and notes when each sample went out."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+
+from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.bench.problem import AMPLITUDE, FREQUENCY, PERIOD, make_problem
+from sgms_observer.nodes.topics import SAMPLE_QOS
+from sgms_observer.nodes.transport import use_shipped_transport
+
+_LONGEST_STAY = 60.0  # s
+_SHORTEST_SLEEP = 5e-5  # s; the operating system oversleeps by about as much
+
+
+def publish(count: int, out: Path) -> None:
+    """Publish so many samples and write their stamps and sending times [ns], shape (2, count), to a file.
+
+    Args:
+        count: number of samples.
+        out: the file (.npy).
+    """
+    samples = round(1.0 / (FREQUENCY * PERIOD))  # one period of the motion, repeated
+    effort = make_problem(windows=samples // 10).effort[samples : 2 * samples].tolist()
+    position = (AMPLITUDE * np.sin(2.0 * np.pi * np.arange(samples) / samples)).tolist()
+    use_shipped_transport()
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("bench_publisher")
+    send_position = node.create_publisher(JointState, "position", SAMPLE_QOS).publish
+    send_effort = node.create_publisher(JointState, "control_effort", SAMPLE_QOS).publish
+    encode_position = JointStateEncoder(("x",), ("position",)).encode
+    encode_effort = JointStateEncoder(("x",), ("effort",)).encode
+    while node.count_subscribers("position") < 1 or node.count_subscribers("control_effort") < 1:
+        time.sleep(0.05)
+    time.sleep(2.0)  # a subscription that the graph knows is not served for sure yet
+    period_ns = round(PERIOD * 1e9)
+    times = np.zeros((2, count), np.int64)
+    start = time.time_ns() + 10 * period_ns
+    for k in range(count):
+        due = start + k * period_ns
+        while (left := due - time.time_ns()) > 0:
+            if left > 2e9 * _SHORTEST_SLEEP:
+                time.sleep(1e-9 * left - _SHORTEST_SLEEP)
+        times[0, k], times[1, k] = due, time.time_ns()
+        send_position(encode_position(due, (position[k % samples],)))
+        send_effort(encode_effort(due, (effort[k % samples],)))
+    np.save(out, times)
+    with contextlib.suppress(KeyboardInterrupt):
+        time.sleep(_LONGEST_STAY)  # what is on its way arrives; the end comes as SIGINT
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def main() -> int:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, required=True)
+    parser.add_argument("--out", type=Path, required=True)
+    args = parser.parse_args()
+    publish(args.count, args.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
