@@ -38,6 +38,8 @@ def test_policy_is_what_the_node_uses(name: str, start: Start, graph: Graph) -> 
     node = graph.node
 
     def used() -> dict[str, set[str]]:
+        if (name, "/") not in node.get_node_names_and_namespaces():
+            return {}  # not discovered yet
         return {
             "publish": {topic for topic, _ in node.get_publisher_names_and_types_by_node(name, "/")},
             "subscribe": {topic for topic, _ in node.get_subscriber_names_and_types_by_node(name, "/")},
