@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.bags.cdr import JointStateEncoder, JointStateLayout
+from sgms_observer.bags.scanning import read_rows, write_rows
 from sgms_observer.errors import DataError
+from sgms_observer.jit import HAS_NUMBA
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -17,6 +19,9 @@ Floats = NDArray[np.float64]
 
 _LAYOUTS_AT_ONCE = 16
 _SECOND = 1_000_000_000
+_STAMP_PLACE = 4  # seconds and nanoseconds, the first thing behind the encapsulation
+_LITTLE_ENDIAN = b"\x00\x01"
+_HALF, _LOWER = np.uint64(32), np.uint64(2**32 - 1)
 
 
 @dataclass(frozen=True)
@@ -83,7 +88,9 @@ class JointStates:
 
 
 def join_blocks(first: MessageBlock, second: MessageBlock) -> MessageBlock:
-    """Return two blocks of the same topics as one."""
+    """Return two blocks of the same topics as one; neither is empty."""
+    begin, end = int(first.start.min()), int((first.start + first.length).max())
+    first = replace(first, data=first.data[begin:end], start=first.start - begin)
     return MessageBlock(
         first.topics,
         np.concatenate([first.topic, second.topic]),
@@ -113,12 +120,51 @@ def gather(data: Bytes, start: Ints, width: int) -> Bytes:
     return rows
 
 
-def decode_joint_states(block: MessageBlock, rows: NDArray[np.intp]) -> tuple[list[JointStates], int]:
+@dataclass(frozen=True)
+class Pattern:
+    """A layout as bytes that messages are compared with.
+
+    Attributes:
+        layout: where the numbers are.
+        template: a message of that layout.
+        mask: 255 where messages of the layout agree, shape of ``template``.
+        places: first byte of the stamp and of each number that is read, shape (1 + m,).
+    """
+
+    layout: JointStateLayout
+    template: Bytes
+    mask: Bytes
+    places: Ints
+
+    @classmethod
+    def of(cls, message: bytes) -> Pattern:
+        """Take a message as the pattern.
+
+        Args:
+            message: the whole message with its encapsulation.
+
+        Raises:
+            DataError: the bytes are no JointState.
+        """
+        layout = JointStateLayout.of(message)
+        mask = np.zeros(layout.size, np.uint8)
+        for begin, end in layout.constant:
+            mask[begin:end] = 255
+        places = [_STAMP_PLACE]
+        for start, used in zip(layout.offsets, _used(layout), strict=True):
+            places += range(start, start + 8 * used, 8)
+        return cls(layout, np.frombuffer(message[: layout.size], np.uint8), mask, np.array(places, np.int64))
+
+
+def decode_joint_states(
+    block: MessageBlock, rows: NDArray[np.intp], known: list[Pattern] | None = None
+) -> tuple[list[JointStates], int]:
     """Decode JointStates among a block's messages.
 
     Args:
         block: the messages.
         rows: which of them to decode.
+        known: the pattern that the latest messages of this topic had, if any; kept up to date.
 
     Returns:
         One ``JointStates`` per layout, its rows ascending; and how many of the messages are no JointState.
@@ -126,60 +172,81 @@ def decode_joint_states(block: MessageBlock, rows: NDArray[np.intp]) -> tuple[li
     groups = []
     bad = 0
     rounds = 0
+    known = [] if known is None else known
     while rows.size:
         rounds += 1
         first = rows[:1]
-        try:
-            layout = JointStateLayout.of(block.message(int(first[0])))
-        except DataError:
-            bad += 1
-            rows = rows[1:]
-            continue
+        if rounds > 1 or not known:
+            try:
+                known[:] = [Pattern.of(block.message(int(first[0])))]
+            except DataError:
+                bad += 1
+                rows = rows[1:]
+                continue
         # Many different layouts in one block are no recording of a machine: go on without looking ahead.
         tried = rows if rounds <= _LAYOUTS_AT_ONCE else first
-        found, group = _read(block, tried, layout)
-        groups.append(group)
-        rows = np.concatenate([tried[~found], rows[tried.size :]])
+        found, group = _read(block, tried, known[0])
+        if group.row.size:
+            groups.append(group)
+        rows = rows[tried.size :] if found.all() else np.concatenate([tried[~found], rows[tried.size :]])
     return groups, bad
 
 
-def _read(
-    block: MessageBlock, rows: NDArray[np.intp], layout: JointStateLayout
-) -> tuple[NDArray[np.bool_], JointStates]:
+def _used(layout: JointStateLayout) -> tuple[int, ...]:
+    """Return how many numbers of each array belong to a name."""
+    return tuple(min(entries, len(layout.names)) for entries in layout.counts)
+
+
+def _read(block: MessageBlock, rows: NDArray[np.intp], pattern: Pattern) -> tuple[NDArray[np.bool_], JointStates]:
     """Read the messages that have this layout; also return which of ``rows`` those are."""
-    width = layout.size + (-layout.size) % 8
-    template = np.frombuffer(block.message(int(rows[0]))[: layout.size].ljust(width, b"\0"), np.uint8)
-    mask = np.zeros(width, np.uint8)
-    for begin, end in layout.constant:
-        mask[begin:end] = 255
-    found = block.length[rows] >= layout.size
-    messages = gather(block.data, block.start[rows], width)
-    differs = (messages.view(np.uint64) ^ template.view(np.uint64)) & mask.view(np.uint64)
-    found &= ~differs.any(axis=1)
+    layout = pattern.layout
+    found, numbers = (_find_compiled if HAS_NUMBA else _find_by_arrays)(block, rows, pattern)
     if not found.all():
-        messages, rows = messages[found], rows[found]
-    order = "<" if layout.encoding == b"\x00\x01" else ">"
-    count = len(layout.names)
-    seconds = _column(messages, 4, order + "i4", 1)[:, 0].astype(np.int64)
-    nanoseconds = _column(messages, 8, order + "u4", 1)[:, 0].astype(np.int64)
+        rows = rows[found]
+    if layout.encoding != _LITTLE_ENDIAN:
+        numbers = numbers.byteswap()
+        seconds, nanoseconds = numbers[0] >> _HALF, numbers[0] & _LOWER
+    else:
+        seconds, nanoseconds = numbers[0] & _LOWER, numbers[0] >> _HALF
+    stamps = seconds.astype(np.uint32).view(np.int32).astype(np.int64) * _SECOND + nanoseconds.astype(np.int64)
     fields = []
-    for start, entries in zip(layout.offsets, layout.counts, strict=True):
-        values = np.full((rows.size, count), np.nan)
-        used = min(entries, count)
-        if used:
-            values[:, :used] = _column(messages, start, order + "f8", used)
+    at = 1
+    for used in _used(layout):
+        values = np.full((rows.size, len(layout.names)), np.nan)
+        values[:, :used] = numbers[at : at + used].view(np.float64).T
         fields.append(values)
-    stamps = seconds * _SECOND + nanoseconds
+        at += used
     return found, JointStates(layout.names, stamps, fields[0], fields[1], fields[2], rows, layout.counts)
 
 
-def _column(messages: Bytes, start: int, kind: str, count: int) -> NDArray[np.generic]:
-    """Read ``count`` numbers at the same place of every message, shape (n, count)."""
-    width = np.dtype(kind).itemsize * count
-    return np.ascontiguousarray(messages[:, start : start + width]).view(kind)
+def _find_compiled(
+    block: MessageBlock, rows: NDArray[np.intp], pattern: Pattern
+) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
+    """Return which of the messages have the layout, and the bits of their stamps and numbers, shape (1 + m, found)."""
+    found = np.empty(rows.size, np.bool_)
+    numbers = np.empty((pattern.places.size, rows.size), np.uint64)
+    start, length = block.start[rows], block.length[rows]
+    count = read_rows(block.data, start, length, pattern.template, pattern.mask, pattern.places, found, numbers)
+    return found, numbers[:, :count]
 
 
-def encode_joint_states(stamp_ns: Ints, names: Sequence[str], fields: dict[str, Floats], frame_id: str = "") -> Bytes:
+def _find_by_arrays(
+    block: MessageBlock, rows: NDArray[np.intp], pattern: Pattern
+) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
+    """Do the same without numba."""
+    messages = gather(block.data, block.start[rows], pattern.template.size)
+    found = block.length[rows] >= pattern.template.size
+    found &= ~((messages ^ pattern.template) & pattern.mask).any(axis=1)
+    messages = messages[found]
+    numbers = np.empty((pattern.places.size, len(messages)), np.uint64)
+    for row, place in enumerate(pattern.places.tolist()):
+        numbers[row] = np.ascontiguousarray(messages[:, place : place + 8]).view("<u8")[:, 0]
+    return found, numbers
+
+
+def encode_joint_states(
+    stamp_ns: Ints, names: Sequence[str], fields: dict[str, Floats], frame_id: str = "", room: int = 0
+) -> Bytes:
     """Encode n JointStates that differ in their numbers only.
 
     Args:
@@ -187,25 +254,37 @@ def encode_joint_states(stamp_ns: Ints, names: Sequence[str], fields: dict[str, 
         names: joints (axes), k of them.
         fields: any of ``position``, ``velocity`` and ``effort``, each of shape (n, k).
         frame_id: of the headers.
+        room: bytes left for the caller in front of each message.
 
     Returns:
-        One message per row, shape (n, size), uint8.
+        One message per row, shape (n, room + size), uint8.
 
     Raises:
         DataError: a shape does not fit, or a stamp does not fit a ROS time.
     """
     encoder = JointStateEncoder(names, tuple(fields), frame_id)
-    rows = np.tile(np.frombuffer(encoder.template, np.uint8), (stamp_ns.size, 1))
-    seconds, nanoseconds = np.divmod(stamp_ns, _SECOND)
-    if stamp_ns.size and not -(2**31) <= int(seconds.min()) <= int(seconds.max()) < 2**31:
+    count = stamp_ns.size
+    if count and not -(2**31) * _SECOND <= int(stamp_ns.min()) <= int(stamp_ns.max()) < 2**31 * _SECOND:
         raise DataError("a stamp does not fit a ROS time; give times within 68 years of 1970")
-    rows[:, 4:8] = seconds.astype("<i4").view(np.uint8).reshape(-1, 4)
-    rows[:, 8:12] = nanoseconds.astype("<u4").view(np.uint8).reshape(-1, 4)
+    numbers = np.empty((1 + len(encoder.starts) * len(names), count), np.uint64)
+    seconds, nanoseconds = np.divmod(stamp_ns, _SECOND)
+    numbers[0] = (seconds.astype(np.uint64) & _LOWER) | nanoseconds.astype(np.uint64) << _HALF
+    places = [_STAMP_PLACE]
     ordered = [fields[name] for name in ("position", "velocity", "effort") if name in fields]
     for start, values in zip(encoder.starts, ordered, strict=True):
-        if values.shape != (stamp_ns.size, len(names)):
+        if values.shape != (count, len(names)):
             raise DataError(
                 f"a field of shape {values.shape} was given for {stamp_ns.size} stamps of {len(names)} axes"
             )
-        rows[:, start : start + 8 * len(names)] = np.ascontiguousarray(values, "<f8").view(np.uint8)
+        numbers[len(places) : len(places) + len(names)].view(np.float64)[:] = values.T
+        places += range(start, start + 8 * len(names), 8)
+    template = np.frombuffer(encoder.template, np.uint8)
+    rows = np.empty((count, room + template.size), np.uint8)
+    if HAS_NUMBA:
+        first = np.arange(room, rows.size, rows.shape[1]) if count else np.empty(0, np.int64)
+        write_rows(template, np.array(places, np.int64), numbers, rows.reshape(-1), first)
+        return rows
+    rows[:, room:] = template
+    for place, values in zip(places, numbers, strict=True):
+        rows[:, room + place : room + place + 8] = values.astype("<u8").view(np.uint8).reshape(-1, 8)
     return rows

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from sgms_observer.bags.blocks import MessageBlock, gather, join_blocks
 from sgms_observer.bags.compression import unpack
 from sgms_observer.bags.mcap_records import MAGIC, MESSAGE_HEAD, RECORD_HEAD, Op, find_records, read_text
+from sgms_observer.bags.scanning import find_messages
 from sgms_observer.errors import RecordingError
+from sgms_observer.jit import HAS_NUMBA
 
 _WINDOW = 2**20  # bytes of messages outside chunks that are read at once
 _LARGEST = 2**30  # bytes; a larger chunk is taken for damage
@@ -222,6 +224,10 @@ class McapReader:
     def _read_piece(self, piece: _Piece, topics: tuple[str, ...], index_of: NDArray[np.int64]) -> MessageBlock:
         """Return the messages of a piece that belong to the topics asked for, as they are in the file."""
         content = np.frombuffer(self._unpack(piece), np.uint8)
+        if HAS_NUMBA:
+            room = np.empty((4, content.size // (RECORD_HEAD.size + MESSAGE_HEAD) + 1), np.int64)
+            count = find_messages(content, index_of, room[0], room[1], room[2], room[3])
+            return MessageBlock(topics, room[0, :count], room[1, :count], content, room[2, :count], room[3, :count])
         ops, starts, lengths, _ = find_records(content)
         messages = (ops == Op.MESSAGE) & (lengths >= MESSAGE_HEAD)
         starts, lengths = starts[messages], lengths[messages]

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from sgms_observer.bags.mcap_records import MAGIC, MESSAGE_HEAD, RECORD_HEAD, Op, record, text, text_map
 from sgms_observer.bags.message_types import MessageType
 from sgms_observer.bags.metadata import dump_qos
+from sgms_observer.bags.scanning import place_rows, write_rows
+from sgms_observer.jit import HAS_NUMBA
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -21,6 +23,7 @@ _CHUNK = 2**20  # bytes of one chunk
 _PENDING = 8 * _CHUNK  # bytes that wait to be put in order of time
 _OVERHEAD = RECORD_HEAD.size + MESSAGE_HEAD
 _MESSAGE = struct.Struct("<BQHIQQ")
+_TIMES = np.array([15, 23])  # first bytes of log time and publish time in a message record
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,9 @@ class McapWriter:
         OSError: it cannot be created; every other method may raise it too.
     """
 
+    room = _OVERHEAD
+    """Bytes that ``write_rows`` wants free in front of each message."""
+
     def __init__(self, path: Path) -> None:
         self._file = path.open("xb")
         self._offset = 0
@@ -54,6 +60,7 @@ class McapWriter:
         self._rows: list[_Rows] = []
         self._pending = 0
         self._span = (2**63 - 1, 0)
+        self._sorted = np.empty(0, np.uint8)  # kept: the operating system takes time to give new memory
         self._put(MAGIC)
         self._put(record(Op.HEADER, text("ros2"), text("sgms_observer")))
 
@@ -80,18 +87,20 @@ class McapWriter:
             self.flush()
 
     def write_rows(self, channel: int, log_ns: Ints, messages: Bytes) -> None:
-        """Add n messages of one size: times of shape (n,), bytes of shape (n, size)."""
+        """Add n messages of one size: times of shape (n,), bytes of shape (n, room + size), written to."""
         count, size = messages.shape
-        head = np.empty(count, np.dtype("<u1, <u8, <u2, <u4, <u8, <u8"))
-        for field, value in zip(
-            head.dtype.names or (), (Op.MESSAGE, size + MESSAGE_HEAD, channel, 0, log_ns, log_ns), strict=True
-        ):
-            head[field] = value
-        records = np.concatenate([head.view(np.uint8).reshape(count, _OVERHEAD), messages], axis=1)
-        rows_at_once = max(1, _PENDING // (size + _OVERHEAD))
+        head = np.frombuffer(_MESSAGE.pack(Op.MESSAGE, size - RECORD_HEAD.size, channel, 0, 0, 0), np.uint8)
+        if HAS_NUMBA:
+            times = np.stack([log_ns, log_ns]).view(np.uint64)
+            write_rows(head, _TIMES, times, messages.reshape(-1), np.arange(count) * size)
+        else:
+            messages[:, : self.room] = head
+            for place in _TIMES.tolist():
+                messages[:, place : place + 8] = log_ns.astype("<u8").view(np.uint8).reshape(-1, 8)
+        rows_at_once = max(1, _PENDING // size)
         for first in range(0, count, rows_at_once):
             part = slice(first, first + rows_at_once)
-            self._rows.append(_Rows(channel, log_ns[part], records[part]))
+            self._rows.append(_Rows(channel, log_ns[part], messages[part]))
             self._pending += self._rows[-1].records.size
             if self._pending > _PENDING:
                 self.flush()
@@ -176,14 +185,19 @@ class McapWriter:
         start[order] = start_in_order
         if not self._rows and np.array_equal(order, np.arange(order.size)):
             return np.frombuffer(b"".join(singles), np.uint8), channel, log_ns, start
-        data = np.empty(self._pending, np.uint8)
-        for at, single in zip(start.tolist(), singles, strict=False):
+        if self._sorted.size < self._pending:
+            self._sorted = np.empty(self._pending, np.uint8)
+        data = self._sorted[: self._pending]
+        for at, single in zip(start[: len(singles)].tolist(), singles, strict=True):
             data[at : at + len(single)] = np.frombuffer(single, np.uint8)
         done = len(singles)
         for rows in self._rows:
             count, size = rows.records.shape
-            places = np.lib.stride_tricks.sliding_window_view(data, size, writeable=True)
-            places[start[done : done + count]] = rows.records
+            if HAS_NUMBA:
+                place_rows(rows.records, data, start[done : done + count])
+            else:
+                places = np.lib.stride_tricks.sliding_window_view(data, size, writeable=True)
+                places[start[done : done + count]] = rows.records
             done += count
         return data, channel[order], log_ns[order], start_in_order
 
@@ -201,7 +215,7 @@ class McapWriter:
         self._put(content)
         chunk_end = self._offset
         offsets = b""
-        for used in np.unique(channel).tolist():
+        for used in np.flatnonzero(np.bincount(channel)).tolist():
             rows = channel == used
             entries = np.stack([log_ns[rows], start[rows]], axis=1).astype("<u8").tobytes()
             self._counts[used] += len(entries) // 16

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.blocks import JointStates, MessageBlock, decode_joint_states
+from sgms_observer.bags.blocks import JointStates, MessageBlock, Pattern, decode_joint_states
 from sgms_observer.bags.message_types import JOINT_STATE
 from sgms_observer.bags.source import BagReader
 from sgms_observer.errors import RecordingError
@@ -97,6 +97,7 @@ class BagSamples:
         self._pairings: dict[str, Pairing] = {}
         self._seen: dict[str, int] = {}  # names in the position topic
         self._malformed = 0
+        self._patterns: dict[str, list[Pattern]] = {}
 
     @property
     def counts(self) -> dict[str, PairingCounts]:
@@ -154,7 +155,7 @@ class BagSamples:
         return found
 
     def _decode(self, block: MessageBlock, topic: str) -> list[JointStates]:
-        groups, bad = decode_joint_states(block, block.of_topic(topic))
+        groups, bad = decode_joint_states(block, block.of_topic(topic), self._patterns.setdefault(topic, []))
         self._malformed += bad
         if topic == self._topics["position"]:
             for group in groups:

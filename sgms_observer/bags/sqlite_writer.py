@@ -37,6 +37,9 @@ class SqliteWriter:
         sqlite3.Error: it cannot be written; every other method may raise it too.
     """
 
+    room = 0
+    """Bytes that ``write_rows`` wants free in front of each message."""
+
     def __init__(self, path: Path) -> None:
         path.open("xb").close()
         self._connection = sqlite3.connect(path, check_same_thread=False)

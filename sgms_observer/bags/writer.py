@@ -31,6 +31,8 @@ _FLUSH_PERIOD = 0.5  # s
 class _Storage(Protocol):
     """What a storage file can do."""
 
+    room: int  # bytes that ``write_rows`` wants free in front of each message
+
     def add_topic(self, topic: str, kind: MessageType) -> int: ...
     def write(self, channel: int, log_ns: int, data: bytes) -> None: ...
     def write_rows(self, channel: int, log_ns: NDArray[np.int64], messages: NDArray[np.uint8]) -> None: ...
@@ -161,11 +163,12 @@ class BagWriter:
         first, last = int(times.min()), int(times.max())
         if first < 0:
             raise DataError(f"a message of {name} has the time {first} ns; bags hold times from 1970 on only")
-        messages = encode_joint_states(stamps, names, fields)
+        storage = self._open_storage()
+        messages = encode_joint_states(stamps, names, fields, room=storage.room)
         self._counts[name] += stamps.size
         self._span = (min(self._span[0], first), max(self._span[1], last))
         with self._own_errors():
-            self._open_storage().write_rows(channel, times, messages)
+            storage.write_rows(channel, times, messages)
             self._flush_if_due()
 
     def flush(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from sgms_observer.observer.outgoing import Outgoing
     from sgms_observer.observer.samples import Estimates, Samples
 
-Given, Done = TypeVar("Given"), TypeVar("Done")
+Given = TypeVar("Given")
+_WAITING = 2  # blocks between two threads
+_LOOK = 0.01  # s between two looks at a thread that is to end
 
 NAME = "replay"
 HELP = "run the observer over a recorded bag and write its estimates into another; deterministic"
@@ -123,7 +125,8 @@ def replay_bag(
     outgoing = Outgoing(settings)
     tallies = {name: Tally() for name in names}
     with BagWriter(out, storage) as written:
-        for estimates in _beside(_blocks_of_all_axes(source, names), lambda block: _observe(observers, block)):
+        samples = _beside(_blocks_of_all_axes(source, names))
+        for estimates in _beside(_observe(observers, block) for block in samples):
             for number, estimate in estimates.items():
                 tallies[names[number]].add(estimate)
             _write(written, outgoing, estimates)
@@ -163,22 +166,45 @@ def _observe(observers: Sequence[AxisObserver], block: Mapping[int, Samples]) ->
     return {number: observers[number].step(samples) for number, samples in block.items()}
 
 
-def _beside(given: Iterator[Given], work: Callable[[Given], Done]) -> Iterator[Done]:
-    """Yield ``work`` of each item, in order, done in a thread of its own while the caller deals with the one before.
+def _beside(given: Iterable[Given]) -> Iterator[Given]:
+    """Yield the items, in order, each made in a thread of its own while the caller deals with the ones before.
 
-    The kernels leave Python's lock alone, so reading and writing the bags costs no time on a second core. At most two
-    items wait: memory stays as it is however long the bag.
+    The kernels, numpy and the files leave Python's lock alone, so that reading, estimating and writing share the cores.
+    At most two items wait: memory stays as it is however long the bag. What goes wrong in the thread is raised here.
     """
-    from concurrent.futures import Future, ThreadPoolExecutor
+    from queue import Queue
+    from threading import Event, Thread
 
-    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="observer") as pool:
-        running: Future[Done] | None = None
-        for item in given:
-            before, running = running, pool.submit(work, item)
-            if before is not None:
-                yield before.result()
-        if running is not None:
-            yield running.result()
+    waiting: Queue[tuple[Given | None, BaseException | None]] = Queue(_WAITING)
+    is_over = Event()
+
+    def make() -> None:
+        try:
+            for item in given:
+                waiting.put((item, None))
+                if is_over.is_set():
+                    return
+        except BaseException as error:
+            waiting.put((None, error))
+        else:
+            waiting.put((None, None))
+
+    thread = Thread(target=make, name="replay", daemon=True)
+    thread.start()
+    try:
+        while True:
+            item, error = waiting.get()
+            if error is not None:
+                raise error
+            if item is None:
+                break
+            yield item
+    finally:
+        is_over.set()
+        while thread.is_alive():
+            while not waiting.empty():
+                waiting.get()
+            thread.join(_LOOK)
 
 
 def _write(bag: BagWriter, outgoing: Outgoing, estimates: dict[int, Estimates]) -> None:

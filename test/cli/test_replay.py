@@ -1,0 +1,123 @@
+"""``sgms replay``: three threads and no difference in what comes out."""
+
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from sgms_observer.bags.source import BagReader
+from sgms_observer.cli.main import main
+from sgms_observer.cli.replay import _beside
+
+_CONFIG = """/**:
+  ros__parameters:
+    axes: [x]
+    sample_period: 1.0e-4
+    x:
+      estimator: {kind: ekf}
+"""
+
+
+def test_items_come_in_order_and_the_thread_ends() -> None:
+    before = threading.active_count()
+    assert list(_beside(range(50))) == list(range(50))
+    assert threading.active_count() == before
+
+
+def test_an_error_in_the_thread_is_raised_behind_the_items_before_it() -> None:
+    def items():
+        yield 1
+        raise OSError("gone")
+
+    found = []
+    with pytest.raises(OSError, match="gone"):
+        found += [*_beside(items())]
+    taken = _beside(items())
+    assert next(taken) == 1
+    taken.close()
+
+
+def test_a_consumer_that_stops_early_stops_the_thread() -> None:
+    made = []
+
+    def items():
+        for number in range(10**6):
+            made.append(number)
+            yield number
+
+    before = threading.active_count()
+    taken = _beside(items())
+    assert next(taken) == 0
+    taken.close()
+    assert threading.active_count() == before
+    assert len(made) < 10
+
+
+def _messages(bag: Path) -> dict[str, list[tuple[int, bytes]]]:
+    found: dict[str, list[tuple[int, bytes]]] = {}
+    with BagReader(bag) as reader:
+        for topic, stamp, message in reader.messages():
+            found.setdefault(topic, []).append((stamp, message))
+    return found
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("replay")
+    (folder / "config.yaml").write_text(_CONFIG)
+    arguments = ["simulate", "--config", str(folder / "config.yaml"), "--out", str(folder / "recorded")]
+    assert main([*arguments, "--duration", "1.5"]) == 0
+    return folder
+
+
+def _replay(folder: Path, out: str, *more: str) -> dict[str, list[tuple[int, bytes]]]:
+    arguments = ["replay", str(folder / "recorded"), "--config", str(folder / "config.yaml"), "--out"]
+    assert main([*arguments, str(folder / out), *more]) == 0
+    return _messages(folder / out)
+
+
+def test_both_storages_get_the_same_messages_and_twice_the_same(recording: Path) -> None:
+    first = _replay(recording, "first")
+    assert len(first["/friction_estimate"]) == 15_000
+    assert _replay(recording, "second") == first
+    assert _replay(recording, "third", "--storage", "sqlite3") == first
+
+
+def test_a_bag_in_sqlite_is_replayed_too(recording: Path) -> None:
+    config, out = str(recording / "config.yaml"), recording / "again"
+    bag = recording / "estimates"
+    first = ["replay", str(recording / "recorded"), "--config", config, "--out", str(bag), "--storage", "sqlite3"]
+    assert main(first) == 0
+    renamed = ["--topic", "position=/friction_estimate", "--topic", "control_effort=/friction_estimate"]
+    assert main(["replay", str(bag), "--config", config, "--out", str(out), *renamed]) == 0
+    assert len(_messages(out)["/friction_estimate"]) == 15_000
+
+
+def test_messages_are_the_same_without_numba(tmp_path: Path) -> None:
+    """The compiled loops over bytes and their numpy twins write and read the same."""
+    script = f"""
+import numpy as np, sys
+from sgms_observer.bags.reader import read_joint_states
+from sgms_observer.bags.writer import BagWriter
+stamps = np.arange(1, 3001, dtype=np.int64) * 1_234_567_891 // 3
+rng = np.random.default_rng(5)
+with BagWriter(sys.argv[1]) as bag:
+    for topic, names in (("a", ("x",)), ("b", ("x", "a longer name"))):
+        given = dict(position=rng.normal(size=(3000, len(names))), effort=rng.normal(size=(3000, len(names))))
+        bag.write_joint_states(topic, stamps, names, **given)
+        bag.write(topic, "sensor_msgs/msg/JointState", 5, {bytes([0, 1, 0, 0, *range(1, 9), *bytes(20)])!r})
+for topic in ("a", "b"):
+    states = read_joint_states(sys.argv[1], topic)
+    np.savez(sys.argv[1] + topic, states.stamp_ns, states.position, states.velocity, states.effort)
+"""
+    content = []
+    for number, value in enumerate(("", "1")):
+        bag = tmp_path / str(number) / "bag"
+        bag.parent.mkdir()
+        environment = {**os.environ, "SGMS_OBSERVER_NO_NUMBA": value}
+        subprocess.run([sys.executable, "-c", script, str(bag)], check=True, env=environment)
+        content.append([path.read_bytes() for path in sorted(bag.parent.rglob("*")) if path.is_file()])
+    assert content[0] == content[1]
