@@ -14,8 +14,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.compensation.motion_ahead import (
+    ACCELERATION,
+    AHEAD_WIDTH,
+    HAS_REFERENCE,
+    JERK,
+    MEMORY_SIZE,
+    SET_VELOCITY,
+    TRAVEL,
+    look_ahead_block,
+)
 from sgms_observer.compensation.preview import advance_elements, preview_elements
 from sgms_observer.compensation.safety import safe_output
+from sgms_observer.compensation.trust import fade, next_steady, next_trust
 from sgms_observer.estimators.block import FRICTION_STD, RESULT_SIZE, STATUS
 from sgms_observer.estimators.layout import (
     MODEL_SIZE,
@@ -33,14 +44,13 @@ from sgms_observer.settings.observer import CompensationSettings
 from sgms_observer.status import Status
 
 # one array: the state that evolves, the settings, then what each status means (``_GOOD`` and ``_RESTART``)
-OUTPUT, TRUST, RAW, LAST_POSITION, LAST_VELOCITY, HAS_LAST, IS_ALIGNED, STEADY, STATE_SIZE = range(9)
+OUTPUT, TRUST, RAW, IS_ALIGNED, STEADY, STATE_SIZE = range(6)
 ENABLED, GAIN, LIMIT, SLEW, LOOK_AHEAD, STANDSTILL, FADE_STD, TIMEOUT, VERDICT = range(STATE_SIZE, STATE_SIZE + 9)
 
 # Without a reference a motion counts once the estimated velocity has kept its sign for so long, or is this many times
 # the standstill velocity: the noise of a velocity at rest does neither.
 _STEADY_TIME = 5.0e-3
 _CLEARLY_MOVING = 10.0
-_FADE_START = 0.5  # share of fade_std up to which nothing is faded
 _GOOD = (Status.RUNNING, Status.FALLBACK_NOT_CONVERGED, Status.FALLBACK_DEADLINE)
 _RESTART = (Status.STARTING, Status.RESTARTED_AFTER_GAP, Status.RESTARTED_AFTER_JUMP)
 
@@ -57,8 +67,9 @@ class Preview:
         friction_std: standard deviation of the friction estimate [N], shape (n,).
         reference_position: set-point [m], NaN where there is none, shape (n,).
         reference_velocity: its velocity [m/s], NaN where there is none, shape (n,).
-        effects_force: force that the effects of the YAML take from the actuator [N], shape (n,).
-        effects_factor: their factor on the Stribeck level [-], shape (n,).
+        effects_force: force that the effects of the YAML will take from the actuator where the look-ahead ends [N],
+            shape (n,).
+        effects_factor: their factor on the Stribeck level there [-], shape (n,).
         status: ``Status`` codes, shape (n,).
     """
 
@@ -72,32 +83,6 @@ class Preview:
     effects_force: Floats
     effects_factor: Floats
     status: NDArray[np.uint8]
-
-
-@njit
-def _next_trust(trust: float, verdict: float, period: float, timeout: float) -> float:
-    """Return how far the data are trusted: full after ``timeout`` of good samples, none after as long without."""
-    if verdict == 2 or not period > 0.0:
-        return 0.0
-    change = period / timeout
-    return min(1.0, trust + change) if verdict == 0 else max(0.0, trust - change)
-
-
-@njit
-def _next_steady(steady: float, velocity: float, period: float, standstill: float) -> float:
-    """Return for how long the velocity has kept its sign [s], with that sign."""
-    if not (abs(velocity) > standstill and period > 0.0):
-        return 0.0
-    direction = math.copysign(1.0, velocity)
-    return steady + direction * period if steady * direction > 0.0 else direction * period
-
-
-@njit
-def _fade(friction_std: float, fade_std: float) -> float:
-    """Return the share left at this uncertainty: 1 up to half of ``fade_std``, 0 from ``fade_std`` on."""
-    if not friction_std < fade_std:
-        return 0.0
-    return min(1.0, (1.0 - friction_std / fade_std) / (1.0 - _FADE_START))
 
 
 @njit
@@ -119,8 +104,7 @@ def _compensate(
     kinds: Floats,
     motion: Floats,
     results: Floats,
-    reference_position: Floats,
-    reference_velocity: Floats,
+    ahead: Floats,
     effects_force: Floats,
     effects_factor: Floats,
     out: Floats,
@@ -138,31 +122,22 @@ def _compensate(
         h = motion[k, ELAPSED]
         verdict = state[VERDICT + int(results[k, STATUS])]
         element_force = results[k, RESULT_SIZE : RESULT_SIZE + n_z]
-        trust = _next_trust(state[TRUST], verdict, h, state[TIMEOUT]) if state[ENABLED] > 0.5 else 0.0
+        trust = next_trust(state[TRUST], verdict, h, state[TIMEOUT]) if state[ENABLED] > 0.5 else 0.0
         state[TRUST] = trust
         if n_p > 0:
             apply_parameters(scalars, elements, kinds, unit, results[k, first_parameter:], row, bars)
         factor = effects_factor[k] if effects_factor[k] > 0.0 else 1.0
         if verdict == 2:
             state[RAW] = 0.0
-        set_velocity = reference_velocity[k]
-        set_position = reference_position[k]
-        has_step = state[HAS_LAST] > 0.5 and h > 0.0 and math.isfinite(set_position)
-        travel = set_position - state[LAST_POSITION] if has_step else math.nan
-        if not math.isfinite(set_velocity) and has_step:
-            set_velocity = travel / h
-        if math.isfinite(set_velocity):
-            acceleration = 0.0
-            if state[HAS_LAST] > 0.5 and h > 0.0 and math.isfinite(state[LAST_VELOCITY]):
-                acceleration = (set_velocity - state[LAST_VELOCITY]) / h
+        set_velocity = ahead[k, SET_VELOCITY]
+        if ahead[k, HAS_REFERENCE] > 0.5:
             if state[IS_ALIGNED] < 0.5 or verdict == 2 or not _is_finite(carried):
                 for i in range(n_z):
                     carried[i] = element_force[i] if math.isfinite(element_force[i]) else 0.0
                     carried_modes[i] = 0
                 state[IS_ALIGNED] = 1.0
-            else:
-                if not has_step:
-                    travel = set_velocity * h
+            elif h > 0.0:
+                travel = ahead[k, TRAVEL]
                 advance_elements(carried, carried_modes, travel, abs(travel) / h, factor, row, bars)
             is_moving = abs(set_velocity) > state[STANDSTILL]
             for i in range(n_z):
@@ -170,25 +145,23 @@ def _compensate(
                 modes[i] = carried_modes[i]
         else:
             state[IS_ALIGNED] = 0.0
-            set_velocity = motion[k, PRESENT_VELOCITY]
-            acceleration = 0.0
-            state[STEADY] = _next_steady(state[STEADY], set_velocity, h, state[STANDSTILL])
+            state[STEADY] = next_steady(state[STEADY], set_velocity, h, state[STANDSTILL])
             is_moving = abs(state[STEADY]) >= _STEADY_TIME or abs(set_velocity) > _CLEARLY_MOVING * state[STANDSTILL]
             for i in range(n_z):
                 forces[i] = element_force[i]
                 modes[i] = 0
-        state[LAST_POSITION] = set_position
-        state[LAST_VELOCITY] = reference_velocity[k] if math.isfinite(reference_velocity[k]) else set_velocity
-        state[HAS_LAST] = 1.0
         if is_moving and math.isfinite(set_velocity):
-            ahead = preview_elements(forces, modes, set_velocity, acceleration, state[LOOK_AHEAD], factor, row, bars)
-            total = row[VISCOUS] * ahead
+            acceleration, jerk = ahead[k, ACCELERATION], ahead[k, JERK]
+            velocity = preview_elements(
+                forces, modes, set_velocity, acceleration, jerk, state[LOOK_AHEAD], factor, row, bars
+            )
+            total = row[VISCOUS] * velocity
             for i in range(n_z):
                 total += forces[i]
             state[RAW] = total
         wanted = 0.0
         if trust > 0.0:
-            share = state[GAIN] * trust * _fade(results[k, FRICTION_STD], state[FADE_STD])
+            share = state[GAIN] * trust * fade(results[k, FRICTION_STD], state[FADE_STD])
             wanted = share * (state[RAW] + row[OFFSET] + effects_force[k])
         state[OUTPUT] = safe_output(state[OUTPUT], wanted, h, state[LIMIT], state[SLEW])
         out[k] = state[OUTPUT]
@@ -213,6 +186,7 @@ class Compensator:
         self._state[[VERDICT + status for status in _RESTART]] = 2.0
         self._carried = np.zeros(n_z)
         self._modes = np.zeros(n_z, dtype=np.int64)
+        self._memory = np.zeros(MEMORY_SIZE)
         self.configure(settings)
 
     def configure(self, settings: CompensationSettings) -> None:
@@ -253,6 +227,7 @@ class Compensator:
         self._state[OUTPUT] = output
         self._carried[:] = 0.0
         self._modes[:] = 0
+        self._memory[:] = 0.0
 
     def step(self, block: Preview) -> Floats:
         """Return the compensation of each sample of a block [N], shape (n,).
@@ -268,31 +243,39 @@ class Compensator:
         results[:, FRICTION_STD], results[:, STATUS] = block.friction_std, block.status
         results[:, RESULT_SIZE : RESULT_SIZE + n_z] = block.element_force
         results[:, RESULT_SIZE + 3 * n_z : RESULT_SIZE + 3 * n_z + n_p] = block.parameters
-        return self.step_tables(
-            motion,
-            results,
-            block.reference_position,
-            block.reference_velocity,
-            block.effects_force,
-            block.effects_factor,
-        )
+        ahead = self.look_ahead(motion, block.reference_position, block.reference_velocity)
+        return self.step_tables(motion, results, ahead, block.effects_force, block.effects_factor)
+
+    @property
+    def look_ahead_time(self) -> float:
+        """Return the time from a sample to the action of its compensation [s]."""
+        return float(self._state[LOOK_AHEAD])
+
+    def look_ahead(self, motion: Floats, reference_position: Floats, reference_velocity: Floats) -> Floats:
+        """Return where the axis is meant to be when the compensation of each sample acts; once for each block.
+
+        Args:
+            motion: ``Motion.table`` [SI units], shape (n, width).
+            reference_position: as in ``Preview`` [m], shape (n,).
+            reference_velocity: as in ``Preview`` [m/s], shape (n,).
+
+        Returns:
+            Columns as named in ``motion_ahead`` [SI units], shape (n, AHEAD_WIDTH).
+        """
+        ahead = np.empty((len(motion), AHEAD_WIDTH))
+        time, standstill = self._state[LOOK_AHEAD], self._state[STANDSTILL]
+        look_ahead_block(self._memory, time, standstill, motion, reference_position, reference_velocity, ahead)
+        return ahead
 
     def step_tables(
-        self,
-        motion: Floats,
-        results: Floats,
-        reference_position: Floats,
-        reference_velocity: Floats,
-        effects_force: Floats,
-        effects_factor: Floats,
+        self, motion: Floats, results: Floats, ahead: Floats, effects_force: Floats, effects_factor: Floats
     ) -> Floats:
         """Return the compensation of each sample of a block, from the tables of filter and estimator.
 
         Args:
             motion: ``Motion.table`` [SI units], shape (n, width).
             results: ``Results.table`` [SI units], shape (n, width).
-            reference_position: as in ``Preview`` [m], shape (n,).
-            reference_velocity: as in ``Preview`` [m/s], shape (n,).
+            ahead: from ``look_ahead`` [SI units], shape (n, AHEAD_WIDTH).
             effects_force: as in ``Preview`` [N], shape (n,).
             effects_factor: as in ``Preview`` [-], shape (n,).
 
@@ -309,8 +292,7 @@ class Compensator:
             self._kinds,
             motion,
             results,
-            reference_position,
-            reference_velocity,
+            ahead,
             effects_force,
             effects_factor,
             out,

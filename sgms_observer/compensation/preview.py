@@ -70,25 +70,63 @@ def advance_elements(
 
 
 @njit
+def velocity_after(velocity: float, acceleration: float, jerk: float, time: float) -> float:
+    """Return the velocity [m/s] after ``time`` [s] at constant jerk."""
+    return velocity + (acceleration + 0.5 * jerk * time) * time
+
+
+@njit
+def travel_after(velocity: float, acceleration: float, jerk: float, time: float) -> float:
+    """Return the travel [m] after ``time`` [s] at constant jerk."""
+    return (velocity + (0.5 * acceleration + jerk * time / 6.0) * time) * time
+
+
+@njit
+def turning_times(velocity: float, acceleration: float, jerk: float, end: float) -> tuple[float, float]:
+    """Return when the velocity passes through zero before ``end`` [s], in order; ``end`` where it does not.
+
+    Args:
+        velocity: velocity now [m/s].
+        acceleration: acceleration now [m/s^2].
+        jerk: constant jerk [m/s^3].
+        end: the times after it do not count [s].
+    """
+    discriminant = acceleration * acceleration - 2.0 * jerk * velocity
+    if not discriminant > 0.0:
+        return end, end
+    # q avoids the cancellation of -a +- sqrt(a^2 - 2 j v); the roots are q / (j / 2) and v / q
+    q = -0.5 * (acceleration + math.copysign(math.sqrt(discriminant), acceleration))
+    first = velocity / q if q != 0.0 else end
+    second = 2.0 * q / jerk if jerk != 0.0 else end
+    if not 0.0 < first < end:
+        first = end
+    if not 0.0 < second < end:
+        second = end
+    return min(first, second), max(first, second)
+
+
+@njit
 def preview_elements(
     forces: Floats,
     modes: Integers,
     velocity: float,
     acceleration: float,
+    jerk: float,
     look_ahead: float,
     factor: float,
     scalars: Floats,
     elements: Floats,
 ) -> float:
-    """Move the elements through the next ``look_ahead`` seconds at constant acceleration, in place.
+    """Move the elements through the next ``look_ahead`` seconds at constant jerk, in place.
 
-    A reversal inside the look-ahead is made in two legs.
+    Between two reversals the travel is made in one leg.
 
     Args:
         forces: element forces [N], changed in place.
         modes: slip direction of GMS elements, changed in place.
         velocity: velocity now [m/s].
-        acceleration: acceleration over the look-ahead [m/s^2].
+        acceleration: acceleration now [m/s^2].
+        jerk: jerk over the look-ahead [m/s^3].
         look_ahead: time to bridge [s].
         factor: the effects' factor on the Stribeck level [-].
         scalars: model scalars.
@@ -97,13 +135,18 @@ def preview_elements(
     Returns:
         Velocity at the end [m/s].
     """
-    ahead = velocity + acceleration * look_ahead
-    if velocity * ahead < 0.0:
-        turn = -velocity / acceleration
-        rest = look_ahead - turn
-        advance_elements(forces, modes, 0.5 * velocity * turn, 0.5 * abs(velocity), factor, scalars, elements)
-        advance_elements(forces, modes, 0.5 * ahead * rest, abs(ahead), factor, scalars, elements)
-    else:
-        travel = 0.5 * (velocity + ahead) * look_ahead
-        advance_elements(forces, modes, travel, abs(ahead), factor, scalars, elements)
+    first, second = turning_times(velocity, acceleration, jerk, look_ahead)
+    begin, behind = 0.0, 0.0
+    if first < look_ahead:
+        travel = travel_after(velocity, acceleration, jerk, first)
+        advance_elements(forces, modes, travel, abs(travel) / first, factor, scalars, elements)
+        begin, behind = first, travel
+        if second < look_ahead:
+            travel = travel_after(velocity, acceleration, jerk, second)
+            speed = abs(travel - behind) / (second - begin)
+            advance_elements(forces, modes, travel - behind, speed, factor, scalars, elements)
+            behind = travel
+    ahead = velocity_after(velocity, acceleration, jerk, look_ahead)
+    travel = travel_after(velocity, acceleration, jerk, look_ahead)
+    advance_elements(forces, modes, travel - behind, abs(ahead), factor, scalars, elements)
     return ahead

@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from sgms_observer.compensation.feedforward import Compensator
+from sgms_observer.compensation.motion_ahead import AHEAD_ACCELERATION, AHEAD_POSITION, AHEAD_VELOCITY
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.estimators.estimator import Estimator
 from sgms_observer.estimators.interval import stribeck_level
@@ -47,6 +48,7 @@ class AxisObserver:
         self.compensator = Compensator(axis.compensation, self.estimator.model, self.estimator.parameters)
         self.deadline_misses = 0
         self._effects_state = self.effects.initial_state()
+        self._ahead_state = self.effects.initial_state()
         self._origin_ns: int | None = None
         self._zeros, self._ones = np.zeros(1), np.ones(1)
 
@@ -56,6 +58,7 @@ class AxisObserver:
         self.estimator.reset()
         self.compensator.reset()
         self._effects_state = self.effects.initial_state()
+        self._ahead_state = self.effects.initial_state()
         self._origin_ns = None
         self.deadline_misses = 0
 
@@ -80,9 +83,10 @@ class AxisObserver:
             effort = motion.effort.copy()
         results = self.estimator.step(motion, effort, factor)
         self._watch_deadline(time.perf_counter() - start, len(samples.stamp_ns))
-        compensation = self.compensator.step_tables(
-            motion.table, results.table, samples.reference_position, samples.reference_velocity, force, factor
-        )
+        ahead = self.compensator.look_ahead(motion.table, samples.reference_position, samples.reference_velocity)
+        if self.effects.has_force_or_level:
+            force, factor = self._effects_ahead(samples, motion, ahead)
+        compensation = self.compensator.step_tables(motion.table, results.table, ahead, force, factor)
         return Estimates.of(
             stamp_ns=samples.stamp_ns,
             position=motion.present_position,
@@ -108,23 +112,44 @@ class AxisObserver:
 
     def _effects_on(self, samples: Samples, motion: Motion) -> tuple[Floats, Floats]:
         """Return the effects' force [N] and factor on the Stribeck level at the rows' instants."""
+        return self._evaluate(
+            samples,
+            motion,
+            -self.differentiator.delay,
+            (motion.position, motion.velocity, motion.acceleration),
+            self._effects_state,
+        )
+
+    def _effects_ahead(self, samples: Samples, motion: Motion, ahead: Floats) -> tuple[Floats, Floats]:
+        """Return the same where and when the compensation acts: along the set-point, not where the axis is now."""
+        return self._evaluate(
+            samples,
+            motion,
+            self.compensator.look_ahead_time,
+            (ahead[:, AHEAD_POSITION], ahead[:, AHEAD_VELOCITY], ahead[:, AHEAD_ACCELERATION]),
+            self._ahead_state,
+        )
+
+    def _evaluate(
+        self, samples: Samples, motion: Motion, later: float, path: tuple[Floats, Floats, Floats], state: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return the effects' force [N] and factor along a path, ``later`` seconds after the samples."""
         count = len(samples.stamp_ns)
         if self._origin_ns is None and count:
             self._origin_ns = int(samples.stamp_ns[0])
         since = np.asarray(samples.stamp_ns - (self._origin_ns or 0), dtype=np.float64)
-        seconds = since * 1e-9 - self.differentiator.delay
-        velocity = np.ascontiguousarray(motion.velocity)
+        position, velocity, acceleration = (np.ascontiguousarray(values) for values in path)
         level = np.empty(count)
         _levels(self.estimator.model, velocity, level)
         return self.effects.evaluate(
-            np.ascontiguousarray(motion.position),
+            position,
             velocity,
-            np.ascontiguousarray(motion.acceleration),
-            seconds,
+            acceleration,
+            since * 1e-9 + later,
             np.ascontiguousarray(motion.effort),
             np.ascontiguousarray(motion.period),
             level,
-            self._effects_state,
+            state,
         )
 
     def _watch_deadline(self, seconds: float, samples: int) -> None:

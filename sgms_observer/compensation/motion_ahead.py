@@ -1,0 +1,117 @@
+"""Where the axis is meant to be when a compensation acts: the set-point carried on by its acceleration and jerk.
+
+Acceleration and jerk are differences of the latest set-points, and count only where successive differences agree: of
+two the smaller one, and none where their signs differ or one is far larger. A smooth reference is followed exactly; the
+corner of a piecewise linear one, a step, or the noise of a set-point that was measured is not carried on.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sgms_observer.compensation.preview import travel_after, velocity_after
+from sgms_observer.estimators.layout import Floats
+from sgms_observer.filters.motion import ACCELERATION as FILTERED_ACCELERATION
+from sgms_observer.filters.motion import ELAPSED, PRESENT_POSITION, PRESENT_VELOCITY
+from sgms_observer.jit import njit
+
+# columns of what is looked ahead: SI units; the first is 1 where there is a set-point, TRAVEL is that since the last
+# sample (NaN at the first), and what is ahead holds ``look_ahead`` later
+HAS_REFERENCE, SET_VELOCITY, TRAVEL, ACCELERATION, JERK, AHEAD_POSITION, AHEAD_VELOCITY, AHEAD_ACCELERATION = range(8)
+AHEAD_WIDTH = 8
+
+# what is remembered from sample to sample
+(
+    LAST_POSITION, LAST_VELOCITY, LAST_CHANGE, LAST_JERK, BEFORE_LAST_JERK, HAS_LAST,
+    GOOD_POSITION, GOOD_VELOCITY, GOOD_ACCELERATION, MEMORY_SIZE,
+) = range(10)  # fmt: skip
+
+_ABSURD = 1.0e9  # SI units; what is larger is not looked at
+
+
+_ALIKE = 0.4  # of two differences that agree, the smaller one's least share of the larger
+
+
+@njit
+def agreed(first: float, second: float) -> float:
+    """Return the smaller in magnitude of two numbers that agree, and 0 for those that do not or are not finite."""
+    small, large = min(abs(first), abs(second)), max(abs(first), abs(second))
+    if not (first * second > 0.0 and small >= _ALIKE * large and large < math.inf):
+        return 0.0
+    return math.copysign(small, first)
+
+
+@njit
+def _usable(value: float, instead: float) -> float:
+    """Return a number that later sums can bear."""
+    return value if abs(value) < _ABSURD else instead
+
+
+@njit
+def look_ahead_block(
+    memory: Floats,
+    look_ahead: float,
+    standstill: float,
+    motion: Floats,
+    reference_position: Floats,
+    reference_velocity: Floats,
+    out: Floats,
+) -> None:
+    """Look ahead sample by sample; ``memory`` evolves in place.
+
+    Args:
+        memory: of the sample before, shape (MEMORY_SIZE,); zeros at the start.
+        look_ahead: time to bridge [s].
+        standstill: speed below which an axis without set-point counts as resting [m/s].
+        motion: ``Motion.table``.
+        reference_position: set-point [m], NaN where there is none, shape (n,).
+        reference_velocity: its velocity [m/s], NaN where there is none, shape (n,).
+        out: written, shape (n, AHEAD_WIDTH).
+    """
+    for k in range(motion.shape[0]):
+        h = motion[k, ELAPSED]
+        position, velocity = reference_position[k], reference_velocity[k]
+        follows = memory[HAS_LAST] > 0.5 and h > 0.0
+        travel = position - memory[LAST_POSITION] if follows else math.nan
+        if not math.isfinite(velocity):
+            velocity = travel / h if h > 0.0 else math.nan
+        has_reference = math.isfinite(velocity)
+        acceleration = jerk = change = new_jerk = 0.0
+        if has_reference:
+            if follows and math.isfinite(memory[LAST_VELOCITY]):
+                change = (velocity - memory[LAST_VELOCITY]) / h
+                # the mean over the last step, brought to its end by half a step of jerk
+                acceleration = agreed(change, memory[LAST_CHANGE])
+                new_jerk = (change - memory[LAST_CHANGE]) / h
+                jerk = agreed(agreed(new_jerk, memory[LAST_JERK]), memory[BEFORE_LAST_JERK])
+                if acceleration == change:
+                    acceleration += 0.5 * jerk * h
+            if not math.isfinite(travel):
+                travel = velocity * h
+            start = position if math.isfinite(position) else motion[k, PRESENT_POSITION]
+            ahead_acceleration = acceleration + jerk * look_ahead
+        else:
+            velocity = motion[k, PRESENT_VELOCITY]
+            start = motion[k, PRESENT_POSITION]
+            ahead_acceleration = motion[k, FILTERED_ACCELERATION]
+        is_resting = not has_reference and not abs(velocity) > standstill
+        moved = 0.0 if is_resting else travel_after(velocity, acceleration, jerk, look_ahead)
+        memory[GOOD_POSITION] = _usable(start + moved, memory[GOOD_POSITION])
+        memory[GOOD_VELOCITY] = _usable(
+            velocity_after(velocity, acceleration, jerk, look_ahead), memory[GOOD_VELOCITY]
+        )
+        memory[GOOD_ACCELERATION] = _usable(ahead_acceleration, memory[GOOD_ACCELERATION])
+        out[k, HAS_REFERENCE] = 1.0 if has_reference else 0.0
+        out[k, SET_VELOCITY] = velocity
+        out[k, TRAVEL] = travel
+        out[k, ACCELERATION] = acceleration
+        out[k, JERK] = jerk
+        out[k, AHEAD_POSITION] = memory[GOOD_POSITION]
+        out[k, AHEAD_VELOCITY] = memory[GOOD_VELOCITY]
+        out[k, AHEAD_ACCELERATION] = memory[GOOD_ACCELERATION]
+        memory[LAST_POSITION] = position
+        memory[LAST_VELOCITY] = velocity if has_reference else math.nan
+        memory[LAST_CHANGE] = change
+        memory[BEFORE_LAST_JERK] = memory[LAST_JERK]
+        memory[LAST_JERK] = new_jerk
+        memory[HAS_LAST] = 1.0

@@ -1,0 +1,35 @@
+"""How far data and motion are believed: what grows with good samples and shrinks without."""
+
+from __future__ import annotations
+
+import math
+
+from sgms_observer.jit import njit
+
+_FADE_START = 0.5  # share of fade_std up to which nothing is faded
+
+
+@njit
+def next_trust(trust: float, verdict: float, period: float, timeout: float) -> float:
+    """Return how far the data are trusted: full after ``timeout`` of good samples, none after as long without."""
+    if verdict == 2 or not period > 0.0:
+        return 0.0
+    change = period / timeout
+    return min(1.0, trust + change) if verdict == 0 else max(0.0, trust - change)
+
+
+@njit
+def next_steady(steady: float, velocity: float, period: float, standstill: float) -> float:
+    """Return for how long the velocity has kept its sign [s], with that sign."""
+    if not (abs(velocity) > standstill and period > 0.0):
+        return 0.0
+    direction = math.copysign(1.0, velocity)
+    return steady + direction * period if steady * direction > 0.0 else direction * period
+
+
+@njit
+def fade(friction_std: float, fade_std: float) -> float:
+    """Return the share left at this uncertainty: 1 up to half of ``fade_std``, 0 from ``fade_std`` on."""
+    if not friction_std < fade_std:
+        return 0.0
+    return min(1.0, (1.0 - friction_std / fade_std) / (1.0 - _FADE_START))
