@@ -41,7 +41,8 @@ class SqliteReader:
             raise RecordingError(f"{path} is empty; nothing was recorded into it")
         reason = ""
         for mode in _MODES:
-            connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?{mode}", uri=True, check_same_thread=False)
+            address = f"file:{quote(str(path.absolute()))}?{mode}"
+            connection = sqlite3.connect(address, uri=True, check_same_thread=False)
             connection.text_factory = lambda data: data.decode("utf-8", "replace")
             try:
                 rows = connection.execute("SELECT id, name, type FROM topics ORDER BY id").fetchall()

@@ -47,6 +47,14 @@ class Settings:
         "samples",
         minimum=1,
     )
+    gather_time: float = setting(
+        3.0e-4,
+        "time for which observer_node gathers samples that come faster than this, to estimate over them together; "
+        "0 takes each at once",
+        "s",
+        minimum=0.0,
+        maximum=0.1,
+    )
     autostart: bool = setting(True, "configure and activate the node by itself")
     save_file: str = setting(
         "learnt.yaml", "file that ~/save_parameters writes; relative names start where the node was started"
