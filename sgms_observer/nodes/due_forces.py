@@ -16,8 +16,10 @@ class DueForces:
     """The compensation of one axis as the stage applies it.
 
     A message of sample time s predicts the friction at s + ``lead``; it holds from then until ``timeout`` later, and a
-    message that comes later than that is not applied at all. A stamp from before the first sample, or from the future,
-    belongs to another clock: such a message holds for ``timeout`` from when it comes.
+    message that comes later than that is not applied at all. When the set-point turns round and the messages for the
+    time behind the turn are late, what is held pushes the wrong way: it is let go, and nothing is applied until one of
+    them comes. A stamp from before the first sample, or from the future, belongs to another clock: such a message holds for
+    ``timeout`` from when it comes.
 
     Args:
         lead: time from a message's stamp to its application [s].
@@ -29,7 +31,9 @@ class DueForces:
         self._timeout_ns = round(timeout * 1e9)
         self._waiting: deque[tuple[int, float]] = deque(maxlen=100_000)
         self._force = 0.0
-        self._until_ns = -(2**62)
+        self._due_ns = -(2**62)
+        self._direction = 0
+        self._latest_ns = self._turned_ns = -(2**62)
         self._first_ns: int | None = None
         self._lock = threading.Lock()  # messages come in one thread, the stage steps in another
 
@@ -51,19 +55,24 @@ class DueForces:
                 self._waiting.pop()  # an older clock's messages, or a node that was started anew
             self._waiting.append((due, force))
 
-    def at(self, stamps: NDArray[np.int64]) -> Floats:
+    def at(self, stamps: NDArray[np.int64], direction: int = 0) -> Floats:
         """Return the force at each sample [N].
 
         Args:
             stamps: sample times [ns], shape (n,), not before those of the last call.
+            direction: sign of the set-point's velocity; 0 at rest or where it is not known.
         """
         if self._first_ns is None and len(stamps):
             self._first_ns = int(stamps[0])
         forces = np.zeros(len(stamps))
+        if direction * self._direction < 0:
+            self._turned_ns = self._latest_ns
+        self._direction = direction or self._direction
         with self._lock:
             for k, stamp in enumerate(stamps.tolist()):
                 while self._waiting and self._waiting[0][0] <= stamp:
-                    due, self._force = self._waiting.popleft()
-                    self._until_ns = due + self._timeout_ns
-                forces[k] = self._force if stamp <= self._until_ns else 0.0
+                    self._due_ns, self._force = self._waiting.popleft()
+                is_of_use = self._turned_ns <= self._due_ns and stamp <= self._due_ns + self._timeout_ns
+                forces[k] = self._force if is_of_use else 0.0
+                self._latest_ns = stamp
         return forces

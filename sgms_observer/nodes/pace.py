@@ -25,11 +25,12 @@ class Pace:
         self.skipped = 0
         self.resets = 0
 
-    def due(self, now_ns: int) -> int:
+    def due(self, now_ns: int, most: int | None = None) -> int:
         """Return how many samples are due now, and count them as done.
 
         Args:
             now_ns: the clock's time [ns].
+            most: the samples beyond this many stay due; None for all of them.
         """
         if now_ns < self._latest_ns:
             self.resets += 1
@@ -39,6 +40,8 @@ class Pace:
             self._anchor(now_ns)
         self._latest_ns = now_ns
         count = max(0, int((now_ns - self._start_ns) / self._period_ns) + 1 - self._done)
+        if most is not None:
+            count = min(count, most)
         self._done += count
         return count
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +13,10 @@ from numpy.typing import NDArray
 from sgms_observer.bags.reader import BagSamples, read_joint_states
 from sgms_observer.errors import DataError
 from sgms_observer.observer.axis_observer import AxisObserver
+from sgms_observer.report.lateness import RECOVERY, Lateness, judge_lateness
 from sgms_observer.report.page import Section, Table, write_page
 from sgms_observer.report.run_pictures import Run, run_pictures
-from sgms_observer.settings.axis import Settings
+from sgms_observer.settings.axis import AxisSettings, Settings
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,6 +36,9 @@ class Half:
         coverage: share of the samples whose truth lies within two standard deviations.
         tracking_rms: rms of true position minus set-point [m].
         tracking_peak: the largest of it [m].
+        late_share: share of the samples whose compensation came after the time it was made for; NaN if not known.
+        clear_rms: rms of the tracking error apart from those, and from what followed them [m].
+        clear_peak: the largest of it [m].
     """
 
     samples: int
@@ -42,6 +47,9 @@ class Half:
     coverage: float
     tracking_rms: float
     tracking_peak: float
+    late_share: float
+    clear_rms: float
+    clear_peak: float
 
 
 @dataclass(frozen=True)
@@ -74,10 +82,11 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
     sections: list[Section] = []
     verdicts: list[str] = []
     for axis in settings.axes:
-        run, start_ns = _run_of(bag, axis.name)
-        switched = (switched_ns - start_ns) * 1e-9
-        without = _half(run, _SETTLE, switched)
-        with_it = _half(run, switched + _SETTLE, float(run.time[-1]))
+        run, stamps = _run_of(bag, axis.name)
+        switched = (switched_ns - int(stamps[0])) * 1e-9
+        way = _way(bag, axis, stamps)
+        without = _half(run, way, _SETTLE, switched)
+        with_it = _half(run, way, switched + _SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
         lines += _lines(axis.name, without, with_it, same, compared)
         verdicts.append(
@@ -95,8 +104,8 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
     return Presentation(lines, page)
 
 
-def _run_of(bag: Path, axis: str) -> tuple[Run, int]:
-    """Return one axis's signals on the stamps of its estimates, and the first stamp [ns]."""
+def _run_of(bag: Path, axis: str) -> tuple[Run, Ints]:
+    """Return one axis's signals on the stamps of its estimates, and those stamps [ns]."""
     stamps, estimate = _signal(bag, "friction_estimate", axis)
 
     def on_stamps(topic: str) -> dict[str, Floats]:
@@ -116,7 +125,15 @@ def _run_of(bag: Path, axis: str) -> tuple[Run, int]:
         truth=truth["effort"],
         compensation=on_stamps("friction_compensation")["effort"],
     )
-    return run, int(stamps[0])
+    return run, stamps
+
+
+def _way(bag: Path, axis: AxisSettings, stamps: Ints) -> Lateness:
+    """Return which samples of the stage got their compensation in time."""
+    applied_ns, reference = _signal(bag, "reference", axis.name)
+    sent_ns, compensation = _signal(bag, "friction_compensation", axis.name)
+    lead = max(0.0, axis.compensation.look_ahead - axis.stage.actuation_delay)
+    return judge_lateness(stamps, applied_ns, reference["effort"], sent_ns, compensation["effort"], lead)
 
 
 def _signal(bag: Path, topic: str, axis: str) -> tuple[Ints, dict[str, Floats]]:
@@ -130,9 +147,10 @@ def _signal(bag: Path, topic: str, axis: str) -> tuple[Ints, dict[str, Floats]]:
     return stamps, fields
 
 
-def _half(run: Run, start: float, end: float) -> Half:
+def _half(run: Run, way: Lateness, start: float, end: float) -> Half:
     """Return the errors between two times [s]."""
     part = run.between(start, end)
+    rows = slice(*np.searchsorted(run.time, [start, end]))
     error = part.friction - part.truth
     known = np.isfinite(error)
     tracking = part.position - part.reference
@@ -140,6 +158,7 @@ def _half(run: Run, start: float, end: float) -> Half:
     if not known.any() or not tracked.any():
         raise DataError(f"there is nothing to compare between {start:g} s and {end:g} s of the run; let it run longer")
     rms = float(np.sqrt(np.mean(error[known] ** 2)))
+    clear = tracking[tracked & way.is_clear[rows]]
     return Half(
         samples=int(np.count_nonzero(known)),
         friction_rms=rms,
@@ -147,6 +166,9 @@ def _half(run: Run, start: float, end: float) -> Half:
         coverage=float(np.mean(np.abs(error[known]) <= 2.0 * part.friction_std[known])),
         tracking_rms=float(np.sqrt(np.mean(tracking[tracked] ** 2))),
         tracking_peak=float(np.max(np.abs(tracking[tracked]))),
+        late_share=float(np.mean(way.is_late[rows])) if way.is_known else math.nan,
+        clear_rms=float(np.sqrt(np.mean(clear**2))) if clear.size else math.nan,
+        clear_peak=float(np.max(np.abs(clear))) if clear.size else math.nan,
     )
 
 
@@ -167,7 +189,23 @@ def _times(before: float, after: float) -> str:
     """Return how an error changed, in words."""
     if after <= before:
         return f"{before / after:.1f} times smaller"
-    return f"{after / before:.1f} times larger (the machine was too busy to send it in time)"
+    return f"{after / before:.1f} times larger"
+
+
+def _on_the_way(without: Half, with_it: Half) -> str:
+    """Return what late compensations did, as far as the recording tells."""
+    if math.isnan(with_it.late_share):
+        return "the recording does not tell which compensations came in time"
+    if with_it.late_share == 0.0:
+        return "every compensation came in time"
+    late = f"{100 * with_it.late_share:.2g} % of the samples got a compensation late"
+    if math.isnan(with_it.clear_rms):
+        return f"{late}, and never for {RECOVERY:g} s none: this machine is too busy for this rate"
+    return (
+        f"{late}; apart from these and {1e3 * RECOVERY:.0f} ms after each: {1e9 * with_it.clear_rms:.0f} nm rms,"
+        f" {1e9 * with_it.clear_peak:.0f} nm peak, {_times(without.tracking_rms, with_it.clear_rms)} and"
+        f" {_times(without.tracking_peak, with_it.clear_peak)}"
+    )
 
 
 def _lines(axis: str, without: Half, with_it: Half, same: int, compared: int) -> list[str]:
@@ -181,6 +219,7 @@ def _lines(axis: str, without: Half, with_it: Half, same: int, compared: int) ->
         f"                      {1e9 * with_it.tracking_rms:.0f} nm rms, {1e9 * with_it.tracking_peak:.0f} nm peak"
         f" with it: {_times(without.tracking_rms, with_it.tracking_rms)} and"
         f" {_times(without.tracking_peak, with_it.tracking_peak)}",
+        f"  on the way          {_on_the_way(without, with_it)}",
         f"  replay of the bag   {same} of {compared} live estimates again to the last bit",
     ]
 
@@ -207,6 +246,7 @@ def _sections(
     text = (
         "The stage and the observer ran as two processes and spoke over ROS topics only; the observer saw the measured"
         " position, the control effort and the reference, and never the truth.",
+        f"On the way from observer to stage: {_on_the_way(without, with_it)}.",
         f"Replaying the recording gives {same} of {compared} live estimates again to the last bit.",
     )
     end = float(run.time[-1])

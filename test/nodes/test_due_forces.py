@@ -56,3 +56,21 @@ def test_what_is_not_finite_is_ignored() -> None:
     due.put(0, math.nan, 0)
     due.put(0, math.inf, 0)
     assert due.at(np.array([0, MS])).tolist() == [0.0, 0.0]
+
+
+def test_what_is_held_over_a_reversal_is_let_go() -> None:
+    """Held on, it would push the wrong way with all its force: worse than no compensation."""
+    due = DueForces(lead=2e-3, timeout=0.05)
+    due.at(np.array([0]), 1)
+    for k in range(4):
+        due.put(k * MS, 1.0 + k, k * MS)
+    assert due.at(np.array([2, 3]) * MS, 1).tolist() == [1.0, 2.0]
+    assert due.at(np.array([4]) * MS, 0).tolist() == [3.0]  # at rest nothing has turned yet
+    assert due.at(np.array([5]) * MS, -1).tolist() == [4.0]  # the message for this time is there
+    assert due.at(np.array([6, 7]) * MS, -1).tolist() == [4.0, 4.0]
+    assert due.at(np.array([8]) * MS, 1).tolist() == [0.0]  # turned again, and the next message is late
+    assert due.at(np.array([9]) * MS, 1).tolist() == [0.0]
+    due.put(4 * MS, 6.0, 9 * MS)  # for a time before the turn
+    assert due.at(np.array([10]) * MS, 1).tolist() == [0.0]
+    due.put(6 * MS, 7.0, 10 * MS)
+    assert due.at(np.array([11]) * MS, 1).tolist() == [7.0]
