@@ -44,7 +44,7 @@ FAST = EstimatorSettings(kind="mhe", parameters=("static_force", "coulomb_force"
 def drifting() -> AxisSettings:
     """Return the paper's sine with a level that rises by 30 % in a minute."""
     share = DRIFT / (1.0 - float(np.exp(-1.0)))
-    return _axis(ReferenceSettings(), EffectSettings("thermal_drift", (share, DRIFT_TIME)))
+    return _axis(ReferenceSettings(), EffectSettings("thermal_drift", (share, DRIFT_TIME, 0.0, 0.1)))
 
 
 def tight_spot() -> AxisSettings:

@@ -26,6 +26,10 @@ SHORTEST_DRIFT, LONGEST_DRIFT = 0.05, 5.0
 """Time constants of a drift, as shares of the recording's length."""
 LONGEST_PITCH = 0.7
 """Longest period in position, as a share of the stroke."""
+UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,)}
+"""Parameters that are a unit of others and never fitted: (effect, indices)."""
+REFRESH = 3
+"""Steps after which derivatives by the nominal parameters are computed anew."""
 _MAX_ITERATIONS = 12
 
 
@@ -172,8 +176,10 @@ def refit(
     jacobian = np.zeros((len(here), len(x)))
     if nominal_columns is not None:
         jacobian[:, :n] = np.vstack([nominal_columns, np.diag(1.0 / widths)])
+    units = np.concatenate([1.0 / widths, np.ones(len(free))])
+    age = 0
     for _ in range(iterations):
-        for k in range(n if nominal_columns is not None else 0, len(x)):
+        for k in range(n if nominal_columns is not None or age > 0 else 0, len(x)):
             step = STEP if x[k] + STEP <= high[k] else -STEP
             shifted = x.copy()
             shifted[k] += step
@@ -187,12 +193,18 @@ def refit(
             new_cost = 0.5 * float(there @ there)
             if np.isfinite(new_cost) and new_cost < cost:
                 improved = cost - new_cost
+                moved = (candidate - x) * units
+                if nominal_columns is None:  # Broyden's update, until the columns are computed anew
+                    missed = there - here - jacobian @ (candidate - x)
+                    jacobian += np.outer(missed, moved * units / max(float(moved @ moved), 1e-30))
                 x, here, cost = candidate, there, new_cost
                 damping = max(damping / 5.0, 1e-7)
                 break
             damping *= 6.0
-        if improved < 1.0e-4 * cost + 0.2:
+        is_small = improved < 1.0e-4 * cost + 0.2
+        if is_small and (age == 0 or nominal_columns is not None):
             break
+        age = 0 if is_small else (age + 1) % REFRESH
     model, moved = unpack(x)
     return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, scales, free)
 
@@ -208,7 +220,7 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
     if parameter == "pitch":
         return 0.0, LONGEST_PITCH * stroke
     if parameter == "rest_position":
-        return float(position.min()) - stroke, float(position.max()) + stroke
+        return float(position.min()) - 0.5 * stroke, float(position.max()) + 0.5 * stroke
     if name == "wear_step" and parameter == "width":
         return 0.0, WIDEST_STEP * max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
     if name == "thermal_drift" and parameter == "time_constant":

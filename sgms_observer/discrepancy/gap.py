@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,15 +103,9 @@ def halves(motion: Motion) -> tuple[Motion, Motion]:
     """Return the two halves of a motion; effects in time and travel start anew in the second."""
     middle = len(motion.time) // 2
     cuts = (slice(0, middle), slice(middle, None))
-    first, second = (
-        Motion(
-            **{
-                key: value[cut] if isinstance(value, np.ndarray) and len(value) == len(motion.time) else value
-                for key, value in motion.__dict__.items()
-            }
-        )
-        for cut in cuts
-    )
+    listed = [(field.name, getattr(motion, field.name)) for field in fields(motion)]
+    series = {key: value for key, value in listed if isinstance(value, np.ndarray) and len(value) == len(motion.time)}
+    first, second = (replace(motion, **{key: value[cut] for key, value in series.items()}) for cut in cuts)
     return first, second
 
 

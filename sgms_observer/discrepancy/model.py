@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.discrepancy.motion import PLAY, Motion, second_difference, split_at_reversals, without_flicker
+from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
+from sgms_observer.effects.effect import Place
 from sgms_observer.formulas import vectorised
 from sgms_observer.friction.gms import gms_step
 from sgms_observer.friction.sgms import sgms_step
@@ -20,9 +22,15 @@ from sgms_observer.settings.friction import FrictionSettings
 Floats = NDArray[np.float64]
 
 stribeck_level = vectorised("friction").stribeck_level
+asymmetric_coulomb = vectorised("effects_level").asymmetric_coulomb
+SIDED = "asymmetric_coulomb"
+"""The effect whose level hangs on the way each part of a step goes: at rest an encoder's flicker must not mix both."""
+SLIDES = 0.9
+"""An element that carries this share of its limit slides."""
+MOST_KEPT = 4
+"""Simulations kept per motion: a parameter that leaves the contact alone needs no new one."""
 
 MASS, VISCOUS, COULOMB, STATIC, KNEE = range(5)
-CREEP = 20.0
 SHARED = ("mass", "viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity")
 
 
@@ -34,11 +42,13 @@ class Model:
         mass: moving mass [kg].
         friction: friction settings.
         effects: effects in it.
+        is_prompt: whether sliding elements follow a changing level at once, see ``element_friction``.
     """
 
     mass: float
     friction: FrictionSettings
     effects: tuple[EffectSettings, ...] = ()
+    is_prompt: bool = False
 
     @staticmethod
     def of(axis: AxisSettings) -> Model:
@@ -115,45 +125,60 @@ class Prediction:
 @njit
 def _element_friction(
     first: Floats, second: Floats, period: float, kappa: Floats, fraction: Floats, level: Floats, numbers: Floats,
-    out: Floats, stiffness: Floats,
+    sides: Floats, out: Floats, stiffness: Floats,
 ) -> None:  # fmt: skip
     """Write the summed element force after each step, and the stiffness of what sticks.
 
-    ``numbers``: is_gms, lambda, zeta, gamma, is_paper, v_s, C.
+    ``numbers``: is_gms, lambda, zeta, gamma, is_paper, v_s, C, is_prompt. ``sides``: factor on the level forward and
+    backward.
     """
     n_z = kappa.shape[0]
     force = np.zeros(n_z)
     mode = np.zeros(n_z, dtype=np.int64)
+    before = level[0]
     for k in range(first.shape[0]):
+        if numbers[7] > 0.5:
+            for i in range(n_z):
+                if abs(force[i]) > SLIDES * fraction[i] * before * max(sides[0], sides[1]):
+                    force[i] *= level[k] / before
+            before = level[k]
         for part in range(2):
             travel = first[k] if part == 0 else second[k]
             if travel == 0.0:
                 continue
             velocity = travel / period
+            limit = level[k] * (sides[0] if travel > 0.0 else sides[1])
             gain = numbers[3]
             if numbers[4] > 0.5:
                 gain *= abs(velocity) / numbers[5]
             for i in range(n_z):
                 if numbers[0] > 0.5:
                     force[i], mode[i] = gms_step(
-                        force[i], mode[i], velocity, period, kappa[i], fraction[i], level[k], numbers[6]
+                        force[i], mode[i], velocity, period, kappa[i], fraction[i], limit, numbers[6]
                     )
                 else:
                     force[i] = sgms_step(
-                        force[i], velocity, period, kappa[i], fraction[i] * level[k], numbers[1], numbers[2], gain
+                        force[i], velocity, period, kappa[i], fraction[i] * limit, numbers[1], numbers[2], gain
                     )
+        limit = level[k] * (sides[0] if first[k] + second[k] > 0.0 else sides[1])
         total = 0.0
         stuck = 0.0
         for i in range(n_z):
             total += force[i]
-            if abs(force[i]) < 0.95 * fraction[i] * level[k]:
+            if abs(force[i]) < 0.95 * fraction[i] * limit:
                 stuck += kappa[i]
         out[k] = total
         stiffness[k] = stuck
 
 
 def element_friction(
-    friction: FrictionSettings, first: Floats, second: Floats, period: float, level: Floats
+    friction: FrictionSettings,
+    first: Floats,
+    second: Floats,
+    period: float,
+    level: Floats,
+    sides: tuple[float, float] = (1.0, 1.0),
+    is_prompt: bool = False,
 ) -> tuple[Floats, Floats]:
     """Return the friction of the elements along a motion, without the viscous term [N], and their stiffness [N/m].
 
@@ -162,6 +187,9 @@ def element_friction(
         first, second: displacement of each step before and after a reversal in it [m].
         period: length of a step [s].
         level: sliding level at each sample, effects included [N].
+        sides: factor on the level of travel forward and backward [-].
+        is_prompt: whether sliding S-GMS elements follow a changing level at once; their own equation lets them follow
+            over a distance of their reach, which a contact with a fast attraction does not do.
     """
     numbers = np.array(
         [
@@ -172,6 +200,7 @@ def element_friction(
             float(friction.reset == "paper"),
             friction.stribeck_velocity,
             friction.attraction_rate,
+            float(is_prompt and friction.model != "gms"),
         ]
     )
     out, stiffness = np.empty(len(first)), np.empty(len(first))
@@ -183,6 +212,7 @@ def element_friction(
         np.array(friction.element_fraction),
         level,
         numbers,
+        np.array(sides),
         out,
         stiffness,
     )
@@ -200,43 +230,67 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
     """
     position, velocity, acceleration = motion.position, motion.velocity, motion.acceleration
     first, second, effort, mass = motion.first, motion.second, motion.effort, model.mass
-    friction = model.friction
-    n = len(position)
-    force, factor = 0.0, np.ones(n)
-    effects: CompiledEffects | None = None
-    if model.effects:
-        effects = CompiledEffects(model.effects, motion.period)
+    friction, n = model.friction, len(motion.position)
+    force: float | Floats = 0.0
+    at_level = tuple(item for item in model.effects if effect(item.name).place is Place.LEVEL_FACTOR)
+    others = tuple(item for item in model.effects if item not in at_level)
+    has_position = False
+    if others:
+        effects = CompiledEffects(others, motion.period)
         state = effects.initial_state()
         effort = effects.arrived_effort(effort, state)
-        if effects.has_position:
+        has_position = effects.has_position
+        if has_position:
             position = motion.smoothed(effects.corrected_position(motion.raw))
             velocity = np.gradient(position, motion.period)
             acceleration = second_difference(position, motion.period)
             first, second = split_at_reversals(without_flicker(position, PLAY * motion.resolution), motion.period)
         mass += effects.added_mass
-    speed = np.concatenate(([0.0], np.diff(position))) / motion.period
-    level = stribeck_level(speed, friction.static_force, friction.coulomb_force, friction.stribeck_velocity)
-    if effects is not None and effects.has_force_or_level:
-        force, factor = effects.evaluate(
-            position, velocity, acceleration, motion.time, effort, np.full(n, motion.period), level, state,
-            motion.other_velocity, motion.other_acceleration,
+        if effects.has_force_or_level:
+            level = stribeck(friction, position, motion.period)
+            force, _factor = effects.evaluate(
+                position, velocity, acceleration, motion.time, effort, np.full(n, motion.period), level, state,
+                motion.other_velocity, motion.other_acceleration,
+            )  # fmt: skip
+
+    def level_factor() -> tuple[Floats, Floats, tuple[float, float]]:
+        level = stribeck(friction, position, motion.period)
+        sided = [item for item in at_level if item.name == SIDED]
+        sides = (1.0, 1.0)
+        for item in sided:
+            one = [float(asymmetric_coulomb(side, item.values)) for side in (1.0, -1.0)]
+            sides = (sides[0] * one[0], sides[1] * one[1])
+        effects = CompiledEffects([item for item in at_level if item.name != SIDED], motion.period)
+        _force, factor = effects.evaluate(
+            position, velocity, acceleration, motion.time, effort, np.full(n, motion.period), level,
+            effects.initial_state(), motion.other_velocity, motion.other_acceleration,
         )  # fmt: skip
+        return level, factor, sides
+
     doubt = np.zeros(0)
     if fixed_friction is None:
-        elements, stiffness = element_friction(friction, first, second, motion.period, level * factor)
-        doubt = np.maximum(stiffness / sum(friction.element_stiffness), creep(motion))
+        key = (replace(friction, viscous_coefficient=0.0), at_level, model.is_prompt)
+        known = None if has_position else motion.simulated.get(key)
+        if known is None:
+            level, factor, sides = level_factor()
+            known = element_friction(friction, first, second, motion.period, level * factor, sides, model.is_prompt)
+            if not has_position and all(is_built_in(item.name) for item in at_level):
+                while len(motion.simulated) >= MOST_KEPT:
+                    motion.simulated.pop(next(iter(motion.simulated), None), None)
+                motion.simulated[key] = known
+        elements, stiffness = known
+        doubt = np.maximum(stiffness / sum(friction.element_stiffness), motion.creep)
     else:
-        elements = fixed_friction * factor
+        _level, factor, sides = level_factor()
+        elements = fixed_friction * factor * np.where(velocity > 0.0, *sides)
     needed = mass * acceleration + friction.viscous_coefficient * velocity + elements + force
     return Prediction(effort - needed, elements, doubt)
 
 
-def creep(motion: Motion) -> Floats:
-    """Return 1 where the stage is slower than ``CREEP`` steps of the encoder's grid per sample, else 0."""
-    if motion.resolution <= 0.0:
-        return np.zeros(len(motion.time))
-    slow = CREEP * motion.resolution / motion.period
-    return np.asarray(np.exp(-((motion.velocity / slow) ** 4)))
+def stribeck(friction: FrictionSettings, position: Floats, period: float) -> Floats:
+    """Return the level of sliding friction along a motion [N]."""
+    speed = np.concatenate(([0.0], np.diff(position))) / period
+    return np.asarray(stribeck_level(speed, friction.static_force, friction.coulomb_force, friction.stribeck_velocity))
 
 
 def largest_reach(friction: FrictionSettings) -> float:

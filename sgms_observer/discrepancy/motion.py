@@ -1,13 +1,14 @@
 """Motion and effort of a record, every signal through the same zero-phase low-pass.
 
-The effort is held from one sample to the next, so that the second difference of the position at a sample answers to the
-mean of the efforts before and after it (half-sample hold correction).
+Where the effort is held from one sample to the next, the second difference of the position at a sample answers to the
+mean of the efforts before and after it: it comes half a sample late. A drive that is faster than the record does not.
 """
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,10 @@ MOTION_BAND = 250.0
 """The motion keeps frequencies up to here: a mass rings on its own contact well above ``BAND`` [Hz]."""
 PLAY = 0.6
 """Half the play that takes the encoder's flicker off the contact's motion, in steps of its grid."""
+CREEP = 20.0
+"""Slower than this many steps of the encoder's grid per sample the contact is judged by its stiffness."""
+HELD = 0.5
+"""How late an effort arrives that is held from one sample to the next, in samples."""
 EDGE = 0.1
 """Time dropped at either end, where the low-pass has no past or future [s]."""
 
@@ -51,6 +56,7 @@ class Motion:
         step: factor from the record's rate to the working rate.
         raw: position as recorded [m].
         resolution: step of the grid the recorded positions lie on; 0 if none [m].
+        lag: how late the effort arrives, in samples of the record.
     """
 
     name: str
@@ -70,6 +76,7 @@ class Motion:
     step: int
     raw: Floats
     resolution: float
+    lag: float = HELD
 
     def smoothed(self, raw: Floats) -> Floats:
         """Return a position as recorded, filtered like ``position`` [m]."""
@@ -77,19 +84,51 @@ class Motion:
 
     def low_pass(self, values: Floats) -> Floats:
         """Return ``values`` below the band, at the rate of residuals, edges dropped."""
-        drop = int(EDGE / self.period)
         filtered = signal.sosfiltfilt(_band_filter(self.period), values)
-        return np.asarray(filtered[drop : len(filtered) - drop : self.thinning], dtype=np.float64)
+        return np.asarray(filtered[self._judged], dtype=np.float64)
 
     def thinned(self, values: Floats) -> Floats:
         """Return ``values`` at the samples of ``low_pass``."""
+        return values[self._judged]
+
+    @cached_property
+    def _judged(self) -> slice:
+        """Samples that residuals are taken at: the edges dropped, as many as a fast Fourier transform likes."""
         drop = int(EDGE / self.period)
-        return values[drop : len(values) - drop : self.thinning]
+        count = fast_length(-(-(len(self.time) - 2 * drop) // self.thinning))
+        return slice(drop, drop + count * self.thinning, self.thinning)
+
+    @cached_property
+    def simulated(self) -> dict[Hashable, tuple[Floats, Floats]]:
+        """Latest simulations of the contact along this motion, see ``model.predict``."""
+        return {}
+
+    @cached_property
+    def creep(self) -> Floats:
+        """1 where the stage is slower than ``CREEP`` steps of the encoder's grid per sample, else 0."""
+        if self.resolution <= 0.0:
+            return np.zeros(len(self.time))
+        slow = CREEP * self.resolution / self.period
+        square = np.square(np.square(self.velocity / slow))
+        return np.asarray(np.exp(-np.minimum(square, 700.0)), dtype=np.float64)
 
     @property
     def residual_period(self) -> float:
         """Time between two residuals [s]."""
         return self.period * self.thinning
+
+
+@lru_cache(maxsize=64)
+def fast_length(count: int) -> int:
+    """Return the largest number up to ``count`` without a prime factor above 11."""
+    for number in range(count, 1, -1):
+        rest = number
+        for prime in (2, 3, 5, 7, 11):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return number
+    return count
 
 
 @lru_cache(maxsize=16)
@@ -98,8 +137,12 @@ def _band_filter(period: float) -> Floats:
     return np.asarray(signal.butter(4, min(2.0 * BAND * period * 1.1, 0.8), output="sos"), dtype=np.float64)
 
 
-def motion_of(record: Record) -> Motion:
+def motion_of(record: Record, lag: float = HELD) -> Motion:
     """Filter a record and bring it to the working rate.
+
+    Args:
+        record: the record.
+        lag: how late its effort arrives, in samples, at most one either way.
 
     Raises:
         DataError: if it is too short or too slow to judge.
@@ -111,7 +154,7 @@ def motion_of(record: Record) -> Motion:
         raise DataError(f"{record.name} lasts {record.duration:.2g} s; record at least 3 s")
     step = max(1, round(rate / WORKING_RATE))
     period = record.period * step
-    effort = np.concatenate(([record.effort[0]], 0.5 * (record.effort[1:] + record.effort[:-1])))
+    effort = later(record.effort, lag)
     corner = min(MOTION_BAND, 0.35 / period)
     if step > 1:  # the noise between the samples that are dropped must not fold into the band
         guard = signal.butter(4, 0.4 / period / (0.5 * rate), output="sos")
@@ -145,7 +188,15 @@ def motion_of(record: Record) -> Motion:
         step,
         record.position,
         resolution,
+        lag,
     )
+
+
+def later(values: Floats, samples: float) -> Floats:
+    """Return a series a part of a sample later (earlier if negative), between its neighbours in proportion."""
+    if samples >= 0.0:
+        return (1.0 - samples) * values + samples * np.concatenate((values[:1], values[:-1]))
+    return (1.0 + samples) * values - samples * np.concatenate((values[1:], values[-1:]))
 
 
 def grid_of(position: Floats) -> float:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.fit import Judged, Refit, refit
+from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, believable, refit
 from sgms_observer.discrepancy.model import Model
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.effects.catalogue import effect
@@ -22,14 +22,24 @@ TRIED = 8
 """Effects that are fitted fully in one round."""
 WORTH = 0.15
 """An effect is fitted when the first look gives it this share of the largest gain."""
+CONTENDS = 0.7
+"""Effects that take this share of what the best one takes in the first fit are fitted to the end and then compared,"""
+CONTENDERS = 4
+"""at most this many."""
+POLISH = 9
+"""Steps of that fit."""
+AT_END = 1.0e-6
+"""A parameter lies at the end of its range when it is this near, relative to the end."""
 CLOSE = 0.01
 """Effects are alternatives that take less than the best one by no more than this share of it,"""
 CLOSE_CHI2 = 10.0
 """plus this much in squared noise units,"""
 CLOSE_LEFT = 0.3
 """plus this share of what the best one leaves beyond noise: then its shape is not right either."""
-FIXED_SHAPES = {"cogging": (3, 4), "nonlinear_viscous": (2,)}
+FIXED_SHAPES = {"cogging": (3, 4), **UNITS}
 """Parameters that are not free in a first fit: (effect, indices)."""
+WHOLE_RANGE = ("motion_share",)
+"""Parameters that may well lie at an end of their range."""
 
 
 @dataclass(frozen=True)
@@ -71,12 +81,34 @@ def fitted(
     """
     effects = (*before.effects, start)
     fixed = [(len(effects) - 1, j) for j in FIXED_SHAPES.get(start.name, ())]
-    fixed += [(i, j) for i, e in enumerate(before.effects) for j in FIXED_SHAPES.get(e.name, ()) if j == 2]
+    fixed += [(i, j) for i, e in enumerate(before.effects) for j in UNITS.get(e.name, ())]
     found = refit(judged, nominal, tolerance, effects, before.logs, fixed, 8, columns, limit)
     if start.name == "cogging":
         found = _with_second_harmonic(judged, nominal, tolerance, found, columns, limit)
-    taken = 2.0 * (before.cost - found.cost) - math.log(len(found.residual)) * len(start.values)
-    return Candidate(start.name, found, taken, _at_bound(found.effects[-1]))
+    return _candidate(judged, nominal, before, found)
+
+
+def _candidate(judged: Judged, nominal: Model, before: Refit, found: Refit) -> Candidate:
+    """Return a fit of one more effect than ``before`` with what it takes."""
+    last = found.effects[-1]
+    taken = 2.0 * (before.cost - found.cost) - math.log(len(found.residual)) * len(last.values)
+    return Candidate(last.name, found, taken, _at_bound(last, judged, nominal))
+
+
+def polished(
+    judged: Judged, nominal: Model, tolerance: float, before: Refit, item: Candidate, limit: float | None
+) -> Candidate:
+    """Return a candidate fitted to the end, with derivatives of its own.
+
+    The nominal parameters that had made up for the missing effect now go home; only then do two effects compare.
+
+    Args: as ``fitted``; ``item`` is where it starts.
+    """
+    found = item.refit
+    fixed = [(i, j) for i, e in enumerate(found.effects) for j in UNITS.get(e.name, ())]
+    fixed += [(i, j) for i, e in enumerate(found.effects) if e.name == "cogging" and e.values[3] == 0.0 for j in (3, 4)]
+    again = refit(judged, nominal, tolerance, found.effects, found.logs, fixed, POLISH, None, limit)
+    return _candidate(judged, nominal, before, again) if again.cost < found.cost else item
 
 
 def _with_second_harmonic(
@@ -88,20 +120,23 @@ def _with_second_harmonic(
         last = found.effects[-1]
         values = (*last.values[:3], 0.1 * abs(last.values[0]), phase)
         effects = (*found.effects[:-1], replace(last, values=values))
-        other = refit(judged, nominal, tolerance, effects, found.logs, (), 4, columns, limit)
+        units = [(i, j) for i, e in enumerate(effects) for j in UNITS.get(e.name, ())]
+        other = refit(judged, nominal, tolerance, effects, found.logs, units, 4, columns, limit)
         if other.cost < best.cost - 15.0:
             best = other
             break
     return best
 
 
-def _at_bound(settings: EffectSettings) -> tuple[str, ...]:
-    """Return the names of parameters at the end of their physical range (strengths of nothing do not count)."""
+def _at_bound(settings: EffectSettings, judged: Judged, nominal: Model) -> tuple[str, ...]:
+    """Return the names of parameters at the end of their physical or believable range."""
     found = []
     for parameter, value in zip(effect(settings.name).parameters, settings.values, strict=True):
-        span = parameter.maximum - parameter.minimum
-        near = min(abs(value - parameter.minimum), abs(value - parameter.maximum)) < 1e-9 * span
-        if near and value != parameter.default and parameter.unit != "rad":
+        if parameter.name in WHOLE_RANGE or parameter.unit == "rad" or value == parameter.default:
+            continue
+        limits = believable(settings.name, parameter.name, judged.motions, nominal)
+        ends = [end for end in (parameter.minimum, parameter.maximum, *limits) if math.isfinite(end)]
+        if any(abs(value - end) <= AT_END * abs(end) for end in ends):
             found.append(parameter.name)
     return tuple(found)
 
@@ -142,7 +177,15 @@ def candidates(
     for item in done:
         if item.name not in best or item.taken > best[item.name].taken:
             best[item.name] = item
-    return sorted(best.values(), key=lambda item: -item.taken)
+    listed = sorted(best.values(), key=lambda item: -item.taken)
+    near = [item for item in listed if item.taken > CONTENDS * listed[0].taken][:CONTENDERS]
+
+    def to_the_end(item: Candidate) -> Candidate:
+        return polished(screen.judged, nominal, screen.tolerance, before, item, limit)
+
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        ended = list(pool.map(to_the_end, near))
+    return sorted([*ended, *listed[len(near) :]], key=lambda item: -item.taken)
 
 
 def alternatives(listed: Sequence[Candidate], left: float) -> tuple[str, ...]:
@@ -153,5 +196,6 @@ def alternatives(listed: Sequence[Candidate], left: float) -> tuple[str, ...]:
         left: squared residual beyond noise that the best one leaves.
     """
     best = listed[0].taken
+    listed = [listed[0], *(item for item in listed[1:] if not item.at_bound)]
     nearest = best - CLOSE_CHI2 - CLOSE * best - CLOSE_LEFT * min(left, 0.3 * best)
     return tuple(item.name for item in listed[1:] if item.taken > max(nearest, 0.0))

@@ -85,7 +85,7 @@ class Noise:
         return np.concatenate([spectrum.real, spectrum.imag[1:]])
 
 
-def fit_noise(residual: Floats, doubt: Floats, period: float, least: float = 0.0) -> Noise:
+def fit_noise(residual: Floats, doubt: Floats, period: float, least: float = 0.0, start: Noise | None = None) -> Noise:
     """Fit the noise of a residual.
 
     Args:
@@ -93,6 +93,7 @@ def fit_noise(residual: Floats, doubt: Floats, period: float, least: float = 0.0
         doubt: 0 where the contact slides, 1 where it sticks or creeps, at the same rate.
         period: time between residuals [s].
         least: rms below which nobody measures a force [N]; white.
+        start: a noise of the same kind, to start from.
     """
     stick = _stick_share(residual, doubt, period)
     weights = Noise(period, 1.0, LOWEST_CORNER, 0.0, stick).weights(doubt)
@@ -113,11 +114,12 @@ def fit_noise(residual: Floats, doubt: Floats, period: float, least: float = 0.0
         return np.log(np.exp(p[0]) / (1.0 + (x / np.exp(p[1])) ** 2) + np.exp(p[2])) - y
 
     bounds = (np.log([top * 1e-6, LOWEST_CORNER, top * 1e-8]), np.log([top * 10.0, 10.0 * BAND, top * 2.0]))
+    starts = [np.log([top, corner, top * share]) for corner, share in ((12.0, 0.1), (40.0, 0.1), (60.0, 0.01))]
+    if start is not None:
+        known = np.log([start.low, start.corner, max(start.white, 1e-300)])
+        starts = [np.clip(known, bounds[0] + 1e-3, bounds[1] - 1e-3)]
     best = min(
-        (
-            least_squares(misfit, np.log([top, corner, top * share]), bounds=bounds, loss="soft_l1", f_scale=0.3)
-            for corner, share in ((12.0, 0.1), (40.0, 0.1), (60.0, 0.01))
-        ),
+        (least_squares(misfit, one, bounds=bounds, loss="soft_l1", f_scale=0.3) for one in starts),
         key=lambda found: float(found.cost),
     )
     low, corner, white = np.exp(best.x)

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from sgms_observer.discrepancy import search
 from sgms_observer.discrepancy.fit import STEP, Judged, Refit, prior_widths
-from sgms_observer.discrepancy.model import predict
+from sgms_observer.discrepancy.model import predict, stribeck
 from sgms_observer.discrepancy.motion import BAND
 from sgms_observer.effects.catalogue import effect, is_built_in
+from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Effect, Place
 from sgms_observer.formulas import vectorised
 from sgms_observer.settings.axis import EffectSettings
@@ -22,6 +23,8 @@ Floats = NDArray[np.float64]
 
 LINES = "periodic_disturbance"
 """Searched over the residual's own spectrum instead of a grid."""
+SIMULATED = ("asymmetric_coulomb",)
+"""Effects on the level whose column is simulated: it is the contact at rest that tells them from a force."""
 LOWEST_LINE = 0.8
 """Lines below this frequency are taken for motion [Hz]."""
 
@@ -192,14 +195,32 @@ class Screen:
     def _column(self, name: str, values: tuple[float, ...]) -> Floats:
         """Return what an effect changes in the whitened residual."""
         entry = effect(name)
-        if entry.advance is None and entry.place in (Place.ADDED_FORCE, Place.LEVEL_FACTOR) and is_built_in(name):
-            return self._thin_column(entry, values)
+        if name not in SIMULATED and entry.place in (Place.ADDED_FORCE, Place.LEVEL_FACTOR) and is_built_in(name):
+            return self._thin_column(entry, values) if entry.advance is None else self._memory_column(name, values)
         model = self.model.with_effects([EffectSettings(name, values)])
+        is_simulated = name in SIMULATED
         changes = [
-            predict(model, motion, friction).residual - base
+            predict(model, motion, None if is_simulated else friction).residual - base
             for motion, friction, base in zip(self.judged.motions, self._friction, self._base, strict=True)
         ]
         return self.judged.whitened(changes)
+
+    def _memory_column(self, name: str, values: tuple[float, ...]) -> Floats:
+        """Return the column of an effect with memory, stepped at the rate of residuals."""
+        parts = []
+        for motion, noise, weights, thin in zip(
+            self.judged.motions, self.judged.noise, self.judged.weights, self._thin, strict=True
+        ):
+            effects = CompiledEffects([EffectSettings(name, values)], noise.period)
+            step = np.full(len(thin["q"]), noise.period)
+            travel = np.diff(thin["q"], prepend=thin["q"][0])
+            level = stribeck(self.model.friction, thin["q"], noise.period)
+            force, factor = effects.evaluate(
+                thin["q"], travel / noise.period, thin["a"], thin["t"] - motion.time[0], thin["u"], step, level,
+                effects.initial_state(), thin["v2"], thin["a2"],
+            )  # fmt: skip
+            parts.append(noise.whitened(-(force + thin["friction"] * (factor - 1.0)), weights))
+        return np.concatenate(parts)
 
     def _thin_column(self, entry: Effect, values: tuple[float, ...]) -> Floats:
         """Return the column of an effect without memory, at the rate of residuals alone."""

@@ -95,7 +95,7 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
     speed = np.concatenate([np.abs(motion.velocity) for motion in motions])
     effort = np.concatenate([np.abs(motion.effort) for motion in motions])
     middle, stroke = float(np.mean([position.min(), position.max()])), float(np.ptp(position))
-    fast = float(np.quantile(speed, 0.995))
+    fast, mean_speed = float(np.quantile(speed, 0.995)), max(float(np.mean(speed)), 1.0e-5)
     hard = float(np.quantile(np.concatenate([np.abs(motion.acceleration) for motion in motions]), 0.99))
     length = max(float(motion.time[-1]) for motion in motions)
     travel = max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
@@ -126,7 +126,7 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
         case "quadratic_drag":
             return [scaled(name, (0,), (force / fast**2,))]
         case "eddy_current":
-            return [scaled(name, (0,), (force, fast * r), True) for r in (0.08, 0.15, 0.25, 0.4, 0.7, 1.2)]
+            return [scaled(name, (0,), (force, fast * r, 0.0), True) for r in (0.08, 0.15, 0.25, 0.4, 0.7, 1.2)]
         case "cross_axis_coupling":
             if not any(motion.has_other for motion in motions):
                 return []
@@ -152,7 +152,11 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
         case "load_dependent_friction":
             return [scaled(name, (0,), (LOOK / hard,))]
         case "thermal_drift":
-            return [scaled(name, (0,), (LOOK, tau)) for tau in length * np.array([0.1, 0.25, 0.5, 1.0, 3.0])]
+            return [
+                scaled(name, (0,), (LOOK, tau, share, mean_speed))
+                for tau in length * np.array([0.1, 0.25, 0.5, 1.0, 3.0])
+                for share in (0.0, 1.0)
+            ]
         case "wear_step":
             moments = travel * np.linspace(0.05, 0.95, 19)
             return [scaled(name, (0,), (LOOK, s, w * travel)) for s in moments for w in (0.01, 0.05)]

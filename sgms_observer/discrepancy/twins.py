@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,10 +65,11 @@ def twin_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Generator
         position = np.round((position + shift) / motion.resolution) * motion.resolution - shift
     held = np.concatenate((effort[1:], effort[-1:]))  # undo the hold correction of ``motion_of`` to first order
     record = Record(motion.name, motion.period, position, 0.5 * (effort + held))
-    made = motion_of(record)
-    return Motion(**{**made.__dict__, "effort": effort, "has_other": motion.has_other,
-                     "other_velocity": motion.other_velocity,
-                     "other_acceleration": motion.other_acceleration})  # fmt: skip
+    made = motion_of(record, motion.lag)
+    return replace(
+        made, effort=effort, has_other=motion.has_other, other_velocity=motion.other_velocity,
+        other_acceleration=motion.other_acceleration,
+    )  # fmt: skip
 
 
 def calibrate(screen: Screen, seed: int, workers: int, report: Callable[[float], None] | None = None) -> Calibration:
@@ -109,7 +110,7 @@ def twin_residual(screen: Screen, rng: np.random.Generator) -> Floats:
         twin = twin_of(motion, screen.model, noise, rng)
         prediction = predict(screen.model, twin)
         doubt = twin.thinned(prediction.doubt)
-        fitted = fit_noise(twin.low_pass(prediction.residual), doubt, twin.residual_period)
+        fitted = fit_noise(twin.low_pass(prediction.residual), doubt, twin.residual_period, start=noise)
         motions.append(twin)
         noises.append(fitted)
         weights.append(fitted.weights(doubt))

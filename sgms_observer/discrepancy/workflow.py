@@ -9,14 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.discrepancy import audit
-from sgms_observer.discrepancy.fit import Judged, Refit, refit
+from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, refit
+from sgms_observer.discrepancy.gate import Gate, floor_of
 from sgms_observer.discrepancy.model import KNEE, VISCOUS, Model, predict
-from sgms_observer.discrepancy.motion import Motion, motion_of
+from sgms_observer.discrepancy.motion import HELD, Motion, motion_of
 from sgms_observer.discrepancy.name import Candidate, alternatives, candidates
 from sgms_observer.discrepancy.noise import fit_noise
 from sgms_observer.discrepancy.record import Record
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.discrepancy.structure import excess, frequencies
+from sgms_observer.discrepancy.timing import NOT_HELD, timing
 from sgms_observer.discrepancy.tolerance import Deviation, named_deviation
 from sgms_observer.discrepancy.twins import Calibration, calibrate
 from sgms_observer.effects.catalogue import effect
@@ -27,6 +29,8 @@ Floats = NDArray[np.float64]
 Report = Callable[[str, float], None]
 
 MOST_EFFECTS = 3
+PROMPT = 10.0
+"""Fall of the cost from which sliding elements are taken to follow the Stribeck curve at once (``Model.is_prompt``)."""
 LEAST_NOISE = 1.0e-3
 """Least rms noise of a measured force, as a share of the effort."""
 ALARM = 20.0
@@ -94,6 +98,7 @@ class Round:
         excess_before: squared residual beyond noise, per band.
         excess_after: the same with the best candidate.
         accepted: whether the best candidate was taken into the model.
+        closure: share of the closable gap that the best candidate closes on the recordings to judge on, or None.
         alternatives: names the recordings cannot tell from it.
     """
 
@@ -104,6 +109,7 @@ class Round:
     excess_after: Floats
     accepted: bool
     alternatives: tuple[str, ...]
+    closure: float | None = None
 
 
 @dataclass(frozen=True)
@@ -125,6 +131,7 @@ class Diagnosis:
         held_out: recordings to judge on.
         notes: sentences of the audit.
         limit: how far parameters were let go, or None.
+        gate: recordings to judge on with their floor.
     """
 
     verdict: str
@@ -141,6 +148,7 @@ class Diagnosis:
     held_out: tuple[Motion, ...]
     notes: tuple[str, ...] = field(default=())
     limit: float | None = None
+    gate: Gate | None = None
 
 
 def judged_with(motions: Sequence[Motion], model: Model) -> Judged:
@@ -177,15 +185,30 @@ def diagnose(
     """
     tolerance, workers = options.tolerance, options.workers
     report("audit", 0.0)
-    motions = tuple(motion_of(record) for record in records)
-    held_out = tuple(motion_of(record) for record in holdouts)
+    lag = HELD if axis.filter.effort_is_held else 0.0
+    motions = tuple(motion_of(record, lag) for record in records)
     notes, is_poor = audit.findings(motions, axis)
     resolution = audit.coarser_grid(motions, axis.stage.encoder.resolution)
     nominal, own = replace(Model.of(axis), effects=()), axis_effects(axis)
     fine = nominal.refined()
     report("refit of the nominal model", 0.03)
     judged = judged_with(motions, fine.with_effects(own))
-    found = refit(judged, fine, tolerance, own, None, kept(own), 5)
+    found = refit(judged, fine, tolerance, own, None, kept(own), 6)
+    if fine.friction.model != "gms":
+        prompt = refit(judged, replace(fine, is_prompt=True), tolerance, own, found.logs, kept(own), 4)
+        if prompt.cost < found.cost - PROMPT:
+            fine, nominal, found = (*(replace(model, is_prompt=True) for model in (fine, nominal)), prompt)
+    for _ in range(2):
+        moved = timing(judged, found, lag)
+        if moved == lag:
+            break
+        lag = moved
+        motions = tuple(motion_of(record, lag) for record in records)
+        judged = judged_with(motions, found.model)
+        found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 3)
+    held_out = tuple(motion_of(record, lag) for record in holdouts)
+    if axis.filter.effort_is_held and lag < NOT_HELD:
+        notes.append("the effort acts at its stamp, not until the next one: set filter.effort_is_held to false")
     judged = judged_with(motions, found.model)
     found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 4)
     limit = None
@@ -195,6 +218,7 @@ def diagnose(
         for _ in range(2):
             found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 5, None, limit)
             judged = judged_with(motions, found.model)
+    gate = Gate(held_out or motions, floor_of(held_out or motions, found.model, judged.noise, options.seed))
     names = [name for name in catalogue_names() if name not in NEVER_SEARCHED]
     names = [name for name in names if name not in {item.name for item in own}]
     rounds: list[Round] = []
@@ -225,15 +249,13 @@ def diagnose(
             break
         report("full refits", 0.32 + 0.2 * number)
         listed = candidates(screen, fine, current, workers, limit)
-        step = _judge(screen, scores, listed, now, current, rounds, bool(strong))
+        step = _judge(screen, scores, listed, now, current, rounds, bool(strong), gate)
         rounds.append(step)
         if not step.accepted:
             break
         best = step.listed[0].refit
         judged = judged_with(motions, best.model)
-        current = refit(
-            judged, fine, tolerance, best.effects, best.logs, kept(best.effects), 3, screen.nominal_columns, limit
-        )
+        current = refit(judged, fine, tolerance, best.effects, best.logs, kept(best.effects), 3, None, limit)
         names = [name for name in names if name != step.listed[0].name]
     assert calibration is not None
     report("refit of the model as it is", 0.9)
@@ -248,12 +270,17 @@ def diagnose(
             after = refit(judged, nominal, tolerance, current.effects, None, kept(current.effects), 8, None, limit)
     else:
         limit = None
+    if nominal.is_prompt:
+        notes.append(
+            "sliding friction follows a change of speed faster than S-GMS lets it:"
+            " model: gms with a high attraction_rate may fit better"
+        )
     is_clear = len(current.effects) == len(own) and resolution is None
     deviation = None if not is_clear else named_deviation(nominal, after, tolerance)
     verdict = _verdict(rounds, current, deviation, resolution, is_poor)
     return Diagnosis(
         verdict, nominal, own, before, after, tuple(rounds), calibration, deviation, resolution, judged, motions,
-        held_out, tuple(notes), limit,
+        held_out, tuple(notes), limit, gate,
     )  # fmt: skip
 
 
@@ -276,8 +303,8 @@ def axis_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:
 
 
 def kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
-    """Return the parameters that are never fitted: the unit of a power law, an absent second harmonic."""
-    kept = [(i, 2) for i, item in enumerate(effects) if item.name == "nonlinear_viscous"]
+    """Return the parameters that are never fitted: units of others, an absent second harmonic."""
+    kept = [(i, j) for i, item in enumerate(effects) for j in UNITS.get(item.name, ())]
     for i, item in enumerate(effects):
         if item.name == "cogging" and item.values[3] == 0.0:
             kept += [(i, 3), (i, 4)]
@@ -292,6 +319,7 @@ def _judge(
     current: Refit,
     rounds: Sequence[Round],
     is_strong: bool,
+    gate: Gate,
 ) -> Round:
     """Return the round with the decision whether its best candidate belongs into the model."""
     if not listed:
@@ -301,12 +329,15 @@ def _judge(
         if best.taken < NEARLY * listed[0].taken:
             break
         after = excess(best.refit.residual, frequencies(screen.judged))
-        if is_strong and _is_acceptable(best, after, rounds):
+        closure = gate.closure(current.model, best.refit.model)
+        passes = gate.passes(current.model, best.refit.model, not rounds, best.name in STRUCTURAL_ALARM)
+        if is_strong and passes and _is_acceptable(best, after, rounds):
             order = [best, *(item for item in listed if item is not best)]
             others = alternatives(order[place:] if place else order, float(after.sum()))
-            return Round(screen, scores, tuple(order), now, after, True, others)
+            return Round(screen, scores, tuple(order), now, after, True, others, closure)
     after = excess(listed[0].refit.residual, frequencies(screen.judged))
-    return Round(screen, scores, tuple(order), now, after, False, ())
+    closure = gate.closure(current.model, listed[0].refit.model)
+    return Round(screen, scores, tuple(order), now, after, False, (), closure)
 
 
 def _is_acceptable(best: Candidate, after: Floats, rounds: Sequence[Round]) -> bool:
@@ -335,7 +366,7 @@ def _verdict(
         if total / (total + left) < CLOSES:
             return "unknown_effect"
         return "ambiguous" if any(item.alternatives for item in accepted) else "effect_found"
-    if any(item.listed for item in rounds):
+    if any(item.listed and item.excess_before.sum() > 0.0 for item in rounds):
         return "unknown_effect"
     if deviation is not None:
         return "ambiguous" if deviation.alternatives else "effect_found"

@@ -117,12 +117,13 @@ FORCE_EFFECTS = (
         (
             EffectParameter("peak_force", "N", 0.0, 0.0, 1.0e4, "largest drag", is_strength=True),
             EffectParameter("peak_velocity", "m/s", 1.0, 1.0e-4, 1.0e3, "speed of the largest drag"),
+            EffectParameter("breadth", "-", 0.0, -1.5, 10.0, "broader peak above 0, sharper below"),
         ),
-        "F = 2 F_p (v / v_p) / (1 + (v / v_p)^2)",
+        "F = F_p (2 + b) r / (1 + b |r| + r^2), r = v / v_p",
         "odd in velocity, viscous at low speed, falling again beyond its peak",
         "speeds on both sides of the peak",
         ("nonlinear_viscous", "quadratic_drag"),
-        "Wouterse 1991, Critical torque and speed of eddy current brake, IEE Proc. B 138(4)",
+        "Kloss 1929; Wouterse 1991, Critical torque and speed of eddy current brake, IEE Proc. B 138(4)",
         formula.eddy_current,
     ),
     Effect(

@@ -172,7 +172,7 @@ def effects_step(
         elif kind == LOAD_DEPENDENT_FRICTION:
             factor *= _load_dependent_friction(a, p)
         elif kind == THERMAL_DRIFT:
-            s[0] = _thermal_drift_next(h, s, p)[0]
+            s[0] = _thermal_drift_next(v, h, s, p)[0]
             factor *= _thermal_drift(s, p)
         elif kind == WEAR_STEP:
             s[0] = _wear_step_next(v, h, s, p)[0]

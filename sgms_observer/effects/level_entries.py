@@ -92,8 +92,14 @@ LEVEL_EFFECTS = (
         (
             _share("level when warm over level at the start, minus 1"),
             EffectParameter("time_constant", "s", 600.0, 0.1, 1.0e6, "time constant of the warm-up"),
+            EffectParameter(
+                "motion_share", "-", 0.0, 0.0, 1.0, "share of the heat that sliding brings; 0: warms by the clock"
+            ),
+            EffectParameter(
+                "reference_velocity", "m/s", 0.1, 1.0e-5, 100.0, "mean speed at which that share warms in full"
+            ),
         ),
-        "s -> s (1 + A x), dx/dt = (1 - x) / tau",
+        "s -> s (1 + A x), dx/dt = (1 - m + m |v| / v_r - x) / tau",
         "friction that falls (or rises) over the recording's time",
         "the same motion repeated for longer than the time constant, from cold",
         ("wear_step",),

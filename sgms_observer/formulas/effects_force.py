@@ -42,9 +42,12 @@ def quadratic_drag(v, p):
 
 
 def eddy_current(v, p):
-    """Eddy-current brake: rises to peak_force at peak_velocity, then falls [N]; p: peak_force, peak_velocity."""
+    """Eddy-current brake: rises to peak_force at peak_velocity, then falls [N]; p: peak_force, peak_velocity, breadth.
+
+    Kloss's formula with its resistance term: at breadth 0 the brake without it, above 0 a broader peak.
+    """
     ratio = v / p[1]
-    return 2.0 * p[0] * ratio / (1.0 + ratio * ratio)
+    return p[0] * (2.0 + p[2]) * ratio / (1.0 + p[2] * math.fabs(ratio) + ratio * ratio)
 
 
 def periodic_disturbance(t, p):

@@ -5,7 +5,6 @@ Rules and names as in ``effects_force``; ``level`` is the model's own s(v) [N] b
 
 import math
 
-SOFT_SPEED = 2.0e-5  # m/s; below it a direction is not yet decided (encoder noise at rest)
 STILL_SPEED = 1.0e-4  # m/s; below it a contact counts as resting
 SOFT_ACCELERATION = 1.0e-2  # m/s^2; rounds the corner of |a|
 
@@ -22,8 +21,12 @@ def position_dependent_friction(q, p):
 
 
 def asymmetric_coulomb(v, p):
-    """Coulomb friction that differs between the directions [-]; p: share."""
-    return 1.0 + p[0] * math.tanh(v / SOFT_SPEED)
+    """Coulomb friction that differs between the directions [-]; p: share.
+
+    An element slips at the level of the way it is going, however slowly: a soft step between the two would let the
+    flicker of an encoder at rest pull stuck elements from one level to the other.
+    """
+    return 1.0 + p[0] * v / (math.fabs(v) + 1.0e-12)
 
 
 def stribeck(v, p):
@@ -38,13 +41,17 @@ def load_dependent_friction(a, p):
 
 
 def thermal_drift(s, p):
-    """Warm-up, a first-order process [-]; p: share, time_constant. State: progress 0..1."""
+    """Warm-up, a first-order process [-]; p: share, time_constant, ... State: progress, 1 when warm."""
     return 1.0 + p[0] * s[0]
 
 
-def thermal_drift_next(h, s, p):
-    """Advance the warm-up by a step; p: share, time_constant."""
-    return (1.0 + (s[0] - 1.0) * math.exp(-h / p[1]),)
+def thermal_drift_next(v, h, s, p):
+    """Advance the warm-up by a step; p: share, time_constant, motion_share, reference_velocity.
+
+    A share of the heat is the friction's own power, in proportion to the speed; the rest flows in all the time.
+    """
+    heat = 1.0 - p[2] + p[2] * math.fabs(v) / p[3]
+    return (heat + (s[0] - heat) * math.exp(-h / p[1]),)
 
 
 def wear_step(s, p):
