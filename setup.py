@@ -76,7 +76,7 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "sgms = sgms_observer.cli.main:main",
+            "sgms = sgms_observer.__main__:main",
             "stage_node = sgms_observer.nodes.stage_node:main",
             "observer_node = sgms_observer.nodes.observer_node:main",
         ]

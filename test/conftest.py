@@ -1,10 +1,15 @@
-"""What every test shares: a ROS graph of its own, field checks on, logs out of the home folder."""
+"""What every test shares: a ROS graph of its own, field checks on, logs out of the home folder, one browser."""
 
 from __future__ import annotations
 
 import os
+import signal
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+
+import pytest
+from browser import NAMES, Browser, executable
 
 from sgms_observer.nodes.domain import claim_domain
 
@@ -14,3 +19,15 @@ os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "sgms_observer_test_logs")
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job; our processes would inherit it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Return a headless Chromium."""
+    if executable() is None:
+        pytest.skip(f"no browser: none of {', '.join(NAMES)} is installed")
+    with Browser() as running:
+        yield running

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -16,6 +14,10 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from program import PATIENCE, start_program
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
@@ -43,8 +45,8 @@ TWO_AXES = """/**:
     "y": {mass: 2.0, estimator: {kind: ekf}, friction: {coulomb_force: 3.0, static_force: 3.5}}
 """
 
-PATIENCE = 120.0
-"""How long anything may take on a busy machine that compiles kernels first [s]."""
+SPARE = "use_sim_time"
+"""A parameter of every node that takes any value at any time."""
 
 CONFIGURE, ACTIVATE = Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE
 DEACTIVATE, CLEAN_UP = Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP
@@ -79,12 +81,8 @@ class NodeProcess:
         self.name = name
         self.output = folder / f"{name}.{time.monotonic_ns()}.log"
         with self.output.open("w") as file:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", f"sgms_observer.nodes.{name}", *arguments],
-                stdout=file,
-                stderr=subprocess.STDOUT,
-                cwd=folder,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])},
+            self.process = start_program(
+                f"sgms_observer.nodes.{name}", arguments, folder, stdout=file, stderr=subprocess.STDOUT
             )
 
     def text(self) -> str:
@@ -107,7 +105,7 @@ class NodeProcess:
         if self.process.poll() is None:
             self.process.send_signal(number)
         try:
-            return self.process.wait(30.0)
+            return self.process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
@@ -159,6 +157,25 @@ class Graph:
         wait_until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
         return publisher.publish
 
+    def meet(self, node: str) -> None:
+        """Wait until a node's publishers serve every topic that is listened to here.
+
+        A node learns of our subscriptions one after the other, in the order in which they were made. So it knows all
+        of them when it serves the one that is made last: it hears of the node's parameters, and one of these is set to
+        what it is until that is heard.
+        """
+        heard: list[ParameterEvent] = []
+        last = self.node.create_subscription(ParameterEvent, "/parameter_events", heard.append, 100)
+        (value,) = self.call(GetParameters, f"/{node}/get_parameters", GetParameters.Request(names=[SPARE])).values
+        same = SetParameters.Request(parameters=[ParameterMessage(name=SPARE, value=value)])
+
+        def is_served() -> bool:
+            assert self.call(SetParameters, f"/{node}/set_parameters", same).results[0].successful
+            return any(event.node == f"/{node}" for event in heard)
+
+        wait_until(is_served, f"{node} to serve what is listened to")
+        self.node.destroy_subscription(last)
+
     def call(self, kind: Any, name: str, request: Any) -> Any:
         """Call a service and return its answer."""
         client = self.node.create_client(kind, name)
@@ -204,6 +221,7 @@ class Sender:
             self._position, self._effort = graph.publisher("position"), graph.publisher("control_effort")
             self._position_encoder = JointStateEncoder(axes, ("position",))
             self._effort_encoder = JointStateEncoder(axes, ("effort",))
+        graph.meet("observer_node")
 
     def send(self, stamp_ns: int, position: Sequence[float], effort: Sequence[float]) -> None:
         """Publish one sample of all axes."""

@@ -20,6 +20,7 @@ HELP = "play a bag into the live graph, where `ros2 bag` is not installed"
 
 _DEPTH = 10_000  # messages, a second at 10 kHz
 _ACK_TIME = 2.0  # s for the last messages to arrive
+_SETTLING = 0.5  # s without a new subscriber; the other topics of the same node are found within this time
 _SHORT = 0.002  # s; shorter pauses are slept, longer ones can be interrupted
 
 
@@ -128,11 +129,17 @@ def _advertise(node: Node, kinds: dict[str, str], topics: tuple[str, ...]) -> li
 def _await_subscriber(publishers: list[Any], seconds: float, stop: threading.Event) -> None:
     """Wait until every topic that will find a subscriber has had the time to."""
     end = time.monotonic() + seconds
-    while time.monotonic() < end and not stop.is_set():
-        if any(publisher.get_subscription_count() for publisher in publishers):
-            stop.wait(min(0.3, seconds))  # the other topics of the same node are found within this time
+    counts: list[int] = []
+    since = 0.0
+    while (now := time.monotonic()) < end and not stop.is_set():
+        before, counts = counts, [publisher.get_subscription_count() for publisher in publishers]
+        if counts != before:
+            since = now
+        elif any(counts) and now - since >= _SETTLING:
             return
         stop.wait(0.02)
+    if any(counts):
+        return
     if seconds > 0.0 and not stop.is_set():
         print(f"note: nobody subscribed within {seconds:g} s; playing all the same", file=sys.stderr)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import signal
 import sys
 import time
 from pathlib import Path
@@ -19,6 +20,7 @@ from sgms_observer.nodes.topics import SAMPLE_QOS
 from sgms_observer.nodes.transport import use_shipped_transport
 
 _LONGEST_STAY = 60.0  # s
+_MATCHING = 2.0  # s for the observer to find who listens to it
 _SHORTEST_SLEEP = 5e-5  # s; the operating system oversleeps by about as much
 
 
@@ -32,16 +34,17 @@ def publish(count: int, out: Path) -> None:
     samples = round(1.0 / (FREQUENCY * PERIOD))  # one period of the motion, repeated
     effort = make_problem(windows=samples // 10).effort[samples : 2 * samples].tolist()
     position = (AMPLITUDE * np.sin(2.0 * np.pi * np.arange(samples) / samples)).tolist()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job is started to ignore it
     use_shipped_transport()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("bench_publisher")
-    send_position = node.create_publisher(JointState, "position", SAMPLE_QOS).publish
-    send_effort = node.create_publisher(JointState, "control_effort", SAMPLE_QOS).publish
+    publishers = [node.create_publisher(JointState, topic, SAMPLE_QOS) for topic in ("position", "control_effort")]
+    send_position, send_effort = (publisher.publish for publisher in publishers)
     encode_position = JointStateEncoder(("x",), ("position",)).encode
     encode_effort = JointStateEncoder(("x",), ("effort",)).encode
-    while node.count_subscribers("position") < 1 or node.count_subscribers("control_effort") < 1:
+    while not all(publisher.get_subscription_count() for publisher in publishers):
         time.sleep(0.05)
-    time.sleep(2.0)  # a subscription that the graph knows is not served for sure yet
+    time.sleep(_MATCHING)
     period_ns = round(PERIOD * 1e9)
     times = np.zeros((2, count), np.int64)
     start = time.time_ns() + 10 * period_ns

@@ -41,16 +41,17 @@ def start(
         The exit code.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    own, ros = _split(given)
-    parser = SentenceParser(prog=name, description=description, epilog=_EPILOG)
-    parser.add_argument("--version", action="version", version=f"{name} {__version__}")
-    parser.add_argument("--config", metavar="FILE", help="parameter file; the same as --ros-args --params-file FILE")
-    options = parser.parse_args(own)
-    if options.config:
-        ros = ["--ros-args", "--params-file", options.config, "--", *ros]
-    if importlib.util.find_spec("rclpy") is None:
-        return fail(MISSING_ROS)
     try:
+        own, ros = _split(given)
+        parser = SentenceParser(prog=name, description=description, epilog=_EPILOG)
+        add = parser.add_argument
+        add("--version", action="version", version=f"{name} {__version__}")
+        add("--config", metavar="FILE", help="parameter file; the same as --ros-args --params-file FILE")
+        options = parser.parse_args(own)
+        if options.config:
+            ros = ["--ros-args", "--params-file", options.config, "--", *ros]
+        if importlib.util.find_spec("rclpy") is None:
+            return fail(MISSING_ROS)
         return leave_if_working(_run_checked(name, make_node, ros))
     except KeyboardInterrupt:  # before ROS took over the signals
         return EXIT_INTERRUPTED

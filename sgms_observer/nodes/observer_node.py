@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sgms_observer.nodes.command_line import start
+from sgms_observer.interrupts import silent_interrupts
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -36,6 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0 only on success.
     """
+    with silent_interrupts():
+        from sgms_observer.nodes.command_line import start
     return start(
         NAME, "Observe the friction of positioning axes from position and control effort.", make_node, arguments
     )

@@ -4,6 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
+from browser import Browser
+from looks import check_report
 from workflow_case import AXIS, record
 
 from sgms_observer.cli.main import main
@@ -48,6 +50,10 @@ def test_report_is_self_contained(case: tuple[CasePaths, Path]) -> None:
     page = (case[1] / "report.html").read_text()
     assert "cogging" in page and "What these recordings could not show" in page
     assert "src=\"http" not in page and "href=\"http" not in page
+
+
+def test_report_reads_well_in_a_browser(case: tuple[CasePaths, Path], browser: Browser) -> None:
+    check_report(browser, case[1] / "report.html", 3)
 
 
 def test_nothing_hidden_is_no_effect() -> None:

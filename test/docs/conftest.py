@@ -1,15 +1,13 @@
-"""Fixtures: the pages as HTML, and a browser to look at them."""
+"""Fixture: the pages as HTML."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from browser import NAMES, Browser, executable
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -25,12 +23,3 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert result.returncode == 0, result.stderr
     assert "WARNING" not in result.stderr
     return folder
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
-    """Return a headless Chromium."""
-    if executable() is None:
-        pytest.skip(f"no browser: none of {', '.join(NAMES)} is installed")
-    with Browser() as running:
-        yield running

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import Browser
+from looks import check_report
 
 from sgms_observer.bags.source import BagReader
 from sgms_observer.bags.writer import BagWriter
@@ -76,6 +78,11 @@ def test_results_do_not_depend_on_the_number_of_workers(
         assert list(bag.messages()) == first["bag1"], "one alone is replayed to the same messages"
     listed = json.loads((tmp_path / "1" / "summary.json").read_text())["recordings"]
     assert [entry["axes"]["x"]["samples"] for entry in listed] == [3200, 3700, 4200]
+
+
+def test_the_summary_reads_well_in_a_browser(fleet: Path, tmp_path: Path, browser: Browser) -> None:
+    replay(fleet, tmp_path / "out", "--workers", "1")
+    check_report(browser, tmp_path / "out" / "report.html", 0)
 
 
 def test_a_dask_cluster_gives_the_same(fleet: Path, tmp_path: Path) -> None:

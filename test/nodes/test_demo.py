@@ -11,7 +11,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-from ros_graph import ONE_AXIS, PATIENCE, Graph, Start, wait_until
+import pytest
+from browser import Browser
+from looks import check_report
+from program import PATIENCE
+from ros_graph import ONE_AXIS, Graph, Start, wait_until
 
 from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
 from sgms_observer.bags.reader import read_joint_states
@@ -42,7 +46,7 @@ def test_a_recorded_live_run_replays_to_the_last_bit(graph: Graph, start: Start,
     for topic, count in {"position": 2, "control_effort": 2, "reference": 2, "friction_elements": 1}.items():
         wait_until(lambda t=topic, n=count: graph.node.count_subscribers(t) >= n, f"subscribers of {topic}")
     graph.listen("friction_elements")
-    time.sleep(3.0)  # the graph knows a subscription before its publisher serves it
+    time.sleep(5.0)  # the graph knows a subscription before its publisher serves it
     assert graph.change("stage_node", 3)
     graph.wait_messages("friction_elements", 2000)
     assert graph.change("stage_node", 4)
@@ -69,18 +73,30 @@ def test_a_recorded_live_run_replays_to_the_last_bit(graph: Graph, start: Start,
     assert live_parameters and set(live_parameters) <= set(replayed_parameters)
 
 
-def test_the_demonstration(tmp_path: Path) -> None:
-    demo = _sgms("demo", "--out", str(tmp_path), "--duration", "5")
+@pytest.fixture(scope="module")
+def demonstration(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Return the folder of a demonstration and what the command said."""
+    out = tmp_path_factory.mktemp("demonstration")
+    demo = _sgms("demo", "--out", str(out), "--duration", "5")
     said, _ = demo.communicate(timeout=3 * PATIENCE)
     assert demo.returncode == 0, said
+    return out, said
+
+
+def test_the_demonstration(demonstration: tuple[Path, str]) -> None:
+    out, said = demonstration
     share = float(re.search(r"([\d.]+) % of the true", said)[1])
     assert share < 3.0
     same, compared = map(int, re.search(r"(\d+) of (\d+) live estimates", said).groups())
     assert same == compared > 5000
-    page = (tmp_path / "report.html").read_text()
+    page = (out / "report.html").read_text()
     assert page.count("data:image/png;base64") == 8 and "<script" not in page
-    assert len(list(tmp_path.glob("*.png"))) == 8
-    assert (tmp_path / "bag" / "metadata.yaml").exists()
+    assert len(list(out.glob("*.png"))) == 8
+    assert (out / "bag" / "metadata.yaml").exists()
+
+
+def test_report_of_the_demonstration_reads_well(demonstration: tuple[Path, str], browser: Browser) -> None:
+    check_report(browser, demonstration[0] / "report.html", 8)
 
 
 def test_a_demonstration_without_a_usable_file_is_a_sentence(tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ros_graph import ONE_AXIS, PATIENCE, Graph, wait_until
+from program import PATIENCE
+from ros_graph import ONE_AXIS, Graph, wait_until
 
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
 from sgms_observer.nodes.reference_player import braking

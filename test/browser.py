@@ -10,7 +10,8 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -106,35 +107,31 @@ class Browser:
         os.close(self._from)
         shutil.rmtree(self._profile, ignore_errors=True)
 
-    def look(self, page: Path, width: int, media: str = "") -> View:
-        """Open a page and return what it looks like.
+    def look(self, page: Path, sights: Sequence[tuple[int, str]]) -> tuple[View, ...]:
+        """Open a page once and return what it looks like at several widths.
 
         Args:
             page: HTML file.
-            width: width of the view [px].
-            media: ``print`` for the page as it is printed.
+            sights: width of the view [px] and media, which is ``print`` for the page as it is printed.
         """
-        target = self._call("Target.createTarget", url="about:blank")["targetId"]
-        session = self._call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        for domain in ("Page", "Runtime", "Log", "Network"):
-            self._call(f"{domain}.enable", session)
-        self._call(
-            "Emulation.setDeviceMetricsOverride", session, width=width, height=900, deviceScaleFactor=1, mobile=False
-        )
-        self._call("Emulation.setEmulatedMedia", session, media=media)
-        self._events.clear()
-        self._call("Page.navigate", session, url=page.resolve().as_uri())
-        self._wait_for("Page.loadEventFired")
-        looks = self._call("Runtime.evaluate", session, expression=_LOOK, returnByValue=True)["result"]["value"]
-        addresses = self._all("Network.requestWillBeSent", "request", "url")
-        view = View(
-            looks["view"], looks["wide"], looks["text"], looks["smallest"] or 0.0,
-            tuple((source, drawn, alt) for source, drawn, alt in looks["images"]), tuple(looks["culprits"]),
-            self._complaints(),
-            tuple(url for url in addresses if url != page.resolve().as_uri() and not url.startswith("data:")),
+        with self._tab("Page", "Runtime", "Log", "Network") as session:
+            self._resize(session, *sights[0])
+            self._navigate(session, page)
+            found = []
+            for sight in sights:
+                self._resize(session, *sight)
+                found.append(self._evaluate(session))
+            addresses = self._all("Network.requestWillBeSent", "request", "url")
+            requests = tuple(url for url in addresses if url != page.resolve().as_uri() and not url.startswith("data:"))
+            complaints = self._complaints()
+        return tuple(
+            View(
+                looks["view"], looks["wide"], looks["text"], looks["smallest"] or 0.0,
+                tuple((source, drawn, alt) for source, drawn, alt in looks["images"]), tuple(looks["culprits"]),
+                complaints, requests,
+            )
+            for looks in found
         )  # fmt: skip
-        self._call("Target.closeTarget", targetId=target)
-        return view
 
     def print(self, page: Path) -> bytes:
         """Return a page as the PDF that printing it on A4 gives.
@@ -142,15 +139,35 @@ class Browser:
         Args:
             page: HTML file.
         """
+        with self._tab("Page") as session:
+            self._navigate(session, page)
+            answer = self._call("Page.printToPDF", session, paperWidth=8.27, paperHeight=11.69, printBackground=True)
+        return base64.b64decode(answer["data"])
+
+    @contextmanager
+    def _tab(self, *domains: str) -> Iterator[str]:
+        """Open a tab for the block and give its session, with the events of these domains."""
         target = self._call("Target.createTarget", url="about:blank")["targetId"]
-        session = self._call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        self._call("Page.enable", session)
+        session: str = self._call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in domains:
+            self._call(f"{domain}.enable", session)
         self._events.clear()
+        yield session
+        self._call("Target.closeTarget", targetId=target)
+
+    def _navigate(self, session: str, page: Path) -> None:
         self._call("Page.navigate", session, url=page.resolve().as_uri())
         self._wait_for("Page.loadEventFired")
-        answer = self._call("Page.printToPDF", session, paperWidth=8.27, paperHeight=11.69, printBackground=True)
-        self._call("Target.closeTarget", targetId=target)
-        return base64.b64decode(answer["data"])
+
+    def _resize(self, session: str, width: int, media: str) -> None:
+        size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+        self._call("Emulation.setDeviceMetricsOverride", session, **size)
+        self._call("Emulation.setEmulatedMedia", session, media=media)
+
+    def _evaluate(self, session: str) -> dict[str, Any]:
+        answer = self._call("Runtime.evaluate", session, expression=_LOOK, returnByValue=True)
+        looks: dict[str, Any] = answer["result"]["value"]
+        return looks
 
     def _complaints(self) -> tuple[str, ...]:
         logs = [
