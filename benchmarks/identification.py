@@ -1,6 +1,6 @@
 """Identification of random simulated tables: is what is told to be shown right, and is the held-out force at the floor?
 
-    python benchmarks/identification.py [--tables 6] [--model sgms] [--json FILE]
+    python benchmarks/identification.py [--tables 6] [--rate 10000] [--model sgms] [--json FILE]
 
 Each table has its own friction, mass and controller, a 10 nm encoder with 5 nm noise and 0.1 N force noise. It follows
 the recipe of ``sgms excite`` once to learn and once, with other noise, to judge. The floor is the force error that the
@@ -31,7 +31,7 @@ from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.stage import ControllerSettings, EncoderSettings, ReferenceSettings, StageSettings
 from sim_plant.table import SimulatedTable
 
-PERIOD = 1.0e-4
+TICK = 1.0e-4  # s; the controller runs this often, whatever is recorded
 START = AxisSettings(
     mass=7.0,
     friction=FrictionSettings(
@@ -79,37 +79,37 @@ def random_table(number: int, model: str) -> AxisSettings:
     return AxisSettings(mass=mass, friction=friction, effects=effects, stage=stage)
 
 
-def record(axis: AxisSettings, csv: Path, seed: int, duration: float) -> tuple[Recording, ...]:
+def record(axis: AxisSettings, csv: Path, seed: int, duration: float, period: float) -> tuple[Recording, ...]:
     """Let a table follow a reference file."""
     stage = replace(axis.stage, reference=ReferenceSettings(kind="file", file=str(csv)), seed=seed)
-    table = SimulatedTable(Settings(axes=(replace(axis, stage=stage),), sample_period=PERIOD), 1_000_000_000)
-    return recordings_from_samples(table.step(round(duration / PERIOD))[0].samples, f"seed {seed}")
+    table = SimulatedTable(Settings(axes=(replace(axis, stage=stage),), sample_period=period), 1_000_000_000)
+    return recordings_from_samples(table.step(round(duration / period))[0].samples, f"seed {seed}")
 
 
 def truth(axis: AxisSettings) -> Parameters:
-    """Return the true parameters; the effort is held over a sample, which delays it by half of one."""
+    """Return the true parameters; the effort is held over a tick of the controller, which delays it by half of one."""
     friction = axis.friction
     scalars = np.zeros(ELEMENTS)
     scalars[[MASS, VISCOUS]] = axis.mass, friction.viscous_coefficient
-    scalars[[OFFSET, DELAY]] = axis.effects[0].values[0], PERIOD / 2
+    scalars[[OFFSET, DELAY]] = axis.effects[0].values[0], TICK / 2
     scalars[[RHO, V_S]] = friction.static_force / friction.coulomb_force, friction.stribeck_velocity
     scalars[RATE] = friction.attraction_rate / friction.coulomb_force
     level = friction.coulomb_force * np.array(friction.element_fraction)
     return Parameters(scalars, np.array(friction.element_stiffness), level)
 
 
-def judge(number: int, model: str) -> dict[str, Any]:
+def judge(number: int, model: str, period: float, cutoff: float) -> dict[str, Any]:
     """Identify one table and compare with its truth."""
     axis = random_table(number, model)
     with tempfile.TemporaryDirectory() as folder:
         csv = Path(folder) / "reference.csv"
-        reference = build_excitation(START, ExcitationLimits(0.02, 0.05, 1.0), PERIOD)
+        reference = build_excitation(START, ExcitationLimits(0.02, 0.05, 1.0), period)
         rows = np.column_stack([reference.time, np.round(reference.position, 12)])
         np.savetxt(csv, rows, delimiter=",", fmt="%.12g")
-        learn = record(axis, csv, 10 + number, float(reference.time[-1]))
-        held_out = record(axis, csv, 1000 + number, float(reference.time[-1]))
+        learn = record(axis, csv, 10 + number, float(reference.time[-1]), period)
+        held_out = record(axis, csv, 1000 + number, float(reference.time[-1]), period)
     begun = time.perf_counter()
-    result = identify(learn, START, IdentifyOptions(model=model))
+    result = identify(learn, START, IdentifyOptions(model=model, cutoff=cutoff))
     seconds = time.perf_counter() - begun
     true = truth(axis)
     floor = force_error(held_out, true, START, model, result.cutoff)
@@ -177,10 +177,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tables", type=int, default=6)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--rate", type=float, default=10_000.0, help="samples per second of the recordings [Hz]")
+    parser.add_argument("--cutoff", type=float, default=0.0, help="corner of the low-pass [Hz]; 0 for the default")
     parser.add_argument("--model", choices=("sgms", "gms"), default="sgms")
     parser.add_argument("--json", metavar="FILE")
     args = parser.parse_args()
-    tables = [judge(number, args.model) for number in range(args.first, args.first + args.tables)]
+    tables = [judge(number, args.model, 1.0 / args.rate, args.cutoff) for number in range(args.first, args.first + args.tables)]
     shown = [row for table in tables for row in table["rows"] if row["shown"]]
     inside = [row for row in shown if abs(row["error_percent"]) <= 5.0]
     told = [row for table in tables for row in table["rows"]]
@@ -188,7 +190,7 @@ def main() -> int:
     with_interval = [row for row in told if np.isfinite(row["half_width_percent"])]
     worst = max(tables, key=lambda table: table["ratio"])
     right = sum(table["found"] == table["true_count"] for table in tables)
-    print(f"\n{len(tables)} tables, model {args.model}, noise seeds 10.. (learn) and 1000.. (judge)")
+    print(f"\n{len(tables)} tables, {args.rate:g} Hz, model {args.model}, noise seeds 10.. (learn) and 1000.. (judge)")
     print(f"  number of elements right in {right} of {len(tables)}")
     print(f"  told to be shown: {len(shown)} of {len(told)} parameters; within 5 %: {len(inside)} of {len(shown)}")
     print(f"  95 % intervals that hold the truth: {len(covered)} of {len(with_interval)}")

@@ -1,8 +1,10 @@
 """How well each parameter is known, and whether this recording could show it.
 
 Two sources of error are told apart. The statistical one comes from sandwich covariances that allow residuals to
-correlate over time. The systematic one comes from preparation: the estimate is moved by one Gauss-Newton step to
-another corner of the low-pass, and how far it goes counts in full.
+correlate over time. The systematic one comes from preparation and from the encoder: the estimate is moved by one
+Gauss-Newton step to another corner of the low-pass, and by one to a position with as much noise again, and how far it
+goes counts in full. The second one tells what the noise that is there has done: a position that shakes by as much as a
+stiff element deflects makes the element look softer, whatever the residuals say.
 """
 
 from __future__ import annotations
@@ -54,9 +56,8 @@ class Confidence:
 
 def judge(
     data: Sequence[Prepared],
-    other: Sequence[Prepared],
     masks: Sequence[Booleans],
-    other_masks: Sequence[Booleans],
+    others: Sequence[tuple[Sequence[Prepared], Sequence[Booleans]]],
     parameters: Parameters,
     shape: ElementShape,
     free: Sequence[int],
@@ -65,9 +66,8 @@ def judge(
 
     Args:
         data: recordings as prepared for the estimate.
-        other: the same recordings with another corner of the low-pass.
         masks: rows of ``data`` that taught.
-        other_masks: rows of ``other`` to use.
+        others: the same recordings prepared in other ways, each with the rows to use.
         parameters: the estimate.
         shape: kind of model and its smoothing.
         free: indices that were estimated.
@@ -85,7 +85,7 @@ def judge(
     std_error = np.full(len(value), np.nan)
     std_error[chosen] = np.sqrt(np.maximum(by_lag, by_cluster))
     systematic = np.full(len(value), np.nan)
-    systematic[chosen] = np.abs(_step(other, other_masks, parameters, shape, chosen))
+    systematic[chosen] = sum(np.abs(_step(other, rows, parameters, shape, chosen)) for other, rows in others)
     half_width = _QUANTILE * std_error + systematic
     half_width = np.where(np.isfinite(half_width), half_width, np.inf)
     allowed = SHOWN_WITHIN * np.abs(value)

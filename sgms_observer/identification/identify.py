@@ -45,7 +45,7 @@ _OTHER_CORNER = 2.0**-0.5
 _HOPELESS = 0.5  # half interval over value beyond which a shared parameter stays at its start value
 _SMALLEST_DEFLECTION = 1.0e-8  # m
 _HIGHEST_CUTOFF = 160.0  # Hz
-_CUTOFF_SHARE = 0.06  # of the sample rate
+_CUTOFF_SHARE = 0.1  # of the sample rate
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class IdentifyOptions:
 
     Attributes:
         model: ``sgms`` or ``gms``.
-        cutoff: corner of the low-pass on the force balance [Hz]; 0 takes 6 % of the sample rate, at most 160 Hz.
+        cutoff: corner of the low-pass on the force balance [Hz]; 0 takes a tenth of the sample rate, at most 160 Hz.
         largest_count: most elements to try.
         count: elements to use; 0 lets the held-out error choose.
     """
@@ -131,11 +131,12 @@ def identify(
     cutoff = options.cutoff or min(_HIGHEST_CUTOFF, *(_CUTOFF_SHARE / recording.period for recording in recordings))
     known = KnownEffects(tuple(item for item in axis.effects if item.name != "offset"), axis.friction)
     main = [prepare(recording, cutoff, known) for recording in recordings]
-    other = [prepare(recording, _OTHER_CORNER * cutoff, known) for recording in recordings]
+    lower = [prepare(recording, _OTHER_CORNER * cutoff, known) for recording in recordings]
+    shaken = [prepare(recording.shaken(seed), cutoff, known) for seed, recording in enumerate(recordings)]
     largest = _largest_deflection(main)
     start_velocity = axis.friction.stribeck_velocity
     atoms = fit_atoms(main, shape, _SMALLEST_DEFLECTION, largest, start_velocity)
-    data = rows_to_use(main, other, atoms.reach)
+    data = rows_to_use(main, (lower, shaken), atoms.reach)
     rate = axis.friction.attraction_rate / axis.friction.coulomb_force
     counts = (options.count,) if options.count else tuple(range(1, options.largest_count + 1))
     fits = fit_each_count(data, atoms, shape, rate, start_velocity, counts)
@@ -208,7 +209,7 @@ def _free(size: int, frozen: Sequence[int], is_gms: bool) -> list[int]:
 
 def _judge(data: Rows, fit: Fit, shape: ElementShape, frozen: Sequence[int]) -> Confidence:
     free = _free(len(fit.parameters.vector()), frozen, shape.is_gms)
-    return judge(data.main, data.other, data.masks, data.other_masks, fit.parameters, shape, free)
+    return judge(data.main, data.masks, data.others, fit.parameters, shape, free)
 
 
 def _hopeless(parameters: Parameters, confidence: Confidence, is_gms: bool) -> tuple[int, ...]:

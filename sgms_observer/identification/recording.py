@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +17,9 @@ Floats = NDArray[np.float64]
 
 _MINIMUM_LENGTH = 200
 _EVEN = 0.02  # share of the period by which a stamp may stray before the signals are interpolated
+_MEDIAN_OF_NORMAL = 0.6745  # median of the magnitude of a standard normal number
+_THIRD_DIFFERENCE = math.sqrt(20.0)  # standard deviation of the third difference of white noise of 1
+_QUANTISED = 0.9  # share of samples that differ from the one before, below which the encoder's steps are seen
 _GAP = 3.5  # a longer pause than this many periods splits the recording
 
 
@@ -48,6 +52,26 @@ class Recording:
     def duration(self) -> float:
         """Length [s]."""
         return len(self) * self.period
+
+    @property
+    def position_noise(self) -> float:
+        """Standard deviation of what the position jumps from sample to sample: noise and the encoder's steps [m]."""
+        third = np.abs(np.diff(self.position, 3))
+        noise = float(np.median(third)) / _MEDIAN_OF_NORMAL / _THIRD_DIFFERENCE
+        steps = np.abs(np.diff(self.position))
+        moved = steps[steps > 0.0]
+        if len(moved) and len(moved) < _QUANTISED * len(steps):  # an encoder that often shows the same number twice
+            noise = max(noise, float(np.min(moved)) / math.sqrt(12.0))
+        return noise
+
+    def shaken(self, seed: int) -> Recording:
+        """Return the recording with as much noise again on its position.
+
+        Args:
+            seed: of the noise.
+        """
+        noise = np.random.default_rng(seed).normal(0.0, self.position_noise, len(self))
+        return replace(self, position=self.position + noise)
 
     def part(self, first: int, last: int) -> Recording:
         """Return some of the samples.

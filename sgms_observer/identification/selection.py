@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,21 +26,19 @@ _BETTER = 0.995  # cost over that of one element less: worth merging back from
 
 @dataclass(frozen=True)
 class Rows:
-    """The recordings prepared twice, with the rows to use.
+    """The recordings prepared in several ways, with the rows to use.
 
     Attributes:
         main: recordings as prepared for the estimate.
-        other: the same with another corner of the low-pass.
         masks: rows of ``main`` after the elements have forgotten their start.
-        other_masks: the same of ``other``.
+        others: the same recordings prepared in other ways, each with its rows.
         judges: rows of ``main`` in chunks that judge and do not teach.
         chunks: chunk number of each row of ``main``.
     """
 
     main: list[Prepared]
-    other: list[Prepared]
     masks: list[Booleans]
-    other_masks: list[Booleans]
+    others: tuple[tuple[list[Prepared], list[Booleans]], ...]
     judges: list[Booleans]
     chunks: list[NDArray[np.int64]]
 
@@ -49,12 +48,12 @@ class Rows:
         return [mask & ~judge_rows for mask, judge_rows in zip(self.masks, self.judges, strict=True)]
 
 
-def rows_to_use(main: list[Prepared], other: list[Prepared], deflection: float) -> Rows:
+def rows_to_use(main: list[Prepared], others: Sequence[list[Prepared]], deflection: float) -> Rows:
     """Pick the rows: those after the elements have forgotten their start, every third chunk to judge.
 
     Args:
         main: prepared recordings.
-        other: the same with another corner of the low-pass.
+        others: the same prepared in other ways.
         deflection: slip deflection of the elements that matter [m].
 
     Raises:
@@ -66,10 +65,10 @@ def rows_to_use(main: list[Prepared], other: list[Prepared], deflection: float) 
             f"these recordings never slide {3.0 * deflection:.2g} m in one direction, which the elements need to forget"
             " how they started; record longer strokes (sgms excite)"
         )
-    other_masks = [piece.settled(deflection) for piece in other]
     chunks = chunk_numbers(main, _CHUNKS)
     judges = [number % 3 == 2 for number in chunks]
-    return Rows(main, other, masks, other_masks, judges, chunks)
+    with_masks = tuple((other, [piece.settled(deflection) for piece in other]) for other in others)
+    return Rows(main, masks, with_masks, judges, chunks)
 
 
 def fit_each_count(
