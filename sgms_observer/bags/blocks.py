@@ -45,17 +45,29 @@ class MessageBlock:
     length: Ints
 
     def message(self, row: int) -> bytes:
-        """Return one message's bytes."""
+        """Return one message's bytes.
+
+        Args:
+            row: its number.
+        """
         return self.data[self.start[row] : self.start[row] + self.length[row]].tobytes()
 
     def take(self, rows: NDArray[np.intp] | NDArray[np.bool_] | slice) -> MessageBlock:
-        """Return some of the messages; the bytes are shared."""
+        """Return some of the messages; the bytes are shared.
+
+        Args:
+            rows: their numbers, a mask, or a slice.
+        """
         return MessageBlock(
             self.topics, self.topic[rows], self.log_ns[rows], self.data, self.start[rows], self.length[rows]
         )
 
     def of_topic(self, topic: str) -> NDArray[np.intp]:
-        """Return the rows of one topic."""
+        """Return the rows of one topic.
+
+        Args:
+            topic: full name.
+        """
         if topic not in self.topics:
             return np.empty(0, np.intp)
         return np.flatnonzero(self.topic == self.topics.index(topic))
@@ -88,7 +100,12 @@ class JointStates:
 
 
 def join_blocks(first: MessageBlock, second: MessageBlock) -> MessageBlock:
-    """Return two blocks of the same topics as one; neither is empty."""
+    """Return two blocks of the same topics as one; neither is empty.
+
+    Args:
+        first: the block before.
+        second: the block behind it.
+    """
     begin, end = int(first.start.min()), int((first.start + first.length).max())
     first = replace(first, data=first.data[begin:end], start=first.start - begin)
     return MessageBlock(
@@ -252,7 +269,7 @@ def encode_joint_states(
     Args:
         stamp_ns: stamps [ns], shape (n,).
         names: joints (axes), k of them.
-        fields: any of ``position``, ``velocity`` and ``effort``, each of shape (n, k).
+        fields: any of ``position``, ``velocity`` and ``effort``, each of shape (n, k) [m], [m/s], [N].
         frame_id: of the headers.
         room: bytes left for the caller in front of each message.
 

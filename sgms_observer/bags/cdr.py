@@ -276,13 +276,23 @@ class JointStateEncoder:
 
 
 def append_uint32(buffer: bytearray, value: int) -> None:
-    """Append an unsigned integer at the next multiple of four."""
+    """Append an unsigned integer at the next multiple of four.
+
+    Args:
+        buffer: the message so far.
+        value: the number.
+    """
     buffer.extend(bytes(aligned(len(buffer), 4) - len(buffer)))
     buffer.extend(struct.pack("<I", value))
 
 
 def append_string(buffer: bytearray, text: str) -> None:
-    """Append a string with its length in front."""
+    """Append a string with its length in front.
+
+    Args:
+        buffer: the message so far.
+        text: the string.
+    """
     data = text.encode() + b"\0"
     append_uint32(buffer, len(data))
     buffer.extend(data)

@@ -28,7 +28,11 @@ class Log(Protocol):
     names: tuple[str, ...]
 
     def column(self, name: str) -> Floats:
-        """Return one column, shape (n,); a single number has shape (1,)."""
+        """Return one column, shape (n,); a single number has shape (1,).
+
+        Args:
+            name: one of ``names``.
+        """
 
 
 def open_log(path: Path) -> Log:
@@ -61,7 +65,11 @@ class MatLog:
         self.names = tuple(self._columns)
 
     def column(self, name: str) -> Floats:
-        """Return one column, shape (n,); a single number has shape (1,)."""
+        """Return one column, shape (n,); a single number has shape (1,).
+
+        Args:
+            name: one of ``names``.
+        """
         return self._columns[name]
 
     def _collect(self, prefix: str, values: Mapping[str, Any]) -> None:
@@ -105,7 +113,11 @@ class CsvLog:
         self.names = names
 
     def column(self, name: str) -> Floats:
-        """Return one column, shape (n,)."""
+        """Return one column, shape (n,).
+
+        Args:
+            name: one of ``names``.
+        """
         index = self.names.index(name)
         try:
             with self._path.open(encoding=self._encoding, newline=None) as file:

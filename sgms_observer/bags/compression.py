@@ -61,7 +61,11 @@ def unpack(data: bytes, compression: str, size: int) -> bytes:
 
 
 def unpack_message(data: bytes) -> bytes:
-    """Unpack one message of a bag in compression mode ``message``; empty if it is damaged."""
+    """Unpack one message of a bag in compression mode ``message``; empty if it is damaged.
+
+    Args:
+        data: the packed bytes.
+    """
     try:
         unpacked: bytes = _zstd().decompress(data)
     except RecordingError:

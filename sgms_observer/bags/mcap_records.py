@@ -38,25 +38,43 @@ class Op(IntEnum):
 
 
 def record(op: Op, *parts: bytes) -> bytes:
-    """Return one record: opcode, length, content."""
+    """Return one record: opcode, length, content.
+
+    Args:
+        op: opcode.
+        parts: content, joined.
+    """
     content = b"".join(parts)
     return RECORD_HEAD.pack(op, len(content)) + content
 
 
 def text(value: str) -> bytes:
-    """Return a string with its length in front."""
+    """Return a string with its length in front.
+
+    Args:
+        value: the string.
+    """
     data = value.encode()
     return struct.pack("<I", len(data)) + data
 
 
 def text_map(values: Mapping[str, str]) -> bytes:
-    """Return a map of strings with its length in bytes in front."""
+    """Return a map of strings with its length in bytes in front.
+
+    Args:
+        values: key to value.
+    """
     data = b"".join(text(key) + text(value) for key, value in values.items())
     return struct.pack("<I", len(data)) + data
 
 
 def read_text(content: bytes, at: int) -> tuple[str, int]:
-    """Read a string; return it and the place behind it. ``struct.error`` or ``ValueError`` where there is none."""
+    """Read a string; return it and the place behind it. ``struct.error`` or ``ValueError`` where there is none.
+
+    Args:
+        content: of a record.
+        at: where the string begins.
+    """
     (length,) = struct.unpack_from("<I", content, at)
     if at + 4 + length > len(content):
         raise ValueError("a string reaches beyond its record")

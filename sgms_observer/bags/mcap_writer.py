@@ -65,7 +65,12 @@ class McapWriter:
         self._put(record(Op.HEADER, text("ros2"), text("sgms_observer")))
 
     def add_topic(self, topic: str, kind: MessageType) -> int:
-        """Introduce a topic; return its channel."""
+        """Introduce a topic; return its channel.
+
+        Args:
+            topic: full name.
+            kind: type of its messages.
+        """
         if kind.name not in self._schemas:
             schema = len(self._schemas) + 1
             self._schemas[kind.name] = schema
@@ -80,14 +85,26 @@ class McapWriter:
         return channel
 
     def write(self, channel: int, log_ns: int, data: bytes) -> None:
-        """Add one message."""
+        """Add one message.
+
+        Args:
+            channel: number of the topic.
+            log_ns: time of the recording [ns].
+            data: the message's bytes.
+        """
         self._singles.append((channel, log_ns, data))
         self._pending += len(data) + _OVERHEAD
         if self._pending > _PENDING:
             self.flush()
 
     def write_rows(self, channel: int, log_ns: Ints, messages: Bytes) -> None:
-        """Add n messages of one size: times of shape (n,), bytes of shape (n, room + size), written to."""
+        """Add n messages of one size: times of shape (n,), bytes of shape (n, room + size), written to.
+
+        Args:
+            channel: number of the topic.
+            log_ns: times of the recording [ns], shape (n,).
+            messages: their bytes, shape (n, room + size).
+        """
         count, size = messages.shape
         head = np.frombuffer(_MESSAGE.pack(Op.MESSAGE, size - RECORD_HEAD.size, channel, 0, 0, 0), np.uint8)
         if HAS_NUMBA:

@@ -22,7 +22,7 @@ class Schedule:
     Args:
         bag: the recording, open.
         topics: names to read; a topic's number is its place here.
-        rate: how much faster than recorded.
+        rate: how much faster than recorded [-].
     """
 
     def __init__(self, bag: BagReader, topics: Sequence[str], rate: float) -> None:

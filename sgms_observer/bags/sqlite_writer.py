@@ -50,7 +50,12 @@ class SqliteWriter:
         self._types: set[str] = set()
 
     def add_topic(self, topic: str, kind: MessageType) -> int:
-        """Introduce a topic; return its number."""
+        """Introduce a topic; return its number.
+
+        Args:
+            topic: full name.
+            kind: type of its messages.
+        """
         if kind.name not in self._types:
             self._types.add(kind.name)
             self._connection.execute(
@@ -72,13 +77,25 @@ class SqliteWriter:
         return self._topics
 
     def write(self, channel: int, log_ns: int, data: bytes) -> None:
-        """Add one message."""
+        """Add one message.
+
+        Args:
+            channel: number of the topic.
+            log_ns: time of the recording [ns].
+            data: the message's bytes.
+        """
         self._waiting.append((channel, log_ns, data))
         if len(self._waiting) >= _ROWS_AT_ONCE:
             self.flush()
 
     def write_rows(self, channel: int, log_ns: NDArray[np.int64], messages: NDArray[np.uint8]) -> None:
-        """Add n messages of one size: times of shape (n,), bytes of shape (n, size)."""
+        """Add n messages of one size: times of shape (n,), bytes of shape (n, size).
+
+        Args:
+            channel: number of the topic.
+            log_ns: times of the recording [ns], shape (n,).
+            messages: their bytes, shape (n, size).
+        """
         size = messages.shape[1]
         for first in range(0, log_ns.size, _ROWS_AT_ONCE):
             part = slice(first, first + _ROWS_AT_ONCE)

@@ -23,7 +23,11 @@ class SentenceParser(argparse.ArgumentParser):
     """An argument parser that answers a wrong command line with one sentence."""
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong and where to read more, and exit with code 2."""
+        """Say what is wrong and where to read more, and exit with code 2.
+
+        Args:
+            message: what is wrong.
+        """
         self.exit(EXIT_USAGE, f"{self.prog}: {message}; see '{self.prog} --help'\n")
 
 

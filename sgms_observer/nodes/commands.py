@@ -25,7 +25,7 @@ def encode_commands(forces: Sequence[float]) -> bytes:
     """Return a Float64MultiArray without dimensions as bytes (XCDR1).
 
     Args:
-        forces: data, in order.
+        forces: data, in order [N].
     """
     return _LITTLE_ENDIAN + struct.pack(f"<IIIxxxx{len(forces)}d", 0, 0, len(forces), *forces)
 
@@ -44,7 +44,11 @@ class CommandTopic:
         self._publisher = node.create_publisher(Float64MultiArray, COMMANDS, _QOS)
 
     def publish(self, forces: Sequence[float]) -> None:
-        """Send the forces [N], if anybody listens."""
+        """Send the forces [N], if anybody listens.
+
+        Args:
+            forces: one per axis [N], in the order of ``axes``.
+        """
         if self._publisher.get_subscription_count():
             self._publisher.publish(encode_commands(forces))
 

@@ -100,11 +100,19 @@ class Conductor:
             )
 
     def process_id(self, name: str) -> int:
-        """Return a process's number."""
+        """Return a process's number.
+
+        Args:
+            name: as given to ``start``.
+        """
         return self._processes[name].pid
 
     def said(self, name: str) -> str:
-        """Return all that a process said."""
+        """Return all that a process said.
+
+        Args:
+            name: as given to ``start``.
+        """
         return (self._folder / f"{name}.log").read_text(errors="replace")
 
     def stop(self, name: str) -> None:
@@ -156,21 +164,37 @@ class Conductor:
         time.sleep(_MATCHING)
 
     def wait_active(self, node: str) -> None:
-        """Wait until a lifecycle node is active."""
+        """Wait until a lifecycle node is active.
+
+        Args:
+            node: its name.
+        """
         self.wait(lambda: self._state(node) == State.PRIMARY_STATE_ACTIVE, f"{node} to become active")
 
     def activate(self, node: str) -> None:
-        """Configure (if need be) and activate a lifecycle node."""
+        """Configure (if need be) and activate a lifecycle node.
+
+        Args:
+            node: its name.
+        """
         if self._state(node) == State.PRIMARY_STATE_UNCONFIGURED:
             self._change(node, Transition.TRANSITION_CONFIGURE)
         self._change(node, Transition.TRANSITION_ACTIVATE)
 
     def configure(self, node: str) -> None:
-        """Configure a lifecycle node."""
+        """Configure a lifecycle node.
+
+        Args:
+            node: its name.
+        """
         self._change(node, Transition.TRANSITION_CONFIGURE)
 
     def deactivate(self, node: str) -> None:
-        """Deactivate a lifecycle node."""
+        """Deactivate a lifecycle node.
+
+        Args:
+            node: its name.
+        """
         self._change(node, Transition.TRANSITION_DEACTIVATE)
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:

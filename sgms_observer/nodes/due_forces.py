@@ -18,8 +18,8 @@ class DueForces:
     A message of sample time s predicts the friction at s + ``lead``; it holds from then until ``timeout`` later, and a
     message that comes later than that is not applied at all. When the set-point turns round and the messages for the
     time behind the turn are late, what is held pushes the wrong way: it is let go, and nothing is applied until one of
-    them comes. A stamp from before the first sample, or from the future, belongs to another clock: such a message holds for
-    ``timeout`` from when it comes.
+    them comes. A stamp from before the first sample, or from the future, belongs to another clock: such a message holds
+    for ``timeout`` from when it comes.
 
     Args:
         lead: time from a message's stamp to its application [s].

@@ -66,19 +66,35 @@ class Intake:
         self._decoders = {topic: JointStateDecoder() for topic in ("position", "control_effort", "reference")}
 
     def position(self, message: bytes) -> None:
-        """Take in a message of the topic ``position``, as bytes."""
+        """Take in a message of the topic ``position``, as bytes.
+
+        Args:
+            message: a serialized JointState.
+        """
         self._take("position", message, _push_position)
 
     def effort(self, message: bytes) -> None:
-        """Take in a message of the topic ``control_effort``, as bytes."""
+        """Take in a message of the topic ``control_effort``, as bytes.
+
+        Args:
+            message: a serialized JointState.
+        """
         self._take("control_effort", message, _push_effort)
 
     def position_and_effort(self, message: bytes) -> None:
-        """Take in a message of a topic that is ``position`` and ``control_effort`` at once, as bytes."""
+        """Take in a message of a topic that is ``position`` and ``control_effort`` at once, as bytes.
+
+        Args:
+            message: a serialized JointState.
+        """
         self._take("position", message, _push_both)
 
     def reference(self, message: bytes) -> None:
-        """Take in a message of the topic ``reference``, as bytes."""
+        """Take in a message of the topic ``reference``, as bytes.
+
+        Args:
+            message: a serialized JointState.
+        """
         self._take("reference", message, _push_reference)
 
     def pop(self) -> Iterator[tuple[int, Samples]]:

@@ -107,7 +107,11 @@ class ManagedNode(LifecycleNode):
         """Take over ``self.settings``, which changed in what may change while the node runs."""
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read the parameters and get everything ready."""
+        """Read the parameters and get everything ready.
+
+        Args:
+            state: the one before.
+        """
         try:
             self.settings = self.parameters.settings()
             if jit.HAS_NUMBA and not jit.is_cache_warm(self.kernels):
@@ -129,7 +133,11 @@ class ManagedNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to work."""
+        """Begin to work.
+
+        Args:
+            state: the one before.
+        """
         gc.collect()
         gc.freeze()  # what a start leaves behind is not looked through again: on a large heap that takes 0.1 s
         self.begin()
@@ -138,17 +146,29 @@ class ManagedNode(LifecycleNode):
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop to work."""
+        """Stop to work.
+
+        Args:
+            state: the one before.
+        """
         self._stop()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget everything."""
+        """Forget everything.
+
+        Args:
+            state: the one before.
+        """
         self._forget()
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop and forget everything."""
+        """Stop and forget everything.
+
+        Args:
+            state: the one before.
+        """
         self._stop()
         self._forget()
         return TransitionCallbackReturn.SUCCESS

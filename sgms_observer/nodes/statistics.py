@@ -38,7 +38,11 @@ class AxisStatistics:
     _nis_count: int = 0
 
     def add(self, estimates: Estimates) -> None:
-        """Take in a block of estimates."""
+        """Take in a block of estimates.
+
+        Args:
+            estimates: of this axis.
+        """
         self.samples += len(estimates.status)
         self.total += len(estimates.status)
         for code, count in enumerate(np.bincount(estimates.status).tolist()):
@@ -86,7 +90,7 @@ class StepTimes:
         median: half of them took less [s].
         p99: 99 % took less [s].
         longest: none took longer [s].
-        samples_per_step: mean number of samples of a step.
+        samples_per_step: mean number of samples of a step [-].
     """
 
     median: float

@@ -35,7 +35,7 @@ class OutgoingBlock:
         topic: name of the topic.
         names: entries of ``name``, k of them.
         stamp_ns: stamps [ns], shape (n,).
-        values: any of ``position``, ``velocity``, ``effort``, in this order, each of shape (n, k).
+        values: any of ``position``, ``velocity``, ``effort``, in this order, each of shape (n, k) [m], [m/s], [N].
     """
 
     topic: str
@@ -53,7 +53,7 @@ class ParameterReport:
         stamp_ns: time of the sample [ns].
         names: estimated parameters.
         values: their values [SI units; kappa as a share].
-        std: their standard deviations.
+        std: their standard deviations, in the units of ``values``.
     """
 
     axis: str
