@@ -7,9 +7,12 @@ changed formula can never be served from a stale cache (numba itself only watche
 from __future__ import annotations
 
 import hashlib
+import importlib
+import importlib.util
 import os
 import re
 import shutil
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -33,6 +36,27 @@ try:
     HAS_NUMBA = not os.environ.get("SGMS_OBSERVER_NO_NUMBA")
 except ImportError:
     HAS_NUMBA = False
+
+
+def _look_for_blas_later() -> None:
+    """Spare the start scipy.linalg: numba imports it with the first kernel, only to see whether it is there.
+
+    That takes 0.2 s, as much as all of numba. Its first question is answered without importing anything; a kernel that
+    uses linear algebra (none of ours does) asks again and gets numba's own answer.
+    """
+    linalg = importlib.import_module("numba.np.linalg")
+    own = getattr(linalg, "ensure_blas", None)
+    if own is None or "numba.np.arraymath" in sys.modules or importlib.util.find_spec("scipy") is None:
+        return
+
+    def ensure_blas() -> None:
+        linalg.ensure_blas = own  # type: ignore[attr-defined]
+
+    linalg.ensure_blas = ensure_blas  # type: ignore[attr-defined]
+
+
+if HAS_NUMBA:
+    _look_for_blas_later()
 
 
 def _cache_folder() -> Path:
@@ -140,4 +164,3 @@ def njit_uncached(function: Kernel) -> Kernel:
         return function
     compiled: Kernel = numba.njit(function, error_model="numpy", nogil=True)
     return compiled
-

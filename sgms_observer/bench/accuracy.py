@@ -8,8 +8,8 @@ import numpy as np
 
 from sgms_observer.bench.problem import Floats, Problem
 from sgms_observer.estimators import stages
+from sgms_observer.estimators.descent import IMPROVED
 from sgms_observer.estimators.memory import COUNT, TOLERANCE, views
-from sgms_observer.estimators.mhe import IMPROVED
 from sgms_observer.estimators.reference import WindowProgramme
 
 _MOST_ITERATIONS = 60

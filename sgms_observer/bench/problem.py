@@ -22,7 +22,6 @@ PER_INTERVAL = 20  # samples from one correction to the next
 MASS = 10.0  # kg
 AMPLITUDE, FREQUENCY = 2e-4, 5.0  # m, Hz
 NOISE = 0.1  # N, standard deviation of the measured effort; R of the paper
-PROCESS = 1e-2  # N, times nu: Q of the paper (its unit is not stated; forces are in newton here)
 SEED = 1
 WINDOWS = 397  # windows that are timed
 _RUN_IN = 20  # corrections before them, at least
@@ -71,7 +70,7 @@ class Problem:
         """Return a moving horizon estimator of the element forces and the stiffness, started."""
         settings = EstimatorSettings(
             kind="mhe", parameters=("kappa",), horizon=self.horizon, correction_every=PER_INTERVAL,
-            measurement_std=NOISE, process_std=PROCESS / self.friction.coulomb_force,
+            measurement_std=NOISE,
         )  # fmt: skip
         estimator = Estimator(settings, self.friction, MASS)
         restart(estimator.flat, False)
@@ -107,13 +106,14 @@ class Problem:
             stages.finish(flat)
 
 
-def make_problem(n_z: int = 4, horizon: int = 4, windows: int = WINDOWS) -> Problem:
+def make_problem(n_z: int = 4, horizon: int = 4, windows: int = WINDOWS, seed: int = SEED) -> Problem:
     """Return the problem: GMS friction as the truth, S-GMS with 20 % too soft elements in the estimator.
 
     Args:
         n_z: number of elements.
         horizon: intervals N.
         windows: how many full windows are timed.
+        seed: of the noise.
     """
     count = PER_INTERVAL * (windows + max(_RUN_IN, horizon))
     omega = 2.0 * np.pi * FREQUENCY
@@ -134,7 +134,7 @@ def make_problem(n_z: int = 4, horizon: int = 4, windows: int = WINDOWS) -> Prob
         MASS,
     )
     true_friction = model.step(known_motion(PERIOD * one, velocity, acceleration), np.full(count, np.nan), one).friction
-    effort = true_friction + MASS * acceleration + np.random.default_rng(SEED).normal(0.0, NOISE, count)
+    effort = true_friction + MASS * acceleration + np.random.default_rng(seed).normal(0.0, NOISE, count)
     softer = FrictionSettings(
         reset=truth.reset,
         element_stiffness=tuple(_STIFFNESS_ERROR * kappa for kappa in truth.element_stiffness),

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from sgms_observer.estimators import memory as at
 from sgms_observer.estimators.block import advance, start_interval
+from sgms_observer.estimators.descent import iterate
 from sgms_observer.estimators.fields import vector
 from sgms_observer.estimators.layout import Floats
-from sgms_observer.estimators.mhe import append_interval, iterate, slide_window, store_newest
+from sgms_observer.estimators.mhe import append_interval, slide_window, store_newest
 from sgms_observer.jit import njit_bare
 
 
@@ -45,13 +46,13 @@ def take_in(flat: Floats, effort: float, velocity: float, acceleration: float) -
 
 @njit_bare
 def improve(flat: Floats) -> int:
-    """One real-time iteration on the window as it stands: solve, step with backtracking, relinearise.
+    """One real-time iteration on the window as it stands: solve, step with a search along it, relinearise.
 
     Args:
         flat: the estimator's memory; overwritten.
 
     Returns:
-        As ``mhe.iterate``.
+        As ``descent.iterate``.
     """
     return iterate(flat)
 
