@@ -13,11 +13,12 @@ from typing import Any
 from sgms_observer.errors import RecordingError
 from sgms_observer.identification.identify import Identification
 from sgms_observer.identification.least_squares import InverseModelFit
-from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RHO, V_S, VISCOUS
+from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RELAXATION, RHO, V_S, VISCOUS
 from sgms_observer.settings.axis import AxisSettings
 
 _DIGITS = 7
 _OFFSET_EFFECT = "offset"
+_DAMPING = "friction.element_damping"
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Row:
     def remark(self) -> str:
         """One remark: unit, interval, and whether it was shown."""
         if not math.isfinite(self.half_width):
-            known = "not shown: start value"
+            known = "not shown: start value" if self.value else "not shown: none"
         else:
             known = f"+- {self.half_width:.2g} (95 %)" + ("" if self.is_shown else ", not shown to 5 %")
         note = f"; {self.note}" if self.note and not self.is_shown else ""
@@ -161,13 +162,12 @@ def identification_answer(result: Identification, axis: AxisSettings, sample_per
     scalars = result.parameters.scalars
     level, kappa = result.parameters.level, result.parameters.kappa
     coulomb = float(level.sum())
-    n_z = result.parameters.count
     changes: dict[str, Any] = {
         "mass": _rounded(scalars[MASS]),
         "friction.model": result.model,
         "friction.element_stiffness": [_rounded(value) for value in kappa],
         "friction.element_fraction": _fractions(level / coulomb),
-        "friction.element_damping": [0.0] * n_z,
+        "friction.element_damping": [_rounded(scalars[RELAXATION] * value) for value in kappa],
         "friction.viscous_coefficient": _rounded(scalars[VISCOUS]),
         "friction.static_force": _rounded(max(scalars[RHO] * coulomb, coulomb * (1.0 + 1e-9))),
         "friction.coulomb_force": _rounded(coulomb),
@@ -216,6 +216,12 @@ def _rows(result: Identification) -> tuple[Row, ...]:
         Row("effects.offset.force", scalars[OFFSET], wide[OFFSET], "N", bool(shown[OFFSET]), "slide both ways"),
         Row("delay", scalars[DELAY], wide[DELAY], "s", bool(shown[DELAY]), "accelerate harder"),
     ]  # fmt: skip
+    relaxation = float(scalars[RELAXATION])
+    if RELAXATION in result.frozen:
+        note = f"less than {result.relaxation:.2g} s, or this recording would show it"
+    else:
+        note = "reverse faster"
+    rows.append(Row(f"{_DAMPING} over stiffness", relaxation, wide[RELAXATION], "s", bool(shown[RELAXATION]), note))
     if result.model == "gms":
         width = wide[RATE] * coulomb
         rows.append(Row("friction.attraction_rate", scalars[RATE] * coulomb, width, "N/s", bool(shown[RATE]), slow))
@@ -236,7 +242,10 @@ def _rows(result: Identification) -> tuple[Row, ...]:
 
 def _remarks(rows: Sequence[Row], result: Identification) -> dict[str, str]:
     """Return a remark for each line of the YAML; a list has one for all its entries."""
-    remarks = {row.name: row.remark for row in rows if "[" not in row.name and row.name != "delay"}
+    single = [row for row in rows if not ("[" in row.name or " " in row.name or row.name == "delay")]
+    remarks = {row.name: row.remark for row in single}
+    damping = next(row for row in rows if row.name.startswith(_DAMPING))
+    remarks[_DAMPING] = f"N s/m; over element_stiffness: {damping.remark}"
     for name in ("friction.element_stiffness", "friction.element_fraction"):
         own = [row for row in rows if row.name.startswith(f"{name}[")]
         widths = ", ".join(f"{100.0 * row.half_width / abs(row.value):.2g}" for row in own)

@@ -85,7 +85,7 @@ def judge(
     std_error = np.full(len(value), np.nan)
     std_error[chosen] = np.sqrt(np.maximum(by_lag, by_cluster))
     systematic = np.full(len(value), np.nan)
-    systematic[chosen] = sum(np.abs(_step(other, rows, parameters, shape, chosen)) for other, rows in others)
+    systematic[chosen] = sum(np.abs(step_to(other, rows, parameters, shape, chosen)) for other, rows in others)
     half_width = _QUANTILE * std_error + systematic
     half_width = np.where(np.isfinite(half_width), half_width, np.inf)
     allowed = SHOWN_WITHIN * np.abs(value)
@@ -94,14 +94,22 @@ def judge(
     return Confidence(std_error, systematic, half_width, half_width <= allowed)
 
 
-def _step(
+def step_to(
     data: Sequence[Prepared],
     masks: Sequence[Booleans],
     parameters: Parameters,
     shape: ElementShape,
     chosen: list[int],
 ) -> Floats:
-    """Return the Gauss-Newton step of the chosen entries on other data."""
+    """Return the Gauss-Newton step of the chosen entries on other data.
+
+    Args:
+        data: prepared recordings.
+        masks: rows to use.
+        parameters: where the step begins [SI units].
+        shape: kind of model and its smoothing.
+        chosen: indices of ``Parameters.vector`` that move.
+    """
     size = len(chosen)
     matrix, gradient = np.zeros((size, size)), np.zeros(size)
     for piece, mask in zip(data, masks, strict=True):

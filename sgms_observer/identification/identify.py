@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.errors import DataError
-from sgms_observer.identification.confidence import Confidence, judge
+from sgms_observer.identification.confidence import Confidence, judge, step_to
 from sgms_observer.identification.problem import (
     DELAY,
     ELEMENTS,
     MASS,
     OFFSET,
     RATE,
+    RELAXATION,
     RHO,
     V_S,
     VISCOUS,
@@ -88,6 +89,7 @@ class Identification:
         parameters: the estimate.
         confidence: intervals and what was shown.
         frozen: indices of ``Parameters.vector`` that stay at the start value because the data cannot tell.
+        relaxation: largest element damping over stiffness that the recordings allow [s], whether or not it was needed.
         choices: held-out error of each number of elements tried.
         rms_error: rms force error over all rows [N].
         rms_effort: rms of the filtered effort over the same rows [N].
@@ -100,6 +102,7 @@ class Identification:
     parameters: Parameters
     confidence: Confidence
     frozen: tuple[int, ...]
+    relaxation: float
     choices: tuple[HeldOut, ...]
     rms_error: float
     rms_effort: float
@@ -147,11 +150,20 @@ def identify(
     )
     start = by_deflection(fits[count].parameters)
     fit = search(data.main, data.masks, start, shape, iterations=30, tolerance=1e-5)
-    frozen: tuple[int, ...] = ()
+    frozen: tuple[int, ...] = (RELAXATION,)
     confidence = _judge(data, fit, shape, frozen)
     hopeless = _hopeless(fit.parameters, confidence, shape.is_gms)
+    relaxation, most = _relaxation(data, fit.parameters, shape, hopeless)
+    if relaxation > 0.0:
+        frozen = ()
+        scalars = fit.parameters.scalars.copy()
+        scalars[RELAXATION] = relaxation
+        start = replace(fit.parameters, scalars=scalars)
+        fit = search(data.main, data.masks, start, shape, frozen, iterations=30, tolerance=1e-5)
+        confidence = _judge(data, fit, shape, frozen)
+        hopeless = _hopeless(fit.parameters, confidence, shape.is_gms)
     if hopeless:
-        frozen = hopeless
+        frozen = (*frozen, *hopeless)
         start = _at_start(fit.parameters, frozen, axis, rate)
         fit = search(data.main, data.masks, start, shape, frozen, iterations=30, tolerance=1e-5)
         confidence = _judge(data, fit, shape, frozen)
@@ -160,6 +172,7 @@ def identify(
         parameters=fit.parameters,
         confidence=confidence,
         frozen=frozen,
+        relaxation=most,
         choices=choices,
         rms_error=float(np.sqrt(fit.cost)),
         rms_effort=float(np.sqrt(np.mean(effort**2))),
@@ -212,6 +225,14 @@ def _judge(data: Rows, fit: Fit, shape: ElementShape, frozen: Sequence[int]) -> 
     return judge(data.main, data.masks, data.others, fit.parameters, shape, free)
 
 
+def _relaxation(data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int]) -> tuple[float, float]:
+    """Return the elements' damping over stiffness [s], 0 unless the data insist on it, and the most that they allow."""
+    free = _free(len(parameters.vector()), frozen, shape.is_gms)
+    width = judge(data.main, data.masks, data.others, parameters, shape, free).half_width[RELAXATION]
+    value = float(step_to(data.main, data.masks, parameters, shape, free)[free.index(RELAXATION)])
+    return (value if value > width else 0.0), max(value, 0.0) + float(width)
+
+
 def _hopeless(parameters: Parameters, confidence: Confidence, is_gms: bool) -> tuple[int, ...]:
     """Return the shared parameters that the data cannot tell at all."""
     value = parameters.vector()
@@ -243,6 +264,7 @@ def _at_start(parameters: Parameters, frozen: Sequence[int], axis: AxisSettings,
             max(friction.static_force / friction.coulomb_force, 1.0),
             friction.stribeck_velocity,
             rate,
+            0.0,
         ]
     )
     scalars = parameters.scalars.copy()

@@ -28,8 +28,11 @@ from sgms_observer.settings.friction import FrictionSettings
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-MASS, VISCOUS, OFFSET, DELAY, RHO, V_S, RATE, ELEMENTS = range(8)
-SCALARS = ("mass", "viscous_coefficient", "offset", "delay", "stribeck_ratio", "stribeck_velocity", "relaxation_rate")
+MASS, VISCOUS, OFFSET, DELAY, RHO, V_S, RATE, RELAXATION, ELEMENTS = range(9)
+SCALARS = (
+    "mass", "viscous_coefficient", "offset", "delay", "stribeck_ratio", "stribeck_velocity", "relaxation_rate",
+    "damping_over_stiffness",
+)  # fmt: skip
 
 stribeck_level = vectorised("friction").stribeck_level
 
@@ -211,7 +214,7 @@ class Parameters:
     """Physical parameters of the model under identification.
 
     Attributes:
-        scalars: the entries named in ``SCALARS``, SI units, shape (7,).
+        scalars: the entries named in ``SCALARS``, SI units, shape (8,).
         kappa: element stiffness [N/m], shape (n_z,).
         level: element Coulomb force a_i [N], shape (n_z,).
     """
@@ -254,14 +257,19 @@ def residual_and_jacobian(data: Prepared, parameters: Parameters, shape: Element
         shape: kind of model and its smoothing.
 
     Returns:
-        Residual [N], shape (n,), and Jacobian, shape (n, 7 + 2 n_z).
+        Residual [N], shape (n,), and Jacobian, shape (n, 8 + 2 n_z).
     """
     scalars = parameters.scalars
     shared = scalars[[RHO, V_S, RATE]]
     friction, slopes = friction_and_slopes(
         data.position, data.period, parameters.kappa, parameters.level, shared, shape, data.factor
     )
-    filtered = data.low_pass(np.column_stack([friction, slopes]))
+    rate: Floats = np.gradient(friction) / data.period
+    lasting = scalars[RELAXATION]
+    if lasting != 0.0:  # sigma_i = lasting * kappa_i: the force of every element leads by the same time
+        friction = friction + lasting * rate
+        slopes = slopes + lasting * np.gradient(slopes, axis=0) / data.period
+    filtered = data.low_pass(np.column_stack([friction, slopes, rate]))
     shifted = np.clip(data.time - scalars[DELAY], data.time[0], data.time[-1])
     n_z = parameters.count
     residual = (
@@ -277,6 +285,7 @@ def residual_and_jacobian(data: Prepared, parameters: Parameters, shape: Element
     jacobian[:, OFFSET] = 1.0
     jacobian[:, DELAY] = data.effort(shifted, 1)
     jacobian[:, [RHO, V_S, RATE]] = filtered[:, 1 + 2 * n_z : 1 + 2 * n_z + SHARED]
+    jacobian[:, RELAXATION] = filtered[:, -1]
     jacobian[:, ELEMENTS:] = filtered[:, 1 : 1 + 2 * n_z]
     return residual, jacobian
 

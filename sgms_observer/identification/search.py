@@ -14,6 +14,7 @@ from sgms_observer.identification.problem import (
     MASS,
     OFFSET,
     RATE,
+    RELAXATION,
     RHO,
     V_S,
     VISCOUS,
@@ -33,6 +34,7 @@ _SMALLEST_DEFLECTION = 3e-9  # of all of the friction [m]: below, no encoder tel
 _LARGEST_DEFLECTION = 1e-2
 _OFFSET_SCALE = 1.0
 _DELAY_SCALE = 1e-3
+_LONGEST_RELAXATION = 0.01  # s
 _MAX_DAMPING = 1e8
 
 
@@ -54,11 +56,11 @@ class Fit:
 
 
 def to_search(parameters: Parameters) -> Floats:
-    """Return the search variables: logarithms of all but offset and delay."""
+    """Return the search variables: logarithms of all but offset, delay and relaxation."""
     values = parameters.vector()
     out = np.log(np.maximum(values, 1e-300))
     out[OFFSET] = values[OFFSET] / _OFFSET_SCALE
-    out[DELAY] = values[DELAY] / _DELAY_SCALE
+    out[[DELAY, RELAXATION]] = values[[DELAY, RELAXATION]] / _DELAY_SCALE
     return np.asarray(out)
 
 
@@ -66,14 +68,14 @@ def from_search(variables: Floats, like: Parameters) -> Parameters:
     """Return the parameters of search variables."""
     values = np.exp(np.clip(variables, -700.0, 700.0))
     values[OFFSET] = variables[OFFSET] * _OFFSET_SCALE
-    values[DELAY] = variables[DELAY] * _DELAY_SCALE
+    values[[DELAY, RELAXATION]] = variables[[DELAY, RELAXATION]] * _DELAY_SCALE
     return like.with_vector(values)
 
 
 def search_scale(parameters: Parameters) -> Floats:
     """Return d parameter / d search variable, by which a Jacobian's columns are multiplied."""
     scale = parameters.vector().copy()
-    scale[OFFSET], scale[DELAY] = _OFFSET_SCALE, _DELAY_SCALE
+    scale[OFFSET], scale[[DELAY, RELAXATION]] = _OFFSET_SCALE, _DELAY_SCALE
     return scale
 
 
@@ -86,6 +88,7 @@ def search_bounds(parameters: Parameters) -> tuple[Floats, Floats]:
     for index, value in _HIGHEST.items():
         high[index] = np.log(value)
     low[DELAY], high[DELAY] = -_LARGEST_DELAY / _DELAY_SCALE, _LARGEST_DELAY / _DELAY_SCALE
+    low[RELAXATION], high[RELAXATION] = 0.0, _LONGEST_RELAXATION / _DELAY_SCALE
     total = float(parameters.level.sum())
     n_z = parameters.count
     low[ELEMENTS + n_z :] = np.log(1e-5 * total)
@@ -117,7 +120,7 @@ def search(
     masks: Sequence[Booleans],
     start: Parameters,
     shape: ElementShape,
-    frozen: Sequence[int] = (),
+    frozen: Sequence[int] = (RELAXATION,),
     iterations: int = 25,
     tolerance: float = 1e-4,
 ) -> Fit:

@@ -164,7 +164,7 @@ def start_parameters(atoms: Atoms, count: int, stribeck_velocity: float, delay: 
     """
     deflection, force = cluster(atoms.deflection, atoms.force, count)
     rho = min(max(1.0 + atoms.rise, 1.01), 3.0)
-    scalars = np.array([atoms.mass, max(atoms.viscous, 1e-3), atoms.offset, delay, rho, stribeck_velocity, rate])
+    scalars = np.array([atoms.mass, max(atoms.viscous, 1e-3), atoms.offset, delay, rho, stribeck_velocity, rate, 0.0])
     return Parameters(scalars, force / deflection, force)
 
 
