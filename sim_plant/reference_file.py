@@ -60,7 +60,12 @@ def _read_columns(path: Path) -> tuple[Floats, Floats]:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError([f"the reference file {path} cannot be read ({error}); name a CSV file"]) from error
+        raise ConfigurationError(
+            [
+                f"stage.reference.file: {path} cannot be read ({error}); sgms excite writes such a file, and a relative"
+                " path starts at the folder of the parameter file"
+            ]
+        ) from error
     rows: list[tuple[float, float]] = []
     titles_allowed = True
     for number, line in enumerate(lines, start=1):

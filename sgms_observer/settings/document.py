@@ -64,7 +64,7 @@ Both are optional. `x.stage.friction` holds those keys of `x.friction` that diff
 - `element_stiffness`, `element_fraction` and `element_damping` have one entry per element; without `element_damping` it
   is zero. The fractions sum to 1 (within 0.001).
 - `static_force` is at least `coulomb_force`.
-- `multi_sine` has as many `amplitudes` as `frequencies`, and as many `phases` or none; `file` names a readable file.
+- `multi_sine` has as many `amplitudes` as `frequencies`, and as many `phases` or none; `file` names a CSV file.
 - Frequencies, the controller's bandwidth and the low-pass's cut-off stay below half the sample rate.
 - `filter.window` spans at least 2 (degree div 2 + 1) sample periods, to which it stretches if left at its default, and
   at most 10000.

@@ -162,11 +162,6 @@ ONE_FAULT = [
         'x.stage.reference.file = "" must name a CSV file because kind is file; write its path',
     ),
     (
-        axis(stage={"reference": {"kind": "file", "file": "no/such.csv"}}),
-        "x.stage.reference.file = 'no/such.csv' must be a readable file; correct the path (a relative one starts at "
-        "the folder of the parameter file)",
-    ),
-    (
         axis(stage={"controller": {"bandwidth": 5000}}),
         "x.stage.controller.bandwidth = 5000 Hz must be < 5000 Hz, half the sample rate; "
         "lower it or shorten sample_period",
