@@ -1,24 +1,43 @@
-"""A recorded bag played to the observer: ``ros2 launch sgms_observer replay.launch.py bag:=my_bag``."""
+"""A recorded bag played to the observer: ``ros2 launch sgms_observer replay.launch.py bag:=my_bag``.
+
+``position_topic``, ``effort_topic`` and ``reference_topic`` are the topics of the bag; give the same name to the first
+two for a joint_states topic that carries both. Nothing else of the bag is played:
+old estimates do not mix with new ones.
+"""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, EmitEvent, ExecuteProcess, RegisterEventHandler, TimerAction
+from launch.actions import DeclareLaunchArgument, EmitEvent, ExecuteProcess, RegisterEventHandler
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
+from launch_ros.substitutions import FindPackagePrefix, FindPackageShare
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return the observer node and the player; everything ends with the bag."""
+    """Return the observer node and the player, which waits for it; everything ends with the bag."""
+    position = LaunchConfiguration("position_topic")
+    effort = LaunchConfiguration("effort_topic")
+    reference = LaunchConfiguration("reference_topic")
     play = ExecuteProcess(
-        cmd=["ros2", "bag", "play", LaunchConfiguration("bag"), "--rate", LaunchConfiguration("rate")], output="screen"
+        cmd=[
+            PathJoinSubstitution([FindPackagePrefix("sgms_observer"), "lib", "sgms_observer", "sgms"]),
+            *("play", LaunchConfiguration("bag"), "--rate", LaunchConfiguration("rate")),
+            *("--wait", "120", "--topics", position, effort, reference),
+        ],
+        output="screen",
     )
     return LaunchDescription(
         [
             DeclareLaunchArgument("bag", description="folder of the recorded bag"),
             DeclareLaunchArgument("rate", default_value="1.0", description="how many times as fast as recorded"),
-            DeclareLaunchArgument("delay", default_value="8.0", description="time for the observer to start [s]"),
+            DeclareLaunchArgument("position_topic", default_value="position", description="JointState with positions"),
+            DeclareLaunchArgument(
+                "effort_topic", default_value="control_effort", description="JointState with the actuators' efforts"
+            ),
+            DeclareLaunchArgument(
+                "reference_topic", default_value="reference", description="JointState with the set-point; optional"
+            ),
             DeclareLaunchArgument(
                 "params_file",
                 default_value=PathJoinSubstitution([FindPackageShare("sgms_observer"), "config", "table.yaml"]),
@@ -29,9 +48,10 @@ def generate_launch_description() -> LaunchDescription:
                 executable="observer_node",
                 name="observer_node",
                 parameters=[LaunchConfiguration("params_file")],
+                remappings=[("position", position), ("control_effort", effort), ("reference", reference)],
                 output="screen",
             ),
-            TimerAction(period=LaunchConfiguration("delay"), actions=[play]),
+            play,
             RegisterEventHandler(OnProcessExit(target_action=play, on_exit=[EmitEvent(event=Shutdown())])),
         ]
     )

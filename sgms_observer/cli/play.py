@@ -32,7 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
     parser.add_argument("bag", metavar="BAG", help="the recording")
     parser.add_argument("--rate", type=float, default=1.0, metavar="R", help="times faster than recorded (default: 1)")
-    parser.add_argument("--topics", nargs="+", metavar="TOPIC", help="play these only (default: all)")
+    parser.add_argument(
+        "--topics", nargs="+", metavar="TOPIC", help="play these only, as far as the bag has them (default: all)"
+    )
     parser.add_argument(
         "--wait", type=float, default=5.0, metavar="S", help="wait at most this long for a subscriber [s] (default: 5)"
     )
@@ -97,17 +99,19 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _choose(bag: Any, names: list[str] | None) -> tuple[str, ...]:
-    """Return the topics to play."""
+    """Return the topics to play: of those that were asked for, the ones that the bag has."""
     from sgms_observer.errors import RecordingError
 
-    if names is None:
-        topics = tuple(topic for topic, kind in bag.topics.items() if kind)
-    else:
-        topics = tuple(name if name.startswith("/") else "/" + name for name in names)
-    missing = [topic for topic in topics if topic not in bag.topics]
-    if missing or not topics:
+    wanted = [topic for topic, kind in bag.topics.items() if kind]
+    if names is not None:
+        wanted = list(dict.fromkeys(name if name.startswith("/") else "/" + name for name in names))
+    topics = tuple(topic for topic in wanted if topic in bag.topics)
+    missing = ", ".join(topic for topic in wanted if topic not in bag.topics)
+    if not topics:
         held = ", ".join(sorted(bag.topics)) or "nothing"
-        raise RecordingError(f"{bag.path} has no topic {', '.join(missing) or 'to play'}; it holds {held}")
+        raise RecordingError(f"{bag.path} has no topic {missing or 'to play'}; it holds {held}")
+    if missing:
+        print(f"note: {bag.path} has no topic {missing}", file=sys.stderr)
     return topics
 
 

@@ -27,7 +27,8 @@ from sgms_observer.observer.learnt import learnt_changes
 from sgms_observer.observer.outgoing import COMPENSATION, JOINT_STATE_TOPICS, PARAMETERS, OutgoingBlock
 from sgms_observer.settings.write import write_settings
 
-_REPORT_PERIOD = 1.0
+_REPORT_PERIOD = 1.0  # s
+_SHORTEST_REPORT = 0.8  # s; the first after the activation tells of about a period as well
 
 
 class ObserverNode(ManagedNode):
@@ -66,7 +67,7 @@ class ObserverNode(ManagedNode):
         self._parameter_topic: Publisher = self.create_publisher(DiagnosticArray, PARAMETERS, 100)
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(Trigger, "~/save_parameters", self._save_parameters)
-        self._report_timer = self.create_timer(_REPORT_PERIOD, self.guarded(self._report), clock=self.steady_clock)
+        self.create_timer(_REPORT_PERIOD, self.guarded(self._report), clock=self.steady_clock)
         self.start_by_itself()
 
     def warm_up(self) -> None:
@@ -95,7 +96,6 @@ class ObserverNode(ManagedNode):
         settings = self.settings
         self._pause = settings.gather_time if settings.sample_period < settings.gather_time else 0.0
         self._working_engine().reset()
-        self._report_timer.reset()  # the first report comes when a period's samples could have arrived
         self._reported_at = time.monotonic()
         self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
         for number in range(len(self.settings.axes)):
@@ -210,10 +210,11 @@ class ObserverNode(ManagedNode):
     def _report(self) -> None:
         """Publish diagnostics and say what is new in them."""
         now = time.monotonic()
-        seconds, self._reported_at = now - self._reported_at, now
+        seconds = now - self._reported_at
         engine = self._engine
-        if engine is None or not self.is_active:
+        if engine is None or not self.is_active or seconds < _SHORTEST_REPORT:
             return
+        self._reported_at = now
         name = self.get_name()
         counts = engine.intake.counts
         new = self._growth.take("messages", counts)

@@ -8,13 +8,16 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from ros_graph import ONE_AXIS
+from ros_graph import ONE_AXIS, Graph, wait_until
 
+from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.writer import BagWriter
 
 REFUSING = Path("/proc/sgms")
@@ -107,3 +110,40 @@ def test_a_folder_that_refuses(job: Callable[..., tuple[str, list[str | Path]]],
         assert done.returncode == 1, done.stderr
         assert "cannot be written" in done.stderr and done.stderr.count("\n") == 1, done.stderr
     assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_a_disk_that_fills_up_while_recording(graph: Graph, tmp_path: Path) -> None:
+    """The recording ends with a sentence, and what was written before can be read under its preliminary name."""
+    out = tmp_path / "bag"
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(
+        [sys.executable, "-c", COMMAND, "50000", "record", "position", "control_effort", "--out", str(out)],
+        stdout=pipe, stderr=pipe, text=True, env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
+    )  # fmt: skip
+    fields = {"position": "position", "control_effort": "effort"}
+    try:
+        send = {topic: graph.publisher(topic) for topic in fields}
+        encode = {topic: JointStateEncoder(("x",), (field,)).encode for topic, field in fields.items()}
+
+        def has_ended() -> bool:
+            stamp = time.time_ns()
+            for topic in fields:
+                send[topic](encode[topic](stamp, (1.0,)))
+            return process.poll() is not None
+
+        wait_until(has_ended, "the recorder to give up")
+        _, errors = process.communicate()
+    finally:
+        process.kill()
+    assert process.returncode == 1
+    assert "cannot be written" in errors and errors.count("\n") == 1, errors
+    assert not out.exists()
+    assert sum(block.stamp_ns.size for block in read_samples(tmp_path / "bag.partial", "x", 1e-3)) > 10
+
+
+def test_a_recording_into_a_folder_that_refuses(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    for out in (REFUSING, tmp_path / "file" / "bag"):
+        done = run(COMMAND, 0, "record", "--out", out)
+        assert done.returncode == 1, done.stderr
+        assert "cannot be written" in done.stderr and done.stderr.count("\n") == 1, done.stderr
