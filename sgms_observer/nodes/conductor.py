@@ -59,7 +59,9 @@ class Conductor:
     def __enter__(self) -> Conductor:
         """Join the graph."""
         self._folder.mkdir(parents=True, exist_ok=True)
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._is_first = not rclpy.ok()
+        if self._is_first:
+            rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("sgms_conductor")
         return self
 
@@ -77,7 +79,8 @@ class Conductor:
                 process.kill()
                 process.wait()
         self._node.destroy_node()
-        rclpy.try_shutdown()
+        if self._is_first:
+            rclpy.try_shutdown()
 
     def start(self, name: str, module: str, arguments: Sequence[str]) -> None:
         """Start a module of this package as a process.
