@@ -12,6 +12,7 @@ from sgms_observer.estimators.interval import advance_forces, friction_force, le
 from sgms_observer.estimators.layout import KAPPA, NU, P_VISCOUS, Floats, copy_vector
 from sgms_observer.estimators.mhe import mhe_correct
 from sgms_observer.filters import motion as row_of
+from sgms_observer.friction.gms import gms_branch
 from sgms_observer.jit import njit_bare
 
 # status codes, the same numbers as sgms_observer.status.Status (a test holds them together)
@@ -88,9 +89,15 @@ def advance(flat: Floats, velocity: float, period: float, factor: float) -> None
     velocities[here] = velocity
     periods[here] = period
     factors[here] = factor
+    branches, elements, is_held = matrix(flat, at.NOW_BRANCHES), matrix(flat, at.ELEMENTS), flat[at.HOLDS_MODES] > 0.0
+    if is_held:
+        level = level_at(vector(flat, at.SCALARS), velocity, factor)
+        for i in range(n_z):
+            branches[here, i] = gms_branch(now[i], int(now_slip[i]), velocity, elements[NU, i], level)
     simulate_interval(
-        vector(flat, at.SCALARS), matrix(flat, at.ELEMENTS), vector(flat, at.KINDS), vector(flat, at.X_HAT)[n_z:],
+        vector(flat, at.SCALARS), elements, vector(flat, at.KINDS), vector(flat, at.X_HAT)[n_z:],
         velocities[here : here + 1], periods[here : here + 1], factors[here : here + 1],
+        branches[here : here + 1], is_held,
         now, now_slip, now, now_slip, a, b,
     )  # fmt: skip
     for i in range(n_z):

@@ -67,6 +67,7 @@ def _evaluate_trial(flat: Floats) -> None:
     for k in range(int(flat[at.COUNT])):
         simulate_interval(
             scalars, elements, kinds, p, velocity[k], period[k], factor[k],
+            layer(flat, at.BRANCHES, k), flat[at.HOLDS_MODES] > 0.0,
             forces[k], slips[k], ends[k], end_slips[k], a[k], layer(flat, at.TRIAL_B, k),
         )  # fmt: skip
         residuals[k + 1] = linearise_measurement(flat, p, forces[k + 1], end_slips[k], measurements[k + 1], rows[k + 1])

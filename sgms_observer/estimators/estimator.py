@@ -130,6 +130,7 @@ class Estimator:
             walk=settings.parameter_walk**2,
             beta=settings.state_bound,
             outlier_nis=settings.outlier_nis,
+            holds_modes=settings.gms_modes == "predicted" and friction.model == "gms",
         )
         process = np.maximum(settings.process_std * share, _SMALLEST_PROCESS_STD) ** 2
         initial = np.concatenate([(settings.initial_std * share) ** 2, relative**2])

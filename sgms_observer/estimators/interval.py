@@ -33,7 +33,7 @@ from sgms_observer.estimators.layout import (
     Floats,
 )
 from sgms_observer.formulas import friction as formulas
-from sgms_observer.friction.gms import gms_rate, gms_step, gms_step_with_slopes
+from sgms_observer.friction.gms import gms_rate, gms_step, gms_step_in_branch, gms_step_with_slopes
 from sgms_observer.friction.sgms import sgms_rate, sgms_step, sgms_step_with_slopes
 from sgms_observer.jit import njit_bare
 
@@ -56,7 +56,7 @@ def level_at(scalars: Floats, velocity: float, factor: float) -> float:
 
 @njit_bare
 def simulate_interval(scalars: Floats, elements: Floats, kinds: Floats, p: Floats,
-                      velocity: Floats, period: Floats, factor: Floats,
+                      velocity: Floats, period: Floats, factor: Floats, branches: Floats, is_held: bool,
                       force_in: Floats, memory_in: Floats,
                       force_out: Floats, memory_out: Floats, a: Floats, b: Floats) -> None:  # fmt: skip
     """Advance all elements through one interval and linearise it exactly.
@@ -69,6 +69,8 @@ def simulate_interval(scalars: Floats, elements: Floats, kinds: Floats, p: Float
         velocity: velocity of each step [m/s].
         period: length of each step [s].
         factor: effects' factor on the Stribeck level at each step [-].
+        branches: branch of each step and element of a GMS model, shape (m, n_z).
+        is_held: take those branches rather than the ones that the forces lead to.
         force_in: element forces at the start [N], shape (n_z,).
         memory_in: GMS slip modes at the start, shape (n_z,).
         force_out: element forces at the end, written.
@@ -101,9 +103,14 @@ def simulate_interval(scalars: Floats, elements: Floats, kinds: Floats, p: Float
         for i in range(n_z):
             kappa, nu = elements[KAPPA, i], elements[NU, i]
             if is_gms:
-                after, mode, by_force, by_kappa, by_level = gms_step_with_slopes(
-                    force_out[i], int(memory_out[i]), v, h, kappa, nu, level, rate
-                )
+                if is_held:
+                    after, mode, by_force, by_kappa, by_level = gms_step_in_branch(
+                        force_out[i], int(branches[k, i]), v, h, kappa, nu, level, rate
+                    )
+                else:
+                    after, mode, by_force, by_kappa, by_level = gms_step_with_slopes(
+                        force_out[i], int(memory_out[i]), v, h, kappa, nu, level, rate
+                    )
                 memory_out[i] = mode
                 by_gain = 0.0
             else:

@@ -15,21 +15,22 @@ from sgms_observer.estimators.layout import MODEL_SIZE, Floats
 
 # Header: sizes, then tuning, then counters; only the counters change
 N_Z, N_P, HORIZON, INTERVAL = range(4)
-IS_MHE, ITERATIONS, TOLERANCE, VARIANCE, WALK, BETA, OUTLIER_NIS = range(4, 11)
-COUNT, SAMPLES, EKF_NEXT, STARTED, HEADER = range(11, 16)
+IS_MHE, ITERATIONS, TOLERANCE, VARIANCE, WALK, BETA, OUTLIER_NIS, HOLDS_MODES = range(4, 12)
+COUNT, SAMPLES, EKF_NEXT, STARTED, HEADER = range(12, 17)
 
 # Fields: the model as it was given, then what evolves
 (
     NOMINAL_SCALARS, NOMINAL_ELEMENTS, KINDS, SCALE, START, LOWER, UPPER, PROCESS, INITIAL,
-    X_HAT, COVARIANCE, SLIP, NOW, NOW_SLIP, NOW_A, NOW_B, NOW_VELOCITY, NOW_PERIOD, NOW_FACTOR, STEP_A, STEP_B,
+    X_HAT, COVARIANCE, SLIP, NOW, NOW_SLIP, NOW_A, NOW_B, NOW_VELOCITY, NOW_PERIOD, NOW_FACTOR, NOW_BRANCHES,
+    STEP_A, STEP_B,
     SCALARS, ELEMENTS,
-    PRIOR, PRIOR_COVARIANCE, FORCES, SLIPS, P, VELOCITIES, PERIODS, FACTORS, ENDS, END_SLIPS, A, B, MEASUREMENTS,
-    ROWS, RESIDUALS,
+    PRIOR, PRIOR_COVARIANCE, FORCES, SLIPS, P, VELOCITIES, PERIODS, FACTORS, BRANCHES, ENDS, END_SLIPS, A, B,
+    MEASUREMENTS, ROWS, RESIDUALS,
     TRIAL_FORCES, TRIAL_P, TRIAL_ENDS, TRIAL_END_SLIPS, TRIAL_A, TRIAL_B, TRIAL_ROWS, TRIAL_RESIDUALS,
     DEVIATIONS, COVARIANCES, GAINS, INNOVATIONS, SPREADS, ACTIVE, STEPS,
     RECORD, PREDICTED, PREDICTED_ROW, LEAD, LEAD_SLIP, PRIOR_FACTOR, WORK, ADJOINT, UNIT,
     FIELDS,
-) = range(63)  # fmt: skip
+) = range(65)  # fmt: skip
 
 # entries of one measurement record
 EFFORT, VELOCITY, ACCELERATION, FACTOR, IS_USED, LEVEL, MEASUREMENT_SIZE = range(7)
@@ -62,6 +63,7 @@ class Tuning(NamedTuple):
         walk: variance of each parameter's drift per correction (in shares squared).
         beta: state bound of 14d.
         outlier_nis: normalised innovation squared above which a measurement is rejected; 0 never.
+        holds_modes: decide a GMS model's branches at each sample and keep them in the window.
     """
 
     is_mhe: bool
@@ -71,6 +73,7 @@ class Tuning(NamedTuple):
     walk: float
     beta: float
     outlier_nis: float
+    holds_modes: bool
 
 
 class Memory(NamedTuple):
@@ -90,6 +93,7 @@ class Memory(NamedTuple):
         now_a: d now / d x_hat forces (diagonal), shape (n,).
         now_b: d now / d p, shape (n, p).
         now_velocity, now_period, now_factor: steps since the last correction, shape (m,).
+        now_branches: branch of each of these steps and each element (GMS with held modes), shape (m, n).
         step_a, step_b: d now / d (now one sample before) and / d p of the latest step, shapes (n,), (n, p).
         scalars, elements: the model with p applied; see layout.py.
         prior: arrival state, shape (d,).
@@ -98,6 +102,7 @@ class Memory(NamedTuple):
         slips: modes at the nodes, shape (N + 1, n).
         p: parameters of the window, shape (p,).
         velocity, period, factor: steps of the intervals, shape (N, m).
+        branches: now_branches of the intervals, shape (N, m, n).
         ends: Phi of each interval, shape (N, n).
         end_slips: modes at the end of each interval, shape (N, n).
         a, b: linearisation of each interval, shapes (N, n), (N, n, p).
@@ -136,6 +141,7 @@ class Memory(NamedTuple):
     now_velocity: Floats
     now_period: Floats
     now_factor: Floats
+    now_branches: Floats
     step_a: Floats
     step_b: Floats
     scalars: Floats
@@ -148,6 +154,7 @@ class Memory(NamedTuple):
     velocity: Floats
     period: Floats
     factor: Floats
+    branches: Floats
     ends: Floats
     end_slips: Floats
     a: Floats
@@ -187,10 +194,11 @@ def _shapes(sizes: Sizes) -> tuple[tuple[int, ...], ...]:
     d, w, r = n + p, h + 1, MEASUREMENT_SIZE
     return (
         (MODEL_SIZE,), (3, n), (p,), (p,), (p,), (p,), (p,), (n,), (d,),
-        (d,), (d, d), (n,), (n,), (n,), (n,), (n, p), (m,), (m,), (m,), (n,), (n, p),
+        (d,), (d, d), (n,), (n,), (n,), (n,), (n, p), (m,), (m,), (m,), (m, n),
+        (n,), (n, p),
         (MODEL_SIZE,), (3, n),
-        (d,), (d, d), (w, n), (w, n), (p,), (h, m), (h, m), (h, m), (h, n), (h, n), (h, n), (h, n, p), (w, r),
-        (w, d), (w,),
+        (d,), (d, d), (w, n), (w, n), (p,), (h, m), (h, m), (h, m), (h, m, n), (h, n), (h, n), (h, n), (h, n, p),
+        (w, r), (w, d), (w,),
         (w, n), (p,), (h, n), (h, n), (h, n), (h, n, p), (w, d), (w,),
         (w, d), (w, d, d), (w, d + 1, d), (w, d + 1), (w, d + 1), (w, d), (w, d),
         (r,), (d, d), (d,), (n,), (n,), (d, d), (d,), (d,), (d,),

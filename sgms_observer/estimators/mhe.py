@@ -59,6 +59,9 @@ def slide_window(flat: Floats) -> None:
     _shift(matrix(flat, at.VELOCITIES), count - 1)
     _shift(matrix(flat, at.PERIODS), count - 1)
     _shift(matrix(flat, at.FACTORS), count - 1)
+    if flat[at.HOLDS_MODES] > 0.0:
+        for k in range(count - 1):
+            copy_matrix(layer(flat, at.BRANCHES, k + 1), layer(flat, at.BRANCHES, k))
     _shift(ends, count - 1)
     _shift(matrix(flat, at.END_SLIPS), count - 1)
     _shift(a, count - 1)
@@ -90,6 +93,8 @@ def append_interval(flat: Floats) -> None:
     copy_vector(vector(flat, at.NOW_VELOCITY), matrix(flat, at.VELOCITIES)[count])
     copy_vector(vector(flat, at.NOW_PERIOD), matrix(flat, at.PERIODS)[count])
     copy_vector(vector(flat, at.NOW_FACTOR), matrix(flat, at.FACTORS)[count])
+    if flat[at.HOLDS_MODES] > 0.0:
+        copy_matrix(matrix(flat, at.NOW_BRANCHES), layer(flat, at.BRANCHES, count))
     copy_vector(now, matrix(flat, at.ENDS)[count])
     copy_vector(now_slip, matrix(flat, at.END_SLIPS)[count])
     copy_vector(vector(flat, at.NOW_A), matrix(flat, at.A)[count])

@@ -9,6 +9,8 @@ import math
 
 from sgms_observer.jit import njit_bare
 
+STICKS, SLIPS = range(2)  # branches of a step, for ``gms_step_in_branch``
+
 
 @njit_bare
 def gms_step_with_slopes(
@@ -53,6 +55,52 @@ def gms_step_with_slopes(
     distance = force - steady
     slope = direction * fraction * (1.0 - decay) + distance * decay * rate * period / (stribeck * stribeck)
     return steady + distance * decay, direction, decay, 0.0, slope
+
+
+@njit_bare
+def gms_branch(force: float, mode: int, velocity: float, fraction: float, stribeck: float) -> int:
+    """Decide a step's branch from what holds where it begins: the element's state, its mode, the velocity's sign.
+
+    An element that reaches its limit within the step sticks to the step's end, beyond the limit.
+
+    Args: as ``gms_step_with_slopes``.
+
+    Returns:
+        ``STICKS`` or ``SLIPS``.
+
+    Source: Boegli et al., section III-D3, the conditions checked at each time instant.
+    """
+    if velocity == 0.0:
+        return STICKS
+    direction = 1 if velocity > 0.0 else -1
+    return SLIPS if mode == direction or direction * force >= fraction * stribeck else STICKS
+
+
+@njit_bare
+def gms_step_in_branch(
+    force: float,
+    branch: int,
+    velocity: float,
+    period: float,
+    stiffness: float,
+    fraction: float,
+    stribeck: float,
+    rate: float,
+) -> tuple[float, int, float, float, float]:
+    """Advance one element's force by one step whose branch was decided beforehand, whatever the force says now.
+
+    Args: as ``gms_step_with_slopes``, but
+        branch: ``STICKS`` or ``SLIPS``.
+
+    Returns:
+        As ``gms_step_with_slopes``.
+
+    Source: Boegli et al., section III-D3: the modes are no variables of the MHE, a-priori rules set them.
+    """
+    if branch == STICKS:
+        return force + stiffness * velocity * period, 0, 1.0, velocity * period, 0.0
+    direction = 1 if velocity > 0.0 else -1
+    return gms_step_with_slopes(force, direction, velocity, period, stiffness, fraction, stribeck, rate)
 
 
 @njit_bare

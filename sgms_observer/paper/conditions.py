@@ -82,17 +82,20 @@ def estimator_friction(model: str, stiffness_factor: float) -> FrictionSettings:
     return replace(table, element_stiffness=tuple(stiffness_factor * kappa for kappa in table.element_stiffness))
 
 
-def estimator_settings(estimator: str, process_std: float = PROCESS_STD) -> EstimatorSettings:
+def estimator_settings(
+    estimator: str, process_std: float = PROCESS_STD, gms_modes: str = "predicted"
+) -> EstimatorSettings:
     """Return the settings of one column of Table II.
 
     Args:
         estimator: ``ekf_z``, ``mhe_z`` or ``mhe_zp``.
         process_std: Q, as a share of nu f_C.
+        gms_modes: ``predicted``, the paper's a-priori rules for a GMS model inside the MHE, or ``simulated``.
     """
     kind, parameters = ESTIMATORS[estimator]
     return EstimatorSettings(
         kind=kind, parameters=parameters, correction_every=20, horizon=4, iterations=2, measurement_std=0.1,
-        process_std=process_std,
+        process_std=process_std, gms_modes=gms_modes,
     )  # fmt: skip
 
 

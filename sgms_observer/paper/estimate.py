@@ -8,10 +8,12 @@ from itertools import pairwise
 import numpy as np
 
 from sgms_observer.estimators.estimator import Estimator, Results
-from sgms_observer.estimators.interval import advance_forces, friction_force
-from sgms_observer.estimators.memory import COUNT
+from sgms_observer.estimators.interval import advance_forces, friction_force, level_at
+from sgms_observer.estimators.layout import ATTRACTION, KAPPA, NU
+from sgms_observer.estimators.memory import COUNT, HOLDS_MODES
 from sgms_observer.filters.differentiator import Differentiator
 from sgms_observer.filters.motion import Motion
+from sgms_observer.friction.gms import gms_step_in_branch
 from sgms_observer.jit import njit
 from sgms_observer.observer.samples import Floats
 from sgms_observer.paper.conditions import SAMPLE_PERIOD
@@ -105,7 +107,8 @@ def _interval_by_interval(
         if first >= start and last - first == every and newest >= 0:
             _friction_of_interval(
                 memory.scalars, memory.elements, memory.forces[newest], memory.slips[newest],
-                memory.velocity[newest], memory.period[newest], motion.velocity[block].copy(), delayed[block],
+                memory.velocity[newest], memory.period[newest], motion.velocity[block].copy(),
+                memory.branches[newest], memory.flags[HOLDS_MODES] > 0.0, delayed[block],
             )  # fmt: skip
     known = np.flatnonzero(np.isfinite(delayed))
     delayed = np.interp(np.arange(len(effort)), known, delayed[known])
@@ -121,10 +124,20 @@ def _friction_of_interval(
     step_velocity: Floats,
     period: Floats,
     velocity: Floats,
+    branches: Floats,
+    is_held: bool,
     friction: Floats,
 ) -> None:
     """Simulate one interval from its first node and write the friction at each of its samples."""
     force, slip = start.copy(), start_slip.copy()
     for k in range(velocity.shape[0]):
-        advance_forces(scalars, elements, force, slip, step_velocity[k], period[k], 1.0)
+        if is_held:
+            level = level_at(scalars, step_velocity[k], 1.0)
+            for i in range(force.shape[0]):
+                force[i] = gms_step_in_branch(
+                    force[i], int(branches[k, i]), step_velocity[k], period[k], elements[KAPPA, i], elements[NU, i],
+                    level, scalars[ATTRACTION],
+                )[0]  # fmt: skip
+        else:
+            advance_forces(scalars, elements, force, slip, step_velocity[k], period[k], 1.0)
         friction[k] = friction_force(scalars, elements, force, slip, velocity[k], 1.0)

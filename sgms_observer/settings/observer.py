@@ -79,6 +79,12 @@ class EstimatorSettings:
     outlier_nis: float = setting(
         0.0, "innovation squared over its variance above which a sample is rejected; 0 never", minimum=0.0
     )
+    gms_modes: str = setting(
+        "simulated",
+        "modes of a GMS model: as simulated, with the stick-slip event inside a step and anew in each MHE iteration; "
+        "or by the paper's a-priori rules, decided at each sample from the prediction and fixed in the MHE's window",
+        choices=("simulated", "predicted"),
+    )
     deadline: float = setting(
         0.0, "computing time after which the next correction is left to the EKF; 0 only counts", "s", minimum=0.0
     )

@@ -31,7 +31,7 @@ def end_of_interval(friction: FrictionSettings, x: np.ndarray, velocity: np.ndar
     count = len(velocity)
     simulate_interval(
         scalars, elements, parameters.kinds, p, velocity, np.full(count, 1e-4), np.full(count, 1.1),
-        x[:N_Z].copy(), np.zeros(N_Z), after, modes, a, b,
+        np.zeros((count, N_Z)), False, x[:N_Z].copy(), np.zeros(N_Z), after, modes, a, b,
     )  # fmt: skip
     effort_slopes(
         scalars, elements, parameters.kinds, parameters.scale, p, after, modes, velocity[-1], 0.7, 1.1, row
