@@ -13,6 +13,7 @@ import numpy as np
 
 from sgms_observer.discrepancy.fit import Refit, refit
 from sgms_observer.discrepancy.gap import Gap, measure
+from sgms_observer.discrepancy.gate import CLOSABLE, WHOLE
 from sgms_observer.discrepancy.locate import Located, locate
 from sgms_observer.discrepancy.model import MASS, STATIC, Model
 from sgms_observer.discrepancy.tolerance import OUTSIDE
@@ -90,7 +91,7 @@ def answer_of(found: Diagnosis, options: Options) -> Answer:
         before_model, after_model = _with_deviation(found, options)
     stages = [_stage(after_model, found, count) for count in range(1, len(accepted))]
     gap = measure(found, before_model, after_model, stages, options.seed)
-    if accepted and gap.after > gap.before:
+    if accepted and (gap.after > gap.before or _closes_too_little(gap, found)):
         verdict, after_model, accepted = "unknown_effect", before_model, []
         gap = measure(found, before_model, before_model, [], options.seed)
     named = _named(after, accepted, gap, found) + extra
@@ -102,6 +103,14 @@ def answer_of(found: Diagnosis, options: Options) -> Answer:
         verdict, gap, tuple(named), tuple(told), tuple(everywhere), detectable(found, options.tolerance),
         next_experiment(verdict, named, told, found), after_model, found,
     )  # fmt: skip
+
+
+def _closes_too_little(gap: Gap, found: Diagnosis) -> bool:
+    """Return whether effects close no more than half of what can be closed, with the file's own elements."""
+    floor = gap.floor
+    if found.gate is not None and gap.held_out == "held-out":
+        floor = found.gate.floor / found.gate.gap(found.before.model) * gap.before
+    return gap.before > CLOSABLE * floor and gap.before - gap.after <= WHOLE * (gap.before - floor)
 
 
 def _stage(model: Model, found: Diagnosis, count: int) -> Model:

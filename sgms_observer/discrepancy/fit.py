@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.model import KNEE, Model, largest_reach, predict
+from sgms_observer.discrepancy.model import COULOMB, KNEE, STATIC, Model, largest_reach, predict
 from sgms_observer.discrepancy.motion import Motion
 from sgms_observer.discrepancy.noise import Noise
 from sgms_observer.effects.catalogue import effect
@@ -24,12 +24,21 @@ WIDEST_STEP = 0.08
 """Widest step of wear, as a share of the travel."""
 SHORTEST_DRIFT, LONGEST_DRIFT = 0.05, 5.0
 """Time constants of a drift, as shares of the recording's length."""
+SLOWEST_LAG = 0.2
+"""Slowest attraction, in Coulomb forces per second."""
 LONGEST_PITCH = 0.7
 """Longest period in position, as a share of the stroke."""
 UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,)}
 """Parameters that are a unit of others and never fitted: (effect, indices)."""
 REFRESH = 3
 """Steps after which derivatives by the nominal parameters are computed anew."""
+BY_RATIO = (
+    "attraction_rate", "distance", "memory_distance", "gap", "time_constant", "dwell_time", "width", "velocity",
+    "peak_velocity",
+)  # fmt: skip
+"""Positive parameters that may be off by a factor: they are moved by their logarithm."""
+MISSING_ELEMENT = "presliding"
+"""The effect whose force the owner's Coulomb and static force already contain."""
 _MAX_ITERATIONS = 12
 
 
@@ -151,24 +160,33 @@ def refit(
     values = np.array([effects[i].values[j] for i, j in free])
     scales = np.array([_scale(effects[i], j, nominal) for i, j in free])
     n = len(widths)
-    x = np.concatenate([np.zeros(n) if start is None else start, values / np.where(scales > 0, scales, 1.0)])
-    low = np.concatenate([np.full(n, -3.0), minimum / scales]) if len(free) else np.full(n, -3.0)
-    high = np.concatenate([np.full(n, 3.0), maximum / scales]) if len(free) else np.full(n, 3.0)
+    ratio = np.array([catalogue[i].parameters[j].name in BY_RATIO for i, j in free], dtype=bool)
+
+    def coordinate(value: Floats) -> Floats:
+        shares = value / np.where(scales > 0, scales, 1.0)
+        return np.where(ratio, np.log(np.where(ratio, np.maximum(shares, 1e-12), 1.0)), shares)
+
+    x = np.concatenate([np.zeros(n) if start is None else start, coordinate(values)])
+    low = np.concatenate([np.full(n, -3.0), coordinate(minimum)])
+    high = np.concatenate([np.full(n, 3.0), coordinate(maximum)])
     if limit is not None:
         low[: KNEE + 1], high[: KNEE + 1] = -limit, limit
         low[KNEE + 1 : n], high[KNEE + 1 : n] = -ELEMENT_SLACK * limit, ELEMENT_SLACK * limit
+        if any(item.name == MISSING_ELEMENT for item in effects):
+            low[[COULOMB, STATIC]] = -1.0
     x = np.clip(x, low, high)
 
     def unpack(z: Floats) -> tuple[Model, tuple[EffectSettings, ...]]:
         lists = [list(e.values) for e in effects]
-        for (i, j), value, scale in zip(free, z[n:], scales, strict=True):
+        for (i, j), value, scale in zip(free, np.where(ratio, np.exp(z[n:] * ratio), z[n:]), scales, strict=True):
             parameter = catalogue[i].parameters[j]
             lists[i][j] = float(min(max(value * scale, parameter.minimum), parameter.maximum))
         moved = tuple(EffectSettings(e.name, tuple(v)) for e, v in zip(effects, lists, strict=True))
         return nominal.shifted(z[:n]).with_effects(moved), moved
 
     def residual(z: Floats) -> Floats:
-        return np.concatenate([judged.residual(unpack(z)[0]), z[:n] / widths])
+        model, moved = unpack(z)
+        return np.concatenate([judged.residual(model), told(z[:n], nominal, moved) / widths])
 
     here = residual(x)
     cost = 0.5 * float(here @ here)
@@ -206,7 +224,19 @@ def refit(
             break
         age = 0 if is_small else (age + 1) % REFRESH
     model, moved = unpack(x)
-    return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, scales, free)
+    units = np.where(ratio, scales * np.exp(x[n:] * ratio), scales)
+    return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free)
+
+
+def told(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Floats:
+    """Return the logarithms as their owner would see them: a missing element is a part of the level he measured."""
+    missing = sum(item.values[0] for item in effects if item.name == MISSING_ELEMENT)
+    if missing == 0.0:
+        return logs
+    seen = logs.copy()
+    for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):
+        seen[row] = np.log(max(np.exp(logs[row]) + missing / force, 1.0e-3))
+    return seen
 
 
 def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Model) -> tuple[float, float]:
@@ -230,6 +260,8 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
         return 2.5 * nominal.friction.stribeck_velocity, np.inf
     if name == "frictional_lag" and parameter == "distance":
         return 0.05 * largest_reach(nominal.friction), np.inf
+    if parameter == "attraction_rate":  # slower than a recording can tell
+        return SLOWEST_LAG * nominal.friction.coulomb_force, np.inf
     if parameter in ("memory_distance", "distance", "gap"):
         return SHORTEST * largest_reach(nominal.friction), np.inf
     return -np.inf, np.inf

@@ -12,10 +12,14 @@ from sgms_observer.discrepancy.motion import Motion
 from sgms_observer.discrepancy.noise import Noise
 from sgms_observer.discrepancy.twins import twin_of
 
-FIRST = 0.5
-"""Share of the closable gap that the first effect has to close."""
+WHOLE = 0.5
+"""Share of the closable gap that all effects together have to close for any of them to be named."""
+SEVERAL = 0.8
+"""The same where there are several: what two wrong names close together is no proof of either."""
+STEP = 0.25
+"""Share of what is left that each of them has to close: two effects of one size close a part each."""
 FURTHER = 0.35
-"""Share of what is left that a further effect has to close."""
+"""The same for those after the first."""
 CLOSABLE = 1.06
 """There is something to close where the gap is this many times its floor."""
 FLOOR_TWINS = 3
@@ -55,7 +59,7 @@ class Gate:
         closure = self.closure(before, after)
         if closure is None:
             return is_first and not is_structural and self.gap(after) <= self.gap(before)
-        return closure > (FIRST if is_first else FURTHER)
+        return closure > (STEP if is_first else FURTHER)
 
 
 def gap_of(model: Model, motions: Sequence[Motion]) -> float:

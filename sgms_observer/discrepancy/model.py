@@ -27,8 +27,8 @@ SIDED = "asymmetric_coulomb"
 """The effect whose level hangs on the way each part of a step goes: at rest an encoder's flicker must not mix both."""
 SLIDES = 0.9
 """An element that carries this share of its limit slides."""
-MOST_KEPT = 4
-"""Simulations kept per motion: a parameter that leaves the contact alone needs no new one."""
+BY_LEVEL = ("frictional_lag",)
+"""Effects on the level that depend on the level itself."""
 
 MASS, VISCOUS, COULOMB, STATIC, KNEE = range(5)
 SHARED = ("mass", "viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity")
@@ -228,63 +228,91 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         fixed_friction: element friction of the model without level effects; when given, level effects scale it instead
             of being simulated again (for a first look at many effects).
     """
-    position, velocity, acceleration = motion.position, motion.velocity, motion.acceleration
-    first, second, effort, mass = motion.first, motion.second, motion.effort, model.mass
-    friction, n = model.friction, len(motion.position)
-    force: float | Floats = 0.0
+    friction = model.friction
     at_level = tuple(item for item in model.effects if effect(item.name).place is Place.LEVEL_FACTOR)
-    others = tuple(item for item in model.effects if item not in at_level)
-    has_position = False
-    if others:
+    seen = _seen(tuple(item for item in model.effects if item not in at_level), friction, motion)
+    sides = (1.0, 1.0)
+    for item in at_level:
+        if item.name == SIDED:
+            forward, backward = (float(asymmetric_coulomb(side, item.values)) for side in (1.0, -1.0))
+            sides = (sides[0] * forward, sides[1] * backward)
+    if fixed_friction is None:
+
+        def simulated() -> tuple[Floats, Floats]:
+            level = stribeck(friction, seen.position, motion.period)
+            factor = _factor(at_level, level, seen, motion)
+            return element_friction(
+                friction, seen.first, seen.second, motion.period, level * factor, sides, model.is_prompt
+            )
+
+        key = (replace(friction, viscous_coefficient=0.0), at_level, model.is_prompt)
+        is_kept = not seen.has_position and all(is_built_in(item.name) for item in at_level)
+        elements, stiffness = motion.kept("contact", key, simulated) if is_kept else simulated()
+        doubt = np.maximum(stiffness / sum(friction.element_stiffness), motion.creep)
+    else:
+        level = stribeck(friction, seen.position, motion.period)
+        elements = fixed_friction * _factor(at_level, level, seen, motion) * np.where(seen.velocity > 0.0, *sides)
+        doubt = np.zeros(0)
+    mass = model.mass + seen.added_mass
+    needed = mass * seen.acceleration + friction.viscous_coefficient * seen.velocity + elements + seen.force
+    return Prediction(seen.effort - needed, elements, doubt)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A motion as effects outside the contact leave it: true position, effort that arrives, added force and mass."""
+
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    first: Floats
+    second: Floats
+    effort: Floats
+    force: Floats
+    added_mass: float
+    has_position: bool
+
+
+def _seen(others: tuple[EffectSettings, ...], friction: FrictionSettings, motion: Motion) -> _Seen:
+    """Return a motion as effects outside the contact leave it; remembered, because many refits ask for the same."""
+
+    def made() -> _Seen:
+        position, velocity, acceleration = motion.position, motion.velocity, motion.acceleration
+        first, second, effort, n = motion.first, motion.second, motion.effort, len(motion.position)
         effects = CompiledEffects(others, motion.period)
         state = effects.initial_state()
         effort = effects.arrived_effort(effort, state)
-        has_position = effects.has_position
-        if has_position:
+        if effects.has_position:
             position = motion.smoothed(effects.corrected_position(motion.raw))
             velocity = np.gradient(position, motion.period)
             acceleration = second_difference(position, motion.period)
             first, second = split_at_reversals(without_flicker(position, PLAY * motion.resolution), motion.period)
-        mass += effects.added_mass
-        if effects.has_force_or_level:
-            level = stribeck(friction, position, motion.period)
-            force, _factor = effects.evaluate(
-                position, velocity, acceleration, motion.time, effort, np.full(n, motion.period), level, state,
-                motion.other_velocity, motion.other_acceleration,
-            )  # fmt: skip
-
-    def level_factor() -> tuple[Floats, Floats, tuple[float, float]]:
-        level = stribeck(friction, position, motion.period)
-        sided = [item for item in at_level if item.name == SIDED]
-        sides = (1.0, 1.0)
-        for item in sided:
-            one = [float(asymmetric_coulomb(side, item.values)) for side in (1.0, -1.0)]
-            sides = (sides[0] * one[0], sides[1] * one[1])
-        effects = CompiledEffects([item for item in at_level if item.name != SIDED], motion.period)
-        _force, factor = effects.evaluate(
-            position, velocity, acceleration, motion.time, effort, np.full(n, motion.period), level,
-            effects.initial_state(), motion.other_velocity, motion.other_acceleration,
+        force, _factor = effects.evaluate(
+            position, velocity, acceleration, motion.time, effort, np.full(n, motion.period),
+            stribeck(friction, position, motion.period), state, motion.other_velocity, motion.other_acceleration,
         )  # fmt: skip
-        return level, factor, sides
+        return _Seen(
+            position, velocity, acceleration, first, second, effort, force, effects.added_mass, effects.has_position
+        )
 
-    doubt = np.zeros(0)
-    if fixed_friction is None:
-        key = (replace(friction, viscous_coefficient=0.0), at_level, model.is_prompt)
-        known = None if has_position else motion.simulated.get(key)
-        if known is None:
-            level, factor, sides = level_factor()
-            known = element_friction(friction, first, second, motion.period, level * factor, sides, model.is_prompt)
-            if not has_position and all(is_built_in(item.name) for item in at_level):
-                while len(motion.simulated) >= MOST_KEPT:
-                    motion.simulated.pop(next(iter(motion.simulated), None), None)
-                motion.simulated[key] = known
-        elements, stiffness = known
-        doubt = np.maximum(stiffness / sum(friction.element_stiffness), motion.creep)
-    else:
-        _level, factor, sides = level_factor()
-        elements = fixed_friction * factor * np.where(velocity > 0.0, *sides)
-    needed = mass * acceleration + friction.viscous_coefficient * velocity + elements + force
-    return Prediction(effort - needed, elements, doubt)
+    return motion.kept("seen", others, made) if all(is_built_in(item.name) for item in others) else made()
+
+
+def _factor(at_level: tuple[EffectSettings, ...], level: Floats, seen: _Seen, motion: Motion) -> Floats:
+    """Return the factor of effects on the level, without the one that has two sides."""
+    wanted = tuple(item for item in at_level if item.name != SIDED)
+
+    def made() -> Floats:
+        effects = CompiledEffects(wanted, motion.period)
+        _force, factor = effects.evaluate(
+            seen.position, seen.velocity, seen.acceleration, motion.time, seen.effort,
+            np.full(len(level), motion.period), level, effects.initial_state(), motion.other_velocity,
+            motion.other_acceleration,
+        )  # fmt: skip
+        return factor
+
+    is_kept = not seen.has_position and all(is_built_in(item.name) and item.name not in BY_LEVEL for item in wanted)
+    return motion.kept("factor", wanted, made) if is_kept else made()
 
 
 def stribeck(friction: FrictionSettings, position: Floats, period: float) -> Floats:

@@ -6,9 +6,10 @@ mean of the efforts before and after it: it comes half a sample late. A drive th
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from sgms_observer.errors import DataError
 from sgms_observer.jit import njit
 
 Floats = NDArray[np.float64]
+Kept = TypeVar("Kept")
 
 WORKING_RATE = 1000.0
 """Records sampled faster are thinned to about this rate after the low-pass [Hz]."""
@@ -32,6 +34,8 @@ CREEP = 20.0
 """Slower than this many steps of the encoder's grid per sample the contact is judged by its stiffness."""
 HELD = 0.5
 """How late an effort arrives that is held from one sample to the next, in samples."""
+MOST_KEPT = 4
+"""Results kept per motion and kind: a parameter that leaves the contact alone needs no new simulation."""
 EDGE = 0.1
 """Time dropped at either end, where the low-pass has no past or future [s]."""
 
@@ -98,9 +102,26 @@ class Motion:
         count = fast_length(-(-(len(self.time) - 2 * drop) // self.thinning))
         return slice(drop, drop + count * self.thinning, self.thinning)
 
+    def kept(self, kind: str, key: Hashable, make: Callable[[], Kept]) -> Kept:
+        """Return what ``make`` gives, from memory if it was made for the same key lately.
+
+        Args:
+            kind: what is made; the last ``MOST_KEPT`` of each kind are remembered.
+            key: all it depends on beside this motion.
+            make: makes it.
+        """
+        memory: dict[Hashable, Kept] = self._memory.setdefault(kind, {})
+        found = memory.get(key)
+        if found is None:
+            found = make()
+            while len(memory) >= MOST_KEPT:
+                memory.pop(next(iter(memory), None), None)
+            memory[key] = found
+        return found
+
     @cached_property
-    def simulated(self) -> dict[Hashable, tuple[Floats, Floats]]:
-        """Latest simulations of the contact along this motion, see ``model.predict``."""
+    def _memory(self) -> dict[str, dict[Hashable, Any]]:
+        """What was made along this motion."""
         return {}
 
     @cached_property

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, believable, refit
-from sgms_observer.discrepancy.model import Model
+from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, believable, refit, told
+from sgms_observer.discrepancy.model import STATIC, VISCOUS, Model
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
@@ -26,19 +26,25 @@ CONTENDS = 0.7
 """Effects that take this share of what the best one takes in the first fit are fitted to the end and then compared,"""
 CONTENDERS = 4
 """at most this many."""
+BELIEVED = 2.5
+"""An effect that needs a friction parameter this many tolerances off"""
+DISBELIEF = 0.1
+"""loses this share of what it takes: its owner knows better than that."""
 POLISH = 9
 """Steps of that fit."""
 AT_END = 1.0e-6
 """A parameter lies at the end of its range when it is this near, relative to the end."""
 CLOSE = 0.01
 """Effects are alternatives that take less than the best one by no more than this share of it,"""
+CLOSE_KIN = 0.04
+"""by this share where the catalogue calls them easily confused,"""
 CLOSE_CHI2 = 10.0
 """plus this much in squared noise units,"""
 CLOSE_LEFT = 0.3
 """plus this share of what the best one leaves beyond noise: then its shape is not right either."""
 FIXED_SHAPES = {"cogging": (3, 4), **UNITS}
 """Parameters that are not free in a first fit: (effect, indices)."""
-WHOLE_RANGE = ("motion_share",)
+WHOLE_RANGE = ("motion_share", "attraction_rate")
 """Parameters that may well lie at an end of their range."""
 
 
@@ -85,13 +91,16 @@ def fitted(
     found = refit(judged, nominal, tolerance, effects, before.logs, fixed, 8, columns, limit)
     if start.name == "cogging":
         found = _with_second_harmonic(judged, nominal, tolerance, found, columns, limit)
-    return _candidate(judged, nominal, before, found)
+    return _candidate(judged, nominal, tolerance, before, found)
 
 
-def _candidate(judged: Judged, nominal: Model, before: Refit, found: Refit) -> Candidate:
+def _candidate(judged: Judged, nominal: Model, tolerance: float, before: Refit, found: Refit) -> Candidate:
     """Return a fit of one more effect than ``before`` with what it takes."""
     last = found.effects[-1]
     taken = 2.0 * (before.cost - found.cost) - math.log(len(found.residual)) * len(last.values)
+    moved = told(found.logs, nominal, found.effects)[VISCOUS : STATIC + 1]
+    if taken > 0.0 and np.max(np.abs(moved)) > BELIEVED * tolerance:
+        taken *= 1.0 - DISBELIEF
     return Candidate(last.name, found, taken, _at_bound(last, judged, nominal))
 
 
@@ -108,7 +117,7 @@ def polished(
     fixed = [(i, j) for i, e in enumerate(found.effects) for j in UNITS.get(e.name, ())]
     fixed += [(i, j) for i, e in enumerate(found.effects) if e.name == "cogging" and e.values[3] == 0.0 for j in (3, 4)]
     again = refit(judged, nominal, tolerance, found.effects, found.logs, fixed, POLISH, None, limit)
-    return _candidate(judged, nominal, before, again) if again.cost < found.cost else item
+    return _candidate(judged, nominal, tolerance, before, again) if again.cost < found.cost else item
 
 
 def _with_second_harmonic(
@@ -197,5 +206,11 @@ def alternatives(listed: Sequence[Candidate], left: float) -> tuple[str, ...]:
     """
     best = listed[0].taken
     listed = [listed[0], *(item for item in listed[1:] if not item.at_bound)]
-    nearest = best - CLOSE_CHI2 - CLOSE * best - CLOSE_LEFT * min(left, 0.3 * best)
-    return tuple(item.name for item in listed[1:] if item.taken > max(nearest, 0.0))
+    kin = effect(listed[0].name).confusable_with
+    found = []
+    for item in listed[1:]:
+        is_kin = item.name in kin or listed[0].name in effect(item.name).confusable_with
+        nearest = best - CLOSE_CHI2 - (CLOSE_KIN if is_kin else CLOSE) * best - CLOSE_LEFT * min(left, 0.3 * best)
+        if item.taken > max(nearest, 0.0):
+            found.append(item.name)
+    return tuple(found)

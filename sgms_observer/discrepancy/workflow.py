@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.discrepancy import audit
 from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, refit
-from sgms_observer.discrepancy.gate import Gate, floor_of
+from sgms_observer.discrepancy.gate import SEVERAL, WHOLE, Gate, floor_of
 from sgms_observer.discrepancy.model import KNEE, VISCOUS, Model, predict
 from sgms_observer.discrepancy.motion import HELD, Motion, motion_of
 from sgms_observer.discrepancy.name import Candidate, alternatives, candidates
@@ -30,7 +30,9 @@ Report = Callable[[str, float], None]
 
 MOST_EFFECTS = 3
 PROMPT = 10.0
-"""Fall of the cost from which sliding elements are taken to follow the Stribeck curve at once (``Model.is_prompt``)."""
+"""Fall of the cost from which sliding elements are taken to follow the Stribeck curve at once (``Model.is_prompt``),"""
+PROMPT_SHARE = 0.05
+"""and as a share of the cost."""
 LEAST_NOISE = 1.0e-3
 """Least rms noise of a measured force, as a share of the effort."""
 ALARM = 20.0
@@ -63,6 +65,12 @@ KIN = 0.3
 """A further effect that alone would have taken this share of what the first one took is of its kind,"""
 KIN_SHARE = 0.25
 """and has to take this share on top of it."""
+RETIMED = 0.01
+"""The effort's timing is read again once an effect is found, if it moves by this many samples."""
+LOUD = 1.2
+"""What exceeds the noise band by band is an alarm where the held-out gap, too, is this many times its floor."""
+WIDE = 2.5
+"""A held-out gap this many times its floor is no accident where an alarm was refused."""
 HARD = 1.2
 """Hard limit of parameters that have swallowed an effect, in tolerances."""
 BEYOND_BELIEF = 2.5
@@ -196,7 +204,7 @@ def diagnose(
     found = refit(judged, fine, tolerance, own, None, kept(own), 6)
     if fine.friction.model != "gms":
         prompt = refit(judged, replace(fine, is_prompt=True), tolerance, own, found.logs, kept(own), 4)
-        if prompt.cost < found.cost - PROMPT:
+        if prompt.cost < found.cost - max(PROMPT, PROMPT_SHARE * found.cost):
             fine, nominal, found = (*(replace(model, is_prompt=True) for model in (fine, nominal)), prompt)
     for _ in range(2):
         moved = timing(judged, found, lag)
@@ -244,6 +252,7 @@ def diagnose(
             if scores[name] > raised * alarm_threshold(name, calibration) and gains[name][0] > ALARM_GAIN
         ]
         is_loud = now.sum() > 0.0 and resolution is None and bool(names)
+        is_loud = is_loud and gate.gap(current.model) > LOUD * gate.floor
         if not (strong or is_loud) or number == MOST_EFFECTS:
             rounds.append(Round(screen, scores, (), now, now, False, ()))
             break
@@ -256,6 +265,16 @@ def diagnose(
         best = step.listed[0].refit
         judged = judged_with(motions, best.model)
         current = refit(judged, fine, tolerance, best.effects, best.logs, kept(best.effects), 3, None, limit)
+        moved = timing(judged, current, lag)
+        if abs(moved - lag) > RETIMED:
+            lag = moved
+            motions = tuple(motion_of(record, lag) for record in records)
+            held_out = tuple(motion_of(record, lag) for record in holdouts)
+            gate = replace(gate, motions=held_out or motions)
+            judged = judged_with(motions, current.model)
+            current = refit(
+                judged, fine, tolerance, current.effects, current.logs, kept(current.effects), 4, None, limit
+            )
         names = [name for name in names if name != step.listed[0].name]
     assert calibration is not None
     report("refit of the model as it is", 0.9)
@@ -277,7 +296,7 @@ def diagnose(
         )
     is_clear = len(current.effects) == len(own) and resolution is None
     deviation = None if not is_clear else named_deviation(nominal, after, tolerance)
-    verdict = _verdict(rounds, current, deviation, resolution, is_poor)
+    verdict = _verdict(rounds, current, deviation, resolution, is_poor, gate, found)
     return Diagnosis(
         verdict, nominal, own, before, after, tuple(rounds), calibration, deviation, resolution, judged, motions,
         held_out, tuple(notes), limit, gate,
@@ -354,7 +373,13 @@ def _is_acceptable(best: Candidate, after: Floats, rounds: Sequence[Round]) -> b
 
 
 def _verdict(
-    rounds: Sequence[Round], current: Refit, deviation: Deviation | None, resolution: float | None, is_poor: bool
+    rounds: Sequence[Round],
+    current: Refit,
+    deviation: Deviation | None,
+    resolution: float | None,
+    is_poor: bool,
+    gate: Gate,
+    found: Refit,
 ) -> str:
     """Return the verdict of the whole run."""
     if is_poor:
@@ -365,8 +390,14 @@ def _verdict(
         left = float(rounds[-1].excess_before.sum()) if rounds[0].excess_before.sum() > 0.0 else 0.0
         if total / (total + left) < CLOSES:
             return "unknown_effect"
+        closure = gate.closure(found.model, current.model)
+        if closure is not None and closure <= (WHOLE if len(accepted) == 1 else SEVERAL):
+            return "unknown_effect"
         return "ambiguous" if any(item.alternatives for item in accepted) else "effect_found"
-    if any(item.listed and item.excess_before.sum() > 0.0 for item in rounds):
+    is_wide = gate.gap(current.model) > WIDE * gate.floor and any(
+        score > ALARM for item in rounds for name, score in item.scores.items() if name not in STRUCTURAL_ALARM
+    )
+    if any(item.listed and (is_wide or item.excess_before.sum() > 0.0) for item in rounds):
         return "unknown_effect"
     if deviation is not None:
         return "ambiguous" if deviation.alternatives else "effect_found"

@@ -154,7 +154,9 @@ def effects_step(
         elif kind == CROSS_AXIS_COUPLING:
             force += _cross_axis_coupling(v2, a2, p)
         elif kind == PRESLIDING:
-            s[0] = _presliding_next(v, h, s, p)[0]
+            early, late = _presliding_next(v, h, s, p)
+            s[0] = early
+            s[1] = late
             force += _presliding(s, p)
         elif kind == FLEXIBLE_MODE:
             deflection, rate = _flexible_mode_next(a, h, s, p)

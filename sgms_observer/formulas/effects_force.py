@@ -66,14 +66,21 @@ def mass_error(a, p):
 
 
 def presliding(s, p):
-    """Force of a friction element the model lacks [N]; p: force, distance. State: force over its limit, -1..1."""
-    return p[0] * s[0]
+    """Force of slip elements the model lacks [N]; p: force, distance. State: force over limit, -1..1, of each."""
+    return 0.5 * p[0] * (s[0] + s[1])
 
 
 def presliding_next(v, h, s, p):
-    """Advance the missing element (Dahl 1968), exact for any displacement v h of the step; p: force, distance."""
-    keep = math.exp(-math.fabs(v) * h / p[1])
-    return (s[0] * keep + v / (math.fabs(v) + 1.0e-12) * (1.0 - keep),)
+    """Advance two missing elements that slip at half and at one and a half times the distance; p: force, distance.
+
+    They keep the force of a large motion through any number of small ones (nonlocal memory), as a real contact does.
+    """
+    early = s[0] + 2.0 * v * h / p[1]
+    late = s[1] + 2.0 / 3.0 * v * h / p[1]
+    return (
+        0.5 * (math.fabs(early + 1.0) - math.fabs(early - 1.0)),
+        0.5 * (math.fabs(late + 1.0) - math.fabs(late - 1.0)),
+    )
 
 
 def flexible_mode(s, p):
