@@ -35,7 +35,7 @@ def build_parser(wanted: str | None) -> SentenceParser:
     """Return the parser of the whole command line.
 
     Args:
-        wanted: the command that will run, whose arguments alone are then declared; None for all.
+        wanted: the command that will run, which alone is then declared; None for all.
     """
     parser = SentenceParser(
         prog="sgms", description="Friction observer on the (Smoothed) Generalized Maxwell-Slip model."
@@ -44,7 +44,6 @@ def build_parser(wanted: str | None) -> SentenceParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, missing in registry.COMMANDS.items():
         if wanted is not None and name != wanted:
-            commands.add_parser(name)
             continue
         command = registry.load(name)
         if command is None:

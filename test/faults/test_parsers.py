@@ -88,7 +88,7 @@ def yaml_files(folder: Path) -> Iterator[Case]:
             text = "".join(chance.choices(WORDS, k=chance.randint(0, 30)))
         else:
             text = slip(chance, chance.choice(shipped), 2)
-        path.write_text(text, encoding="utf-8", errors="surrogatepass")
+        _rewrite(path, text.encode("utf-8", "surrogatepass"))
         yield lambda: load.load_settings(path, catalogue=lambda files: known)
 
 
@@ -140,7 +140,7 @@ def mcap_bags(folder: Path) -> Iterator[Case]:
     whole = file.read_bytes()
     for chance in chances():
         data = damage(chance, whole)
-        file.write_bytes(_with_check_sums(data) if chance.random() < 0.5 else data)
+        _rewrite(file, _with_check_sums(data) if chance.random() < 0.5 else data)
         yield lambda: list(read_samples(file.parent, "x", 1e-3))
 
 
@@ -161,7 +161,7 @@ def sqlite_bags(folder: Path) -> Iterator[Case]:
     file = _bag(folder, "sqlite3")
     whole = file.read_bytes()
     for chance in chances():
-        file.write_bytes(damage(chance, whole))
+        _rewrite(file, damage(chance, whole))
         yield lambda: list(read_samples(file.parent, "x", 1e-3))
 
 
@@ -175,7 +175,7 @@ def bag_metadata(folder: Path) -> Iterator[Case]:
     lines = [line for line in metadata.read_text().splitlines() if "offered_qos" not in line and len(line) < 120]
     text = "\n".join(lines[:14])
     for chance in chances():
-        metadata.write_text(slip(chance, text), encoding="utf-8", errors="surrogatepass")
+        _rewrite(metadata, slip(chance, text).encode("utf-8", "surrogatepass"))
         yield lambda: list(read_samples(path, "x", 1e-3))
 
 
@@ -187,7 +187,7 @@ def csv_files(folder: Path) -> Iterator[Case]:
     maps = ({"time": "t", "position": "x"}, {"time": "1", "position": "2*3", "control_effort": "3*1e3"})
     path = folder / "any.csv"
     for chance in chances():
-        path.write_bytes(damage(chance, chance.choice(good)))
+        _rewrite(path, damage(chance, chance.choice(good)))
         wanted = chance.choice(maps)
         yield lambda wanted=wanted: read_table(path, wanted)
 
@@ -202,7 +202,7 @@ def mat_files(folder: Path) -> Iterator[Case]:
         savemat(path, content if "format" in options else {**content, "s": {"u": np.ones(5)}}, **options)
         good.append(path.read_bytes())
     for chance in chances():
-        path.write_bytes(damage(chance, chance.choice(good)))
+        _rewrite(path, damage(chance, chance.choice(good)))
         yield lambda: read_table(path, {"time": "t", "position": "x", "control_effort": "s.u"})
 
 
@@ -246,6 +246,12 @@ PARSERS = (
     yaml_files, node_arguments, joint_states, diagnostics, mcap_bags, sqlite_bags, bag_metadata, csv_files, mat_files,
     column_maps, command_lines,
 )  # fmt: skip
+
+
+def _rewrite(path: Path, data: bytes) -> None:
+    """Write a file anew; a file that is cut to nothing first is put on the disk at once, which takes milliseconds."""
+    path.unlink(missing_ok=True)
+    path.write_bytes(data)
 
 
 def chances() -> Iterator[random.Random]:
