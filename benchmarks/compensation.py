@@ -221,24 +221,28 @@ def random_axis(case: int, reference: ReferenceSettings) -> AxisSettings:
     return replace(base, stage=stage, stage_friction=friction)
 
 
-def random_case(case: int) -> dict[str, Any]:
+def random_case(case: int, gain: float) -> dict[str, Any]:
     """Return the figures of one random stage, both references."""
     out: dict[str, Any] = {"case": case}
     for reference, duration in ((SINE, 0.7), (POINT_TO_POINT, 1.3)):
         axis = random_axis(case, reference)
+        axis = replace(axis, compensation=replace(axis.compensation, gain=gain))
         without, compensated = figures(run(axis, duration, None)), figures(run(axis, duration, observed(axis)))
         out[reference.kind] = {"without": vars(without), "with": vars(compensated)}
     return out
 
 
-def random_table(cases: int, processes: int) -> dict[str, Any]:
+def random_table(cases: int, processes: int, gain: float) -> dict[str, Any]:
     """Print and return how often compensation makes it worse or rings, over random stages."""
     if processes > 1:
         with ProcessPoolExecutor(processes) as pool:
-            rows = list(pool.map(random_case, range(cases)))
+            rows = list(pool.map(random_case, range(cases), [gain] * cases))
     else:
-        rows = [random_case(case) for case in range(cases)]
-    print(f"\n{cases} random stages (seeds 0 to {cases - 1}): friction, kappa and mass +-20 %, bandwidth 50 to 150 Hz")
+        rows = [random_case(case, gain) for case in range(cases)]
+    print(
+        f"\n{cases} random stages (seeds 0 to {cases - 1}), gain {gain:g}: friction, kappa and mass +-20 %, bandwidth"
+        " 50 to 150 Hz"
+    )
     worse, ringing = set(), set()
     for kind in ("sine", "point_to_point"):
         ratios = np.array([row[kind]["without"]["rms"] / row[kind]["with"]["rms"] for row in rows])
@@ -262,12 +266,14 @@ def main() -> int:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=200)
+    parser.add_argument("--gain", type=float, default=0.9, help="of the random stages")
+    parser.add_argument("--random-only", action="store_true", help="leave the comparison with peers out")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--json", metavar="FILE")
     args = parser.parse_args()
-    results = {"nominal": peers_table(), "delay": delay_table()}
+    results = {} if args.random_only else {"nominal": peers_table(), "delay": delay_table()}
     if args.cases:
-        results["random"] = random_table(args.cases, args.processes)
+        results["random"] = random_table(args.cases, args.processes, args.gain)
     if args.json:
         Path(args.json).write_text(json.dumps(results, indent=1), encoding="utf-8")
     return 0

@@ -165,8 +165,8 @@ def compare(result: Identification, true: Parameters) -> list[dict[str, Any]]:
             "estimate": total,
             "true": true_total,
             "error_percent": error,
-            "half_width_percent": float("nan"),
-            "shown": True,
+            "half_width_percent": 100.0 * sure.coulomb_half_width / true_total,
+            "shown": sure.coulomb_half_width <= 0.05 * total,
         }
     )
     return rows
@@ -182,7 +182,8 @@ def main() -> int:
     parser.add_argument("--model", choices=("sgms", "gms"), default="sgms")
     parser.add_argument("--json", metavar="FILE")
     args = parser.parse_args()
-    tables = [judge(number, args.model, 1.0 / args.rate, args.cutoff) for number in range(args.first, args.first + args.tables)]
+    numbers = range(args.first, args.first + args.tables)
+    tables = [judge(number, args.model, 1.0 / args.rate, args.cutoff) for number in numbers]
     shown = [row for table in tables for row in table["rows"] if row["shown"]]
     inside = [row for row in shown if abs(row["error_percent"]) <= 5.0]
     told = [row for table in tables for row in table["rows"]]

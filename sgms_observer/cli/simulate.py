@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sgms_observer.bags.writer import BagWriter
-    from sgms_observer.observer.samples import Estimates
+    from sgms_observer.observer.samples import Estimates, Floats
     from sgms_observer.settings.axis import Settings
     from sim_plant.record import StageRecord
     from sim_plant.table import SimulatedTable
@@ -24,6 +24,7 @@ START_NS = 1_000_000_000
 """Stamp of the first sample [ns]: fixed, so that the same command gives the same bag; not 0, which means no stamp."""
 
 _SAMPLES_PER_BLOCK = 1024
+_SETTLING = 0.5  # s at the start of a run of a second or more that no error counts in: stage and observer settle
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,7 +72,9 @@ def run(args: argparse.Namespace) -> int:
     seeds = ", ".join(f"{stage.axis.name}: {stage.axis.stage.seed}" for stage in table.stages)
     duration = count * settings.sample_period
     print(f"simulating {count} samples of {', '.join(table.names)}, {duration:g} s; seeds {seeds}")
-    errors = _Errors(table.names)
+    other = _without_compensation(settings, args.seed) if args.observe else None
+    settling = round(_SETTLING / settings.sample_period) if duration >= 1.0 else 0
+    errors = _Errors(table.names, settling, other is not None)
     start = time.perf_counter()
     with BagWriter(args.out, args.storage) as bag, Progress("simulate", count) as progress:
         done = 0
@@ -80,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
             _write_records(bag, table.names, records)
             if estimates:
                 _write_estimates(bag, table.names, estimates, done, settings.publish_every)
-            errors.add(records, estimates)
+            errors.add(records, estimates, other.step(len(records[0])) if other else ())
             done += len(records[0])
             progress.show(done)
     seconds = time.perf_counter() - start
@@ -99,6 +102,15 @@ def _observed(settings: Settings, table: SimulatedTable) -> TableStep:
     observers = [AxisObserver(axis, settings.sample_period).step for axis in settings.axes]
     has_feedback = any(axis.compensation.enabled and axis.stage.accept_compensation for axis in settings.axes)
     return ClosedLoop(table, observers, has_feedback).step
+
+
+def _without_compensation(settings: Settings, seed: int | None) -> SimulatedTable | None:
+    """Return the same table for comparison, if the compensation reaches it at all."""
+    from sim_plant.table import SimulatedTable
+
+    if not any(axis.compensation.enabled and axis.stage.accept_compensation for axis in settings.axes):
+        return None
+    return SimulatedTable(settings, START_NS, seed)
 
 
 def _write_records(bag: BagWriter, names: Sequence[str], records: Sequence[StageRecord]) -> None:
@@ -140,33 +152,74 @@ def _write_estimates(
 
 
 class _Errors:
-    """Root mean squares of the tracking error and, with an observer, of the friction error."""
+    """Tracking error and, with an observer, friction error of every axis; the first ``_SETTLING`` does not count.
 
-    def __init__(self, names: Sequence[str]) -> None:
+    Args:
+        names: of the axes.
+        first: samples that do not count.
+        has_other: whether the same stage without compensation runs beside it.
+    """
+
+    def __init__(self, names: Sequence[str], first: int, has_other: bool) -> None:
         self._names = names
-        self._count = 0
-        self._tracking = [0.0] * len(names)
-        self._friction: list[float] | None = None
+        self._skip = first
+        self._tracking = [_Size() for _ in names]
+        self._without = [_Size() for _ in names] if has_other else []
+        self._friction = [_Size() for _ in names]
 
-    def add(self, records: Sequence[StageRecord], estimates: Sequence[Estimates]) -> None:
-        """Take in one block of every axis."""
-        self._count += len(records[0])
-        for i, record in enumerate(records):
-            self._tracking[i] += float(((record.position - record.reference_position) ** 2).sum())
-        if estimates:
-            self._friction = self._friction or [0.0] * len(self._names)
-            for i, (record, estimate) in enumerate(zip(records, estimates, strict=True)):
-                self._friction[i] += float(((record.friction - estimate.friction) ** 2).sum())
+    def add(
+        self, records: Sequence[StageRecord], estimates: Sequence[Estimates], others: Sequence[StageRecord]
+    ) -> None:
+        """Take in one block of every axis, and of every axis without compensation."""
+        counts = slice(min(self._skip, len(records[0])), None)
+        self._skip -= counts.start
+        for sizes, blocks in ((self._tracking, records), (self._without, others)):
+            for size, record in zip(sizes, blocks, strict=False):
+                size.add((record.position - record.reference_position)[counts])
+        for size, record, estimate in zip(self._friction, records, estimates, strict=False):
+            size.add((record.friction - estimate.friction)[counts])
 
     def lines(self) -> list[str]:
         """Return one line per axis, for people."""
         lines = []
         for i, name in enumerate(self._names):
-            line = f"{name}: tracking error {1e6 * math.sqrt(self._tracking[i] / self._count):.3g} um rms"
-            if self._friction is not None:
-                line += f", friction estimate {math.sqrt(self._friction[i] / self._count):.3g} N rms off the truth"
+            size = self._tracking[i]
+            line = f"{name}: tracking error {1e6 * size.rms:.3g} um rms, {1e6 * size.peak:.3g} um peak"
+            if self._without:
+                other = self._without[i]
+                line += (
+                    f"; without compensation {1e6 * other.rms:.3g} um rms, {1e6 * other.peak:.3g} um peak:"
+                    f" {_ratio(other.rms, size.rms)} and {_ratio(other.peak, size.peak)} times as large"
+                )
+            if self._friction[i].count:
+                line += f"; friction estimate {self._friction[i].rms:.3g} N rms off the truth"
             lines.append(line)
         return lines
+
+
+class _Size:
+    """How large an error is: sum of squares and largest magnitude."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.peak = 0.0
+        self._squares = 0.0
+
+    def add(self, error: Floats) -> None:
+        """Take in a block of errors."""
+        self.count += len(error)
+        self._squares += float(error @ error)
+        self.peak = max(self.peak, float(abs(error).max(initial=0.0)))
+
+    @property
+    def rms(self) -> float:
+        """Return the root mean square."""
+        return math.sqrt(self._squares / max(1, self.count))
+
+
+def _ratio(first: float, second: float) -> str:
+    """Return how many times as large the first number is."""
+    return f"{first / second:.1f}" if second > 0.0 else "inf"
 
 
 def _seconds(text: str) -> float:

@@ -179,9 +179,14 @@ def identification_answer(result: Identification, axis: AxisSettings, sample_per
         changes["friction.attraction_rate"] = _rounded(scalars[RATE] * coulomb)
     _with_offset(axis, float(scalars[OFFSET]), changes)
     if DELAY not in result.frozen:
-        changes["compensation.look_ahead"] = _rounded(min(max(float(scalars[DELAY]), 0.0) + sample_period, 0.1))
+        changes["compensation.look_ahead"] = _rounded(min(_look_ahead(float(scalars[DELAY]), sample_period), 0.1))
     rows = _rows(result)
     return Answer(changes, _remarks(rows, result), rows, _summary(result, axis))
+
+
+def _look_ahead(delay: float, sample_period: float) -> float:
+    """Return the time from a sample to the middle of the interval in which its compensation acts, the next one [s]."""
+    return sample_period + max(delay, 0.5 * sample_period)
 
 
 def _fractions(shares: Any) -> list[float]:
@@ -200,8 +205,7 @@ def _rows(result: Identification) -> tuple[Row, ...]:
     widths = sure.half_width
     wide = [float("nan") if index in result.frozen else float(widths[index]) for index in range(len(widths))]
     shown = sure.is_shown
-    forces = widths[ELEMENTS + n_z :]
-    coulomb_width = float(sum(width**2 for width in forces)) ** 0.5
+    coulomb_width = sure.coulomb_half_width
     static_width = math.hypot(coulomb_width * scalars[RHO], coulomb * wide[RHO])
     slow = "slide slower than the Stribeck velocity"
     small = "reverse by less than a micrometre, many times"
@@ -254,7 +258,8 @@ def _remarks(rows: Sequence[Row], result: Identification) -> dict[str, str]:
     if DELAY not in result.frozen:
         delay = next(row for row in rows if row.name == "delay")
         remarks["compensation.look_ahead"] = (
-            f"s; effort reaches the motion after {delay.value:.2g} s +- {delay.half_width:.1g}, plus one sample"
+            f"s; effort reaches the motion after {delay.value:.2g} s +- {delay.half_width:.1g}, at least half a sample;"
+            " plus one sample"
         )
     return remarks
 

@@ -45,12 +45,14 @@ class Confidence:
         std_error: statistical standard deviation; NaN for entries that were held fixed.
         systematic: how far the estimate moves with the preparation; NaN for entries that were held fixed.
         half_width: half the 95 % interval, both sources together; infinite where the data are blind.
+        coulomb_half_width: half the 95 % interval of the elements' summed force [N], which is known better than each.
         is_shown: whether this recording shows the parameter within ``SHOWN_WITHIN``.
     """
 
     std_error: Floats
     systematic: Floats
     half_width: Floats
+    coulomb_half_width: float
     is_shown: Booleans
 
 
@@ -78,20 +80,25 @@ def judge(
     residuals = [residual[mask] for (residual, _), mask in zip(pairs, masks, strict=True)]
     jacobians = [jacobian[mask][:, chosen] for (_, jacobian), mask in zip(pairs, masks, strict=True)]
     clusters = [number[mask] for number, mask in zip(chunk_numbers(data, _CLUSTERS), masks, strict=True)]
-    by_lag = np.diag(least_squares_covariance(jacobians, residuals))
-    by_cluster = np.diag(
-        clustered_covariance(np.concatenate(jacobians), np.concatenate(residuals), np.concatenate(clusters))
+    covariances = (
+        least_squares_covariance(jacobians, residuals),
+        clustered_covariance(np.concatenate(jacobians), np.concatenate(residuals), np.concatenate(clusters)),
     )
+    steps = [step_to(other, rows, parameters, shape, chosen) for other, rows in others]
     std_error = np.full(len(value), np.nan)
-    std_error[chosen] = np.sqrt(np.maximum(by_lag, by_cluster))
+    std_error[chosen] = np.sqrt(np.max([np.diag(covariance) for covariance in covariances], axis=0))
     systematic = np.full(len(value), np.nan)
-    systematic[chosen] = sum(np.abs(step_to(other, rows, parameters, shape, chosen)) for other, rows in others)
+    systematic[chosen] = np.sum(np.abs(steps), axis=0)
+    together = np.array([float(index >= ELEMENTS + parameters.count) for index in chosen])
+    variance = max(float(together @ covariance @ together) for covariance in covariances)
+    coulomb = _QUANTILE * np.sqrt(variance) + sum(abs(float(together @ step)) for step in steps)
+    coulomb = float(coulomb) if np.isfinite(coulomb) else np.inf
     half_width = _QUANTILE * std_error + systematic
     half_width = np.where(np.isfinite(half_width), half_width, np.inf)
     allowed = SHOWN_WITHIN * np.abs(value)
     allowed[OFFSET] = max(allowed[OFFSET], _OFFSET_SHARE * float(parameters.level.sum()))
     allowed[DELAY] = max(allowed[DELAY], _DELAY_PRECISION)
-    return Confidence(std_error, systematic, half_width, half_width <= allowed)
+    return Confidence(std_error, systematic, half_width, coulomb, half_width <= allowed)
 
 
 def step_to(

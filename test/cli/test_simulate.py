@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -91,6 +92,23 @@ def test_observer_in_the_loop_writes_its_topics(
     assert np.abs(total).max() > 2.0
     assert not read_joint_states(tmp_path / "bag", "friction_compensation").effort.any()
     assert (read_joint_states(tmp_path / "bag", "friction_std").effort[100:] > 0.0).all()
+
+
+def test_compensation_is_compared_with_the_same_stage_without_it(
+    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    switched_on = "      mass: 3.0\n      compensation: {enabled: true, look_ahead: 1.5e-3}\n"
+    config.write_text(TWO_AXES.replace("      mass: 3.0\n", switched_on), encoding="utf-8")
+    assert simulate(config, tmp_path / "off") == 0
+    without = re.findall(r"([\d.]+ um rms, [\d.]+ um peak)", capsys.readouterr().out)
+    assert simulate(config, tmp_path / "on", "--observe") == 0
+    x, y = [line for line in capsys.readouterr().out.splitlines() if "tracking error" in line]
+    assert f"without compensation {without[0]}" in x
+    assert f"tracking error {without[1]}; without compensation {without[1]}: 1.0 and 1.0 times as large" in y
+    table = SimulatedTable(load_settings(config), 1_000_000_000)
+    record = table.step(1500)[0]
+    error = (record.position - record.reference_position)[500:]  # the first half second does not count
+    assert without[0].startswith(f"{1e6 * np.sqrt(np.mean(error**2)):.3g} um rms")
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,13 @@ from sgms_observer.identification.excitation import ExcitationLimits, build_exci
 from sgms_observer.identification.identify import Identification, IdentifyOptions, force_error, identify
 from sgms_observer.identification.problem import ELEMENTS, RELAXATION, Parameters
 from sgms_observer.identification.recording import Recording, recordings_from_samples
+from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
 from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.stage import ControllerSettings, EncoderSettings, ReferenceSettings, StageSettings
+from sgms_observer.settings.write import write_settings
+from sim_plant.closed_loop import ClosedLoop
 from sim_plant.table import SimulatedTable
 
 PERIOD = 2.5e-4
@@ -141,6 +145,26 @@ def test_the_answer_makes_a_valid_axis_with_remarks(result: Identification) -> N
     assert answer.changes["effects.offset.force"] == pytest.approx(-0.4, abs=0.02)
     assert "95 %" in answer.remarks["mass"]
     assert {row.name for row in answer.rows} >= {"mass", "delay", "friction.element_stiffness[1]"}
+
+
+def test_the_answer_compensates(result: Identification, period: float, tmp_path: Path) -> None:
+    """The whole way: the file that identification writes, loaded as it is, makes the table follow better."""
+    settings = Settings(axes=(START,), sample_period=period)
+    answer = identification_answer(result, START, period)
+    path = tmp_path / "identified.yaml"
+    every = max(1, round(2e-3 / period))
+    changes = {**answer.changes, "compensation.enabled": True, "estimator.correction_every": every}
+    write_settings(settings, path, {START.name: changes}, {})
+    found = load_settings(path).axes[0]
+    stage = replace(TRUE.stage, mass=TRUE.mass, reference=ReferenceSettings())
+    axis = replace(found, stage=stage, stage_friction=TRUE.friction, stage_effects=TRUE.effects)
+    sizes = []
+    for has_feedback in (True, False):
+        table = SimulatedTable(Settings(axes=(axis,), sample_period=period))
+        record = ClosedLoop(table, [AxisObserver(axis, period).step], has_feedback).step(round(1.0 / period))[0][0]
+        error = (record.position - record.reference_position)[record.time > 0.3]
+        sizes.append(float(np.sqrt(np.mean(error**2))))
+    assert sizes[0] < sizes[1] / 5.0
 
 
 def test_a_recording_without_reversals_says_so() -> None:
