@@ -49,7 +49,7 @@ def test_augmented_settings_load_and_hold_the_effect(case: tuple[CasePaths, Path
 def test_report_is_self_contained(case: tuple[CasePaths, Path]) -> None:
     page = (case[1] / "report.html").read_text()
     assert "cogging" in page and "What these recordings could not show" in page
-    assert "src=\"http" not in page and "href=\"http" not in page
+    assert 'src="http' not in page and 'href="http' not in page
 
 
 def test_report_reads_well_in_a_browser(case: tuple[CasePaths, Path], browser: Browser) -> None:

@@ -104,9 +104,18 @@ def test_alternatives_need_to_come_close() -> None:
     motion = motion_of(record(duration=6.0))
     model = Model.of(AXIS)
     any_fit = refit(judged_with((motion,), model), model, 0.05, iterations=0)
-    listed = [Candidate(name, any_fit, taken, ()) for name, taken in (("a", 1000.0), ("b", 995.0), ("c", 700.0))]
-    assert alternatives(listed, 0.0) == ("b",)
-    assert alternatives(listed, 1000.0) == ("b",)
+    taken = {
+        "offset": 1000.0,
+        "cogging": 995.0,
+        "asymmetric_coulomb": 970.0,
+        "quadratic_drag": 970.0,
+        "stribeck": 700.0,
+    }
+    listed = [Candidate(name, any_fit, value, ()) for name, value in taken.items()]
+    assert alternatives(listed, 0.0) == ("cogging", "asymmetric_coulomb")  # the second is easily taken for an offset
+    assert alternatives(listed, 1000.0) == ("cogging", "asymmetric_coulomb", "quadratic_drag")
+    at_end = [listed[0], Candidate("asymmetric_coulomb", any_fit, 999.0, ("share",))]
+    assert alternatives(at_end, 0.0) == ()
 
 
 def test_residual_of_the_truth_is_noise() -> None:

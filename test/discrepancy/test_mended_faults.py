@@ -1,0 +1,132 @@
+"""Faults that blind cases and the plainest use have shown, each by itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from workflow_case import AXIS, FRICTION, PERIOD, record
+
+from sgms_observer.discrepancy.fit import believable, refit, told
+from sgms_observer.discrepancy.gate import FURTHER, STEP, Gate, floor_of, gap_of
+from sgms_observer.discrepancy.model import COULOMB, STATIC, Model, element_friction, predict
+from sgms_observer.discrepancy.motion import HELD, fast_length, later, motion_of
+from sgms_observer.discrepancy.name import Candidate, fitted, polished
+from sgms_observer.discrepancy.record import Record
+from sgms_observer.discrepancy.screen import Screen
+from sgms_observer.discrepancy.timing import timing
+from sgms_observer.discrepancy.workflow import judged_with
+from sgms_observer.settings.axis import EffectSettings
+
+MODEL = Model.of(AXIS)
+
+
+def test_each_way_has_its_own_level_and_flicker_at_rest_stays_at_one() -> None:
+    sides = (1.2, 0.8)
+    travel = np.concatenate([np.full(400, 2e-6), np.full(800, -2e-6)])
+    level = np.full(len(travel), 4.0)
+    friction, _ = element_friction(FRICTION, np.zeros(len(travel)), travel, PERIOD, level, sides)
+    assert friction[399] == pytest.approx(4.8, rel=0.03)
+    assert friction[-1] == pytest.approx(-3.2, rel=0.03)
+    flicker = np.concatenate([np.full(400, 2e-6), np.tile([-1e-9, 1e-9], 1000)])
+    friction, _ = element_friction(FRICTION, np.zeros(len(flicker)), flicker, PERIOD, np.full(len(flicker), 4.0), sides)
+    assert friction[-1] == pytest.approx(friction[399], rel=0.04)  # what S-GMS itself loses
+
+
+def test_an_element_that_follows_at_once_has_the_level_of_now() -> None:
+    travel = np.full(600, 2e-7)
+    level = np.where(np.arange(600) < 500, 4.0, 3.0)
+    prompt, _ = element_friction(FRICTION, np.zeros(600), travel, PERIOD, level, (1.0, 1.0), True)
+    slow, _ = element_friction(FRICTION, np.zeros(600), travel, PERIOD, level)
+    assert prompt[500] == pytest.approx(3.0, rel=0.03)
+    assert slow[500] > 3.3
+
+
+def test_an_effort_that_is_not_held_is_seen_and_a_delay_is_not_swallowed() -> None:
+    held = record()
+    for late, expected in ((0.0, HELD), (-HELD, 0.0), (0.05, HELD + 0.05), (0.4, HELD)):
+        arrived = later(held.effort, HELD)
+        shifted = Record("test", PERIOD, held.position, later(arrived, -late) if late <= 0.0 else arrived)
+        # read with no lag, the recording needs HELD; an effort published ``late`` samples too early needs more
+        motion = motion_of(shifted, 0.0)
+        effort = motion.effort if late <= 0.0 else later(motion.effort, -late)
+        motion = replace(motion, effort=effort)
+        judged = judged_with((motion,), MODEL)
+        found = refit(judged, MODEL, 0.05, iterations=3)
+        assert timing(judged, found, HELD) == pytest.approx(HELD + late if abs(late) < 0.1 else expected, abs=0.03)
+
+
+def test_offset_and_asymmetric_coulomb_are_told_apart_after_the_full_refit() -> None:
+    for name, value in (("offset", 0.6), ("asymmetric_coulomb", 0.15)):
+        hidden = EffectSettings(name, (value,))
+        motion = motion_of(record((hidden,)))
+        judged = judged_with((motion,), MODEL)
+        before = refit(judged, MODEL, 0.05, iterations=5)
+        columns = Screen(judged, before, 0.05, ()).nominal_columns
+        taken = {}
+        for start in (EffectSettings("offset", (0.5,)), EffectSettings("asymmetric_coulomb", (0.1,))):
+            first: Candidate = fitted(judged, MODEL, 0.05, before, start, columns)
+            taken[start.name] = polished(judged, MODEL, 0.05, before, first, None)
+        best = max(taken.values(), key=lambda item: item.taken)
+        assert best.name == name
+        assert best.refit.effects[0].values[0] == pytest.approx(value, rel=0.05)
+
+
+def test_a_small_value_of_a_parameter_with_a_wide_range_is_not_at_its_end() -> None:
+    travel = float(np.sum(np.abs(np.diff(motion_of(record()).position))))
+    wear = EffectSettings("wear_step", (0.2, 0.5 * travel, 0.02 * travel))
+    motion = motion_of(record((wear,)))
+    judged = judged_with((motion,), MODEL)
+    before = refit(judged, MODEL, 0.05, iterations=2)
+    columns = Screen(judged, before, 0.05, ()).nominal_columns
+    assert 0.02 * travel < 1e-9 * 1e7  # the width lies within a billionth of its range from zero
+    assert "width" not in fitted(judged, MODEL, 0.05, before, wear, columns).at_bound
+
+
+def test_a_spring_does_not_rest_far_outside_the_stroke() -> None:
+    motion = motion_of(record(duration=6.0))
+    low, high = believable("spring", "rest_position", (motion,), MODEL)
+    stroke = np.ptp(motion.position)
+    assert high - low == pytest.approx(2.0 * stroke)
+
+
+def test_a_missing_element_is_part_of_the_level_its_owner_measured() -> None:
+    logs = np.zeros(len(MODEL.parameter_names()))
+    logs[[COULOMB, STATIC]] = np.log([0.8, 0.84])
+    seen = told(logs, MODEL, (EffectSettings("presliding", (0.8, 1e-4)),))
+    assert seen[[COULOMB, STATIC]] == pytest.approx(0.0, abs=1e-9)
+    assert np.array_equal(told(logs, MODEL, ()), logs)
+
+
+def test_missing_elements_remember_a_large_motion_through_small_ones() -> None:
+    position = np.concatenate([np.linspace(0.0, 4e-4, 300), 4e-4 - 1e-5 * np.sin(np.linspace(0.0, 120.0, 3000))])
+    motion = motion_of(Record("test", PERIOD, position, np.zeros(len(position))))
+    with_it = MODEL.with_effects([EffectSettings("presliding", (1.0, 1e-4))])
+    force = predict(MODEL, motion).residual - predict(with_it, motion).residual
+    assert force[310] == pytest.approx(1.0, abs=0.25)
+    assert np.mean(force[-400:]) == pytest.approx(np.mean(force[400:800]), abs=0.05)
+
+
+def test_a_name_needs_its_share_of_the_held_out_gap() -> None:
+    hidden = EffectSettings("offset", (0.6,))
+    motion = motion_of(record((hidden,), duration=8.0))
+    noise = judged_with((motion,), MODEL.with_effects([hidden])).noise
+    gate = Gate((motion,), floor_of((motion,), MODEL, noise, 1))
+    truth, half, little = (MODEL.with_effects([EffectSettings("offset", (force,))]) for force in (0.6, 0.3, 0.1))
+    assert gate.closure(MODEL, truth) == pytest.approx(1.0, abs=0.05)
+    assert gate.passes(MODEL, truth, True, True)
+    closure = gate.closure(MODEL, little)
+    assert closure is not None and closure < STEP < FURTHER
+    assert not gate.passes(MODEL, little, True, False)
+    assert gate.passes(MODEL, half, True, False)
+    assert gate.closure(truth, truth) is None and not gate.passes(truth, truth, False, False)
+    assert gap_of(truth, (motion,)) < 1.1 * gate.floor
+
+
+def test_residuals_have_a_length_that_transforms_fast() -> None:
+    for count in (7450, 12993, 4999):
+        found = fast_length(count)
+        assert 0.97 * count < found <= count
+        for prime in (2, 3, 5, 7, 11):
+            while found % prime == 0:
+                found //= prime
+        assert found == 1
