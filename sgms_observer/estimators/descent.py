@@ -9,7 +9,7 @@ from sgms_observer.estimators.ekf import linearise_measurement
 from sgms_observer.estimators.fields import layer, matrix, vector
 from sgms_observer.estimators.interval import level_at, simulate_interval
 from sgms_observer.estimators.kalman import factor_covariance, squared_distance
-from sgms_observer.estimators.layout import NU, Floats, apply_parameters, copy_matrix, copy_vector
+from sgms_observer.estimators.layout import GMS, MODEL, NU, Floats, apply_parameters, copy_matrix, copy_vector
 from sgms_observer.estimators.subproblem import solve_subproblem
 from sgms_observer.jit import njit_bare
 
@@ -209,6 +209,8 @@ def _iterate_once(flat: Floats) -> tuple[int, bool]:
                 _accept_trial(flat)
                 if largest <= tolerance:
                     return CONVERGED, False
+                if scalars[MODEL] == GMS:  # its cost has corners, where a slope says nothing of what lies behind
+                    return IMPROVED, False
                 return IMPROVED, share < 1.0 or _search_on(flat, after, slope)
             if largest <= tolerance:
                 break
