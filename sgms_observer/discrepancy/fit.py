@@ -26,6 +26,8 @@ SHORTEST_DRIFT, LONGEST_DRIFT = 0.05, 5.0
 """Time constants of a drift, as shares of the recording's length."""
 SLOWEST_LAG = 0.2
 """Slowest attraction, in Coulomb forces per second."""
+LONGEST_ELEMENT = 1.0e-3
+"""Longest distance over which a contact's missing element builds up [m]."""
 LONGEST_PITCH = 0.7
 """Longest period in position, as a share of the stroke."""
 UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,)}
@@ -262,6 +264,8 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
         return 0.05 * largest_reach(nominal.friction), np.inf
     if parameter == "attraction_rate":  # slower than a recording can tell
         return SLOWEST_LAG * nominal.friction.coulomb_force, np.inf
+    if name == MISSING_ELEMENT and parameter == "distance":  # what gives over millimetres is no contact
+        return SHORTEST * largest_reach(nominal.friction), LONGEST_ELEMENT
     if parameter in ("memory_distance", "distance", "gap"):
         return SHORTEST * largest_reach(nominal.friction), np.inf
     return -np.inf, np.inf

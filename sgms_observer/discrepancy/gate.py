@@ -14,7 +14,7 @@ from sgms_observer.discrepancy.twins import twin_of
 
 WHOLE = 0.5
 """Share of the closable gap that all effects together have to close for any of them to be named."""
-SEVERAL = 0.8
+SEVERAL = 0.75
 """The same where there are several: what two wrong names close together is no proof of either."""
 STEP = 0.25
 """Share of what is left that each of them has to close: two effects of one size close a part each."""

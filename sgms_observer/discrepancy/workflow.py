@@ -59,8 +59,9 @@ CLOSES = 0.6
 """An effect is accepted when it takes this share of what is more than noise."""
 NEXT_SHARE = 0.08
 """A further effect has to take this share of what the first one took: less is the first one's shape."""
-NEARLY = 0.8
-"""Where the best candidate is refused, the next one counts if it takes this share of what the best one takes."""
+LEAST = 0.15
+"""Where the best candidate is refused, the next one counts if it takes this share of what the best one takes: a sharp
+line stands out of the noise although it is the smaller part of the gap."""
 KIN = 0.3
 """A further effect that alone would have taken this share of what the first one took is of its kind,"""
 KIN_SHARE = 0.25
@@ -345,7 +346,7 @@ def _judge(
         return Round(screen, scores, (), now, now, False, ())
     order = list(listed)
     for place, best in enumerate(listed):
-        if best.taken < NEARLY * listed[0].taken:
+        if best.taken < LEAST * listed[0].taken:
             break
         after = excess(best.refit.residual, frequencies(screen.judged))
         closure = gate.closure(current.model, best.refit.model)
