@@ -20,6 +20,7 @@ from sgms_observer.cli.main import SHOW_TRACEBACK
 from sgms_observer.errors import SgmsError
 from sgms_observer.nodes.parameters import NodeParameters
 from sgms_observer.nodes.spin import LONG_WORK
+from sgms_observer.nodes.topics import warm_up_encoding
 from sgms_observer.settings.axis import Settings
 
 
@@ -91,6 +92,10 @@ class ManagedNode(LifecycleNode):
     def warm_up(self) -> None:
         """Run the kernels once; called while configuring, after telling people that it may take long."""
 
+    def _warm_up_all(self) -> None:
+        warm_up_encoding()
+        self.warm_up()
+
     def set_up(self) -> None:
         """Make publishers and subscriptions for ``self.settings``."""
 
@@ -120,7 +125,7 @@ class ManagedNode(LifecycleNode):
                 )
             elif not jit.HAS_NUMBA:
                 self.get_logger().warning("numba is missing: all works, a hundred times slower; install numba")
-            self._apart(self.warm_up)
+            self._apart(self._warm_up_all)
             self.set_up()
         except Exception as error:
             if not self.context.ok():

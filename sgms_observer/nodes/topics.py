@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -35,6 +36,12 @@ def subscribe(node: Node, topic: str, callback: Callable[[bytes], None]) -> Subs
     """
     options = QoSOverridingOptions(policy_kinds=(QoSPolicyKind.RELIABILITY, QoSPolicyKind.DEPTH))
     return node.create_subscription(JointState, topic, callback, SAMPLE_QOS, raw=True, qos_overriding_options=options)
+
+
+def warm_up_encoding() -> None:
+    """Encode a block once: the kernel behind it is not compiled while a block waits to be sent."""
+    count = _BY_ARRAYS
+    encode_joint_states(np.arange(count, dtype=np.int64), ("x",), {"effort": np.zeros((count, 1))})
 
 
 class JointStateTopics:
