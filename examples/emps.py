@@ -1,6 +1,6 @@
-"""EMPS from the raw files to a report: convert, identify, observe, and (with --live) the same through the nodes.
+"""EMPS from the raw files to a report: convert, identify, observe; then diagnose, and the same through the nodes.
 
-    python examples/emps.py --data FOLDER_WITH_MAT_FILES --out out/emps [--live]
+    python examples/emps.py --data FOLDER_WITH_MAT_FILES --out out/emps [--diagnose] [--live]
 
 The data are measurements by A. Janot, M. Gautier and M. Brunot, "Data set and reference models of EMPS", 2019 Workshop
 on Nonlinear System Identification Benchmarks; see docs/emps.md.
@@ -30,10 +30,14 @@ from sgms_observer.bags.estimate_topics import write_estimates
 from sgms_observer.bags.reader import read_joint_states, read_samples
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main as sgms
+from sgms_observer.discrepancy.model import Model, predict
+from sgms_observer.discrepancy.motion import motion_of
+from sgms_observer.discrepancy.record import read_records
 from sgms_observer.errors import SgmsError
 from sgms_observer.identification.least_squares import (
     ASYMMETRIC,
     InverseModelFit,
+    decimate_from_end,
     fit_inverse_model,
     inverse_model_error,
 )
@@ -48,6 +52,10 @@ START = ROOT / "config" / "emps.yaml"
 FILES = {"train": "DATA_EMPS.mat", "pulses": "DATA_EMPS_PULSES.mat"}
 MAP = ("time=t", "position=qm", "control_effort=vir*gtau", "reference=qg")
 PERIOD = 1.0e-3
+DECIMATION = 10
+"""The published force errors are at 100 Hz."""
+BORDER = 49
+"""Samples at the start where the filters settle."""
 PUBLISHED = {"mass": 95.1089, "viscous_coefficient": 203.5034, "coulomb_force": 20.3935, "offset": -3.1648}
 PUBLISHED_ERROR = {"train": 4.08, "pulses": 5.98, "train, asymmetric": 3.11}
 
@@ -83,11 +91,14 @@ def main() -> int:
     default = os.environ.get("SGMS_DATA", str(ROOT.parent / "shared" / "data"))
     parser.add_argument("--data", default=str(Path(default) / "emps"), help="folder with the two .mat files")
     parser.add_argument("--out", default="out/emps", help="folder to write (emptied first)")
+    parser.add_argument("--diagnose", action="store_true", help="also diagnose the train record, judge on the pulses")
     parser.add_argument("--live", action="store_true", help="also play the train record through observer_node")
     args = parser.parse_args()
     out = Path(args.out)
     try:
         lines, observed = run(Path(args.data), out)
+        if args.diagnose:
+            lines += diagnose(out)
         if args.live:
             lines.append(live(out))
     except SgmsError as error:
@@ -163,6 +174,39 @@ def _published_timing(recording: Recording) -> Recording:
 
 def _samples(bag: Path) -> Samples:
     return join_samples(list(read_samples(bag, "x", PERIOD)))
+
+
+def diagnose(out: Path) -> list[str]:
+    """Diagnose the train record alone, starting from the published model, and judge the result on the pulses record.
+
+    Args:
+        out: folder of ``run``; the diagnosis goes into its folder ``diagnosis``.
+
+    Returns:
+        Sentences with the force error of both records, before and after.
+    """
+    if sgms(["diagnose", str(out / "train"), "--config", str(START), "--out", str(out / "diagnosis")]) != 0:
+        raise SgmsError("sgms diagnose failed")
+    augmented = out / "diagnosis" / "augmented.yaml"
+    effects = ", ".join(item.name for item in load_settings(augmented).axes[0].effects)
+    lines = [f"diagnosed on the train record alone: {effects}"]
+    for name in FILES:
+        before, after = (force_error(out / name, model) for model in (START, augmented))
+        lines.append(f"  relative force error, {name}: {before:.2f} % -> {after:.2f} %")
+    return lines
+
+
+def force_error(bag: Path, config: Path) -> float:
+    """Return the force error of a model in the published measure: filtered forwards and backwards, decimated [%].
+
+    Args:
+        bag: the record.
+        config: parameter file with the model, friction and effects.
+    """
+    motion = motion_of(read_records(bag, "x")[0])
+    residual = predict(Model.of(load_settings(config).axes[0]), motion).residual
+    rows = decimate_from_end(np.column_stack([residual, motion.effort])[BORDER:], DECIMATION)
+    return float(100.0 * np.linalg.norm(rows[:, 0]) / np.linalg.norm(rows[:, 1]))
 
 
 def live(out: Path) -> str:

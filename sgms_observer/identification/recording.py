@@ -111,9 +111,11 @@ def recordings_from_samples(samples: Samples, name: str, sha256: str = "") -> tu
     keep = np.concatenate(([True], np.diff(stamp) > 0))
     seconds = (stamp[keep] - stamp[0]) * 1e-9
     signals = [values[good][keep] for values in (samples.position, samples.effort, samples.reference_position)]
-    period = float(np.median(np.diff(seconds)))
-    cuts = np.flatnonzero(np.diff(seconds) > _GAP * period) + 1
-    edges = [0, *cuts.tolist(), len(seconds)]
+    pauses = np.diff(seconds)
+    typical = float(np.median(pauses))
+    whole = pauses <= _GAP * typical
+    period = _mean_period(pauses[whole], typical)
+    edges = [0, *(np.flatnonzero(~whole) + 1).tolist(), len(seconds)]
     pieces = [
         _even_piece(name, sha256, period, seconds[a:b], [values[a:b] for values in signals], stamp[0] * 1e-9)
         for a, b in pairwise(edges)
@@ -124,6 +126,11 @@ def recordings_from_samples(samples: Samples, name: str, sha256: str = "") -> tu
             f"{name} is broken by pauses into pieces shorter than {_MINIMUM_LENGTH} samples; record it again"
         )
     return tuple(pieces)
+
+
+def _mean_period(pauses: Floats, typical: float) -> float:
+    """Return the period from first to last: a clock that ticks coarsely has a median that drifts off."""
+    return float(np.sum(pauses) / np.sum(np.maximum(np.round(pauses / typical), 1.0)))
 
 
 def _even_piece(
