@@ -103,7 +103,7 @@ def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) 
             conductor.stop(name)
         said = conductor.said(STAGE).splitlines()
     noted = [AGE_SENTENCE + line.partition(AGE_SENTENCE)[2] for line in said if AGE_SENTENCE in line]
-    return switched_ns, [f"  on the way          {line}" for line in noted]
+    return switched_ns, [f"                      {line}" for line in noted]
 
 
 def _sleep(conductor: Conductor, seconds: float) -> None:

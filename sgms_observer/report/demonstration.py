@@ -198,7 +198,7 @@ def _on_the_way(without: Half, with_it: Half) -> str:
         return "the recording does not tell which compensations came in time"
     if with_it.late_share == 0.0:
         return "every compensation came in time"
-    late = f"{100 * with_it.late_share:.2g} % of the samples got a compensation late"
+    late = f"{100 * with_it.late_share:.3g} % of the samples got a compensation late"
     if math.isnan(with_it.clear_rms):
         return f"{late}, and never for {RECOVERY:g} s none: this machine is too busy for this rate"
     return (
@@ -219,8 +219,8 @@ def _lines(axis: str, without: Half, with_it: Half, same: int, compared: int) ->
         f"                      {1e9 * with_it.tracking_rms:.0f} nm rms, {1e9 * with_it.tracking_peak:.0f} nm peak"
         f" with it: {_times(without.tracking_rms, with_it.tracking_rms)} and"
         f" {_times(without.tracking_peak, with_it.tracking_peak)}",
-        f"  on the way          {_on_the_way(without, with_it)}",
         f"  replay of the bag   {same} of {compared} live estimates again to the last bit",
+        f"  on the way          {_on_the_way(without, with_it)}",
     ]
 
 
