@@ -49,7 +49,7 @@ HIDDEN: dict[str, dict[str, float]] = {
     "dwell_breakaway": {"share": 0.3, "dwell_time": 0.3, "memory_distance": 1.0e-4},
     "frictional_lag": {"attraction_rate": 30.0, "distance": 1.0e-5},
     "thermal_drift": {"share": -0.25, "time_constant": 15.0},
-    "wear_step": {"share": 0.15, "travel": 0.15, "width": 0.02},
+    "wear_step": {"share": 0.15, "travel": 0.08, "width": 0.02},
     "load_dependent_friction": {"coefficient": 0.2},
     "mass_error": {"mass": 1.5},
     "flexible_mode": {"mass": 2.0, "frequency": 40.0, "damping_ratio": 0.05},

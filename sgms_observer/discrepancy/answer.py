@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from sgms_observer.discrepancy.decide import ALARM_GAIN, Round, alarm_threshold
 from sgms_observer.discrepancy.fit import Refit, refit
 from sgms_observer.discrepancy.gap import Gap, measure
 from sgms_observer.discrepancy.gate import CLOSABLE, WHOLE
 from sgms_observer.discrepancy.locate import Located, locate
 from sgms_observer.discrepancy.model import MASS, STATIC, Model
 from sgms_observer.discrepancy.tolerance import OUTSIDE
-from sgms_observer.discrepancy.workflow import ALARM_GAIN, Diagnosis, Options, Round, alarm_threshold
+from sgms_observer.discrepancy.workflow import Diagnosis, Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings, Settings
 from sgms_observer.settings.write import write_settings
@@ -160,8 +161,9 @@ def _named(after: Refit, accepted: Sequence[Round], gap: Gap, found: Diagnosis) 
         index = len(found.own) + i
         settings = after.effects[index]
         std = tuple(errors.get((index, j), 0.0) for j in range(len(settings.values)))
-        others = [max(item.taken, 0.0) for item in step.listed[1:]]
+        later = {item.listed[0].name for item in accepted[i + 1 :]}
         best = step.listed[0].taken
+        others = [min(max(item.taken, 0.0), best) for item in step.listed[1:] if item.name not in later]
         doubt = sum(math.exp(-(best - other) / (8.0 + 0.02 * best)) for other in others)
         listed.append(
             Named(

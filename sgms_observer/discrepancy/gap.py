@@ -105,7 +105,10 @@ def halves(motion: Motion) -> tuple[Motion, Motion]:
     cuts = (slice(0, middle), slice(middle, None))
     listed = [(field.name, getattr(motion, field.name)) for field in fields(motion)]
     series = {key: value for key, value in listed if isinstance(value, np.ndarray) and len(value) == len(motion.time)}
-    first, second = (replace(motion, **{key: value[cut] for key, value in series.items()}) for cut in cuts)
+    first, second = (
+        replace(motion, **{key: value[cut] for key, value in series.items()})  # type: ignore[arg-type]
+        for cut in cuts
+    )
     return first, second
 
 

@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.discrepancy.contact import element_friction
 from sgms_observer.discrepancy.motion import PLAY, Motion, second_difference, split_at_reversals, without_flicker
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place
 from sgms_observer.formulas import vectorised
-from sgms_observer.friction.gms import gms_step
-from sgms_observer.friction.sgms import sgms_step
-from sgms_observer.jit import njit
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.friction import FrictionSettings
 
@@ -25,8 +23,6 @@ stribeck_level = vectorised("friction").stribeck_level
 asymmetric_coulomb = vectorised("effects_level").asymmetric_coulomb
 SIDED = "asymmetric_coulomb"
 """The effect whose level hangs on the way each part of a step goes: at rest an encoder's flicker must not mix both."""
-SLIDES = 0.9
-"""An element that carries this share of its limit slides."""
 BY_LEVEL = ("frictional_lag",)
 """Effects on the level that depend on the level itself."""
 
@@ -120,103 +116,6 @@ class Prediction:
     residual: Floats
     friction: Floats
     doubt: Floats
-
-
-@njit
-def _element_friction(
-    first: Floats, second: Floats, period: float, kappa: Floats, fraction: Floats, level: Floats, numbers: Floats,
-    sides: Floats, out: Floats, stiffness: Floats,
-) -> None:  # fmt: skip
-    """Write the summed element force after each step, and the stiffness of what sticks.
-
-    ``numbers``: is_gms, lambda, zeta, gamma, is_paper, v_s, C, is_prompt. ``sides``: factor on the level forward and
-    backward.
-    """
-    n_z = kappa.shape[0]
-    force = np.zeros(n_z)
-    mode = np.zeros(n_z, dtype=np.int64)
-    before = level[0]
-    for k in range(first.shape[0]):
-        if numbers[7] > 0.5:
-            for i in range(n_z):
-                if abs(force[i]) > SLIDES * fraction[i] * before * max(sides[0], sides[1]):
-                    force[i] *= level[k] / before
-            before = level[k]
-        for part in range(2):
-            travel = first[k] if part == 0 else second[k]
-            if travel == 0.0:
-                continue
-            velocity = travel / period
-            limit = level[k] * (sides[0] if travel > 0.0 else sides[1])
-            gain = numbers[3]
-            if numbers[4] > 0.5:
-                gain *= abs(velocity) / numbers[5]
-            for i in range(n_z):
-                if numbers[0] > 0.5:
-                    force[i], mode[i] = gms_step(
-                        force[i], mode[i], velocity, period, kappa[i], fraction[i], limit, numbers[6]
-                    )
-                else:
-                    force[i] = sgms_step(
-                        force[i], velocity, period, kappa[i], fraction[i] * limit, numbers[1], numbers[2], gain
-                    )
-        limit = level[k] * (sides[0] if first[k] + second[k] > 0.0 else sides[1])
-        total = 0.0
-        stuck = 0.0
-        for i in range(n_z):
-            total += force[i]
-            if abs(force[i]) < 0.95 * fraction[i] * limit:
-                stuck += kappa[i]
-        out[k] = total
-        stiffness[k] = stuck
-
-
-def element_friction(
-    friction: FrictionSettings,
-    first: Floats,
-    second: Floats,
-    period: float,
-    level: Floats,
-    sides: tuple[float, float] = (1.0, 1.0),
-    is_prompt: bool = False,
-) -> tuple[Floats, Floats]:
-    """Return the friction of the elements along a motion, without the viscous term [N], and their stiffness [N/m].
-
-    Args:
-        friction: the model.
-        first, second: displacement of each step before and after a reversal in it [m].
-        period: length of a step [s].
-        level: sliding level at each sample, effects included [N].
-        sides: factor on the level of travel forward and backward [-].
-        is_prompt: whether sliding S-GMS elements follow a changing level at once; their own equation lets them follow
-            over a distance of their reach, which a contact with a fast attraction does not do.
-    """
-    numbers = np.array(
-        [
-            float(friction.model == "gms"),
-            friction.smoothing_lambda,
-            friction.smoothing_zeta,
-            friction.smoothing_gamma,
-            float(friction.reset == "paper"),
-            friction.stribeck_velocity,
-            friction.attraction_rate,
-            float(is_prompt and friction.model != "gms"),
-        ]
-    )
-    out, stiffness = np.empty(len(first)), np.empty(len(first))
-    _element_friction(
-        first,
-        second,
-        period,
-        np.array(friction.element_stiffness),
-        np.array(friction.element_fraction),
-        level,
-        numbers,
-        np.array(sides),
-        out,
-        stiffness,
-    )
-    return out, stiffness
 
 
 def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) -> Prediction:

@@ -194,7 +194,7 @@ def motion_of(record: Record, lag: float = HELD) -> Motion:
     return Motion(
         record.name,
         period,
-        period * np.arange(len(position)),
+        np.asarray(period * np.arange(len(position)), dtype=np.float64),
         position,
         velocity,
         second_difference(position, period),

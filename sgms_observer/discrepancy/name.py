@@ -30,7 +30,7 @@ BELIEVED = 2.5
 """An effect that needs a friction parameter this many tolerances off"""
 DISBELIEF = 0.1
 """loses this share of what it takes: its owner knows better than that."""
-POLISH = 9
+POLISH = 12
 """Steps of that fit."""
 AT_END = 1.0e-6
 """A parameter lies at the end of its range when it is this near, relative to the end."""

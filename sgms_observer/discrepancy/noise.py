@@ -49,7 +49,7 @@ class Noise:
 
     def density(self, frequency: Floats) -> Floats:
         """Return the two-sided spectral density [N^2/Hz]."""
-        return self.low / (1.0 + (frequency / self.corner) ** 2) + self.white
+        return np.asarray(self.low / (1.0 + (frequency / self.corner) ** 2) + self.white, dtype=np.float64)
 
     @property
     def rms(self) -> float:
@@ -77,7 +77,7 @@ class Noise:
         n = values.shape[0]
         scaled = values * (weights if values.ndim == 1 else weights[:, None])
         spectrum = np.fft.rfft(scaled, axis=0)
-        frequency = np.fft.rfftfreq(n, self.period)
+        frequency = np.asarray(np.fft.rfftfreq(n, self.period), dtype=np.float64)
         keep = frequency <= BAND
         gain = np.sqrt(2.0 * self.period / (n * self.density(frequency[keep])))
         gain[0] /= np.sqrt(2.0)
@@ -111,7 +111,8 @@ def fit_noise(residual: Floats, doubt: Floats, period: float, least: float = 0.0
     top = float(np.exp(y.max()))
 
     def misfit(p: Floats) -> Floats:
-        return np.log(np.exp(p[0]) / (1.0 + (x / np.exp(p[1])) ** 2) + np.exp(p[2])) - y
+        model = np.exp(p[0]) / (1.0 + (x / np.exp(p[1])) ** 2) + np.exp(p[2])
+        return np.asarray(np.log(model) - y, dtype=np.float64)
 
     bounds = (np.log([top * 1e-6, LOWEST_CORNER, top * 1e-8]), np.log([top * 10.0, 10.0 * BAND, top * 2.0]))
     starts = [np.log([top, corner, top * share]) for corner, share in ((12.0, 0.1), (40.0, 0.1), (60.0, 0.01))]

@@ -9,9 +9,10 @@ import numpy as np
 
 from sgms_observer.discrepancy.answer import Answer, Named
 from sgms_observer.discrepancy.closing import Closing
+from sgms_observer.discrepancy.decide import CLOSES
 from sgms_observer.discrepancy.locate import Located
 from sgms_observer.discrepancy.tolerance import Deviation
-from sgms_observer.discrepancy.workflow import CLOSES, Options
+from sgms_observer.discrepancy.workflow import Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, sheet
 from sgms_observer.report.page import Picture, Section, Table, write_page

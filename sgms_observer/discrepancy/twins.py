@@ -49,7 +49,7 @@ class Calibration:
 
 def coloured(noise: Noise, count: int, period: float, rng: np.random.Generator) -> Floats:
     """Return force noise of the fitted spectrum at a rate of one's own [N]."""
-    frequency = np.fft.rfftfreq(count, period)
+    frequency = np.asarray(np.fft.rfftfreq(count, period), dtype=np.float64)
     white = rng.standard_normal(len(frequency)) + 1j * rng.standard_normal(len(frequency))
     spectrum = white * np.sqrt(noise.density(frequency) * count / (2.0 * period))
     return np.asarray(np.fft.irfft(spectrum, count), dtype=np.float64)

@@ -9,11 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.discrepancy import audit
+from sgms_observer.discrepancy.decide import (
+    ALARM_GAIN,
+    COARSE_ALARM,
+    LOUD,
+    Round,
+    alarm_threshold,
+    judge,
+    verdict_of,
+)
 from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, refit
-from sgms_observer.discrepancy.gate import SEVERAL, WHOLE, Gate, floor_of
+from sgms_observer.discrepancy.gate import Gate, floor_of, gap_of
 from sgms_observer.discrepancy.model import KNEE, VISCOUS, Model, predict
 from sgms_observer.discrepancy.motion import HELD, Motion, motion_of
-from sgms_observer.discrepancy.name import Candidate, alternatives, candidates
+from sgms_observer.discrepancy.name import candidates
 from sgms_observer.discrepancy.noise import fit_noise
 from sgms_observer.discrepancy.record import Record
 from sgms_observer.discrepancy.screen import Screen
@@ -35,43 +44,8 @@ PROMPT_SHARE = 0.05
 """and as a share of the cost."""
 LEAST_NOISE = 1.0e-3
 """Least rms noise of a measured force, as a share of the effort."""
-ALARM = 20.0
-"""Standardised gain that counts as an alarm, if the twins' own largest is below."""
-STRUCTURAL_ALARM = {
-    "nonlinear_viscous": 62.0,
-    "frictional_lag": 55.0,
-    "dwell_breakaway": 40.0,
-    "thermal_drift": 40.0,
-    "presliding": 40.0,
-    "backlash": 35.0,
-    "stribeck": 35.0,
-    "wear_step": 30.0,
-    "eddy_current": 30.0,
-    "quadratic_drag": 30.0,
-}
-"""The same for effects that look like what few elements and an encoder's grid leave behind, which no twin of the
-nominal model has; half as much again as the largest seen on the tuning seeds with nothing hidden."""
-COARSE_ALARM = 10.0
-"""Alarms count from this many times the threshold where the encoder itself is coarser than told."""
-ALARM_GAIN = 40.0
-"""Squared residual, in units of the noise, that an effect has to take."""
-CLOSES = 0.6
-"""An effect is accepted when it takes this share of what is more than noise."""
-NEXT_SHARE = 0.08
-"""A further effect has to take this share of what the first one took: less is the first one's shape."""
-LEAST = 0.15
-"""Where the best candidate is refused, the next one counts if it takes this share of what the best one takes: a sharp
-line stands out of the noise although it is the smaller part of the gap."""
-KIN = 0.3
-"""A further effect that alone would have taken this share of what the first one took is of its kind,"""
-KIN_SHARE = 0.25
-"""and has to take this share on top of it."""
 RETIMED = 0.01
 """The effort's timing is read again once an effect is found, if it moves by this many samples."""
-LOUD = 1.2
-"""What exceeds the noise band by band is an alarm where the held-out gap, too, is this many times its floor."""
-WIDE = 2.5
-"""A held-out gap this many times its floor is no accident where an alarm was refused."""
 HARD = 1.2
 """Hard limit of parameters that have swallowed an effect, in tolerances."""
 BEYOND_BELIEF = 2.5
@@ -94,31 +68,6 @@ class Options:
     tolerance: float = 0.05
     seed: int = 1
     workers: int = 2
-
-
-@dataclass(frozen=True)
-class Round:
-    """One pass through the loop.
-
-    Attributes:
-        screen: first look.
-        scores: standardised gain of each effect.
-        listed: fitted candidates, best first.
-        excess_before: squared residual beyond noise, per band.
-        excess_after: the same with the best candidate.
-        accepted: whether the best candidate was taken into the model.
-        closure: share of the closable gap that the best candidate closes on the recordings to judge on, or None.
-        alternatives: names the recordings cannot tell from it.
-    """
-
-    screen: Screen
-    scores: dict[str, float]
-    listed: tuple[Candidate, ...]
-    excess_before: Floats
-    excess_after: Floats
-    accepted: bool
-    alternatives: tuple[str, ...]
-    closure: float | None = None
 
 
 @dataclass(frozen=True)
@@ -205,7 +154,9 @@ def diagnose(
     found = refit(judged, fine, tolerance, own, None, kept(own), 6)
     if fine.friction.model != "gms":
         prompt = refit(judged, replace(fine, is_prompt=True), tolerance, own, found.logs, kept(own), 4)
-        if prompt.cost < found.cost - max(PROMPT, PROMPT_SHARE * found.cost):
+        unseen = tuple(motion_of(record, lag) for record in holdouts) or motions
+        is_better = prompt.cost < found.cost - max(PROMPT, PROMPT_SHARE * found.cost)
+        if is_better and gap_of(prompt.model, unseen) < gap_of(found.model, unseen):
             fine, nominal, found = (*(replace(model, is_prompt=True) for model in (fine, nominal)), prompt)
     for _ in range(2):
         moved = timing(judged, found, lag)
@@ -225,7 +176,7 @@ def diagnose(
         limit = HARD * tolerance
         judged = judged_with(motions, fine.with_effects(own))
         for _ in range(2):
-            found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 5, None, limit)
+            found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 9, None, limit)
             judged = judged_with(motions, found.model)
     gate = Gate(held_out or motions, floor_of(held_out or motions, found.model, judged.noise, options.seed))
     names = [name for name in catalogue_names() if name not in NEVER_SEARCHED]
@@ -259,13 +210,13 @@ def diagnose(
             break
         report("full refits", 0.32 + 0.2 * number)
         listed = candidates(screen, fine, current, workers, limit)
-        step = _judge(screen, scores, listed, now, current, rounds, bool(strong), gate)
+        step = judge(screen, scores, listed, now, current, rounds, bool(strong), gate)
         rounds.append(step)
         if not step.accepted:
             break
         best = step.listed[0].refit
         judged = judged_with(motions, best.model)
-        current = refit(judged, fine, tolerance, best.effects, best.logs, kept(best.effects), 3, None, limit)
+        current = refit(judged, fine, tolerance, best.effects, best.logs, kept(best.effects), 6, None, limit)
         moved = timing(judged, current, lag)
         if abs(moved - lag) > RETIMED:
             lag = moved
@@ -279,15 +230,15 @@ def diagnose(
         names = [name for name in names if name != step.listed[0].name]
     assert calibration is not None
     report("refit of the model as it is", 0.9)
-    before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 5)
+    before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 12)
     after = before
     if len(current.effects) > len(own):
-        after = refit(judged, nominal, tolerance, current.effects, None, kept(current.effects), 8)
+        after = refit(judged, nominal, tolerance, current.effects, None, kept(current.effects), 16)
     if limit is not None and _is_beyond_belief(after, nominal, tolerance):
-        before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 5, None, limit)
+        before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 9, None, limit)
         after = before
         if len(current.effects) > len(own):
-            after = refit(judged, nominal, tolerance, current.effects, None, kept(current.effects), 8, None, limit)
+            after = refit(judged, nominal, tolerance, current.effects, None, kept(current.effects), 16, None, limit)
     else:
         limit = None
     if nominal.is_prompt:
@@ -297,16 +248,11 @@ def diagnose(
         )
     is_clear = len(current.effects) == len(own) and resolution is None
     deviation = None if not is_clear else named_deviation(nominal, after, tolerance)
-    verdict = _verdict(rounds, current, deviation, resolution, is_poor, gate, found)
+    verdict = verdict_of(rounds, current, deviation, resolution, is_poor, gate, found)
     return Diagnosis(
         verdict, nominal, own, before, after, tuple(rounds), calibration, deviation, resolution, judged, motions,
         held_out, tuple(notes), limit, gate,
     )  # fmt: skip
-
-
-def alarm_threshold(name: str, calibration: Calibration) -> float:
-    """Return the standardised gain from which an effect counts as an alarm."""
-    return max(STRUCTURAL_ALARM.get(name, ALARM), float(calibration.largest.max()))
 
 
 def _is_beyond_belief(found: Refit, nominal: Model, tolerance: float) -> bool:
@@ -329,79 +275,3 @@ def kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
         if item.name == "cogging" and item.values[3] == 0.0:
             kept += [(i, 3), (i, 4)]
     return kept
-
-
-def _judge(
-    screen: Screen,
-    scores: dict[str, float],
-    listed: Sequence[Candidate],
-    now: Floats,
-    current: Refit,
-    rounds: Sequence[Round],
-    is_strong: bool,
-    gate: Gate,
-) -> Round:
-    """Return the round with the decision whether its best candidate belongs into the model."""
-    if not listed:
-        return Round(screen, scores, (), now, now, False, ())
-    order = list(listed)
-    for place, best in enumerate(listed):
-        if best.taken < LEAST * listed[0].taken:
-            break
-        after = excess(best.refit.residual, frequencies(screen.judged))
-        closure = gate.closure(current.model, best.refit.model)
-        passes = gate.passes(current.model, best.refit.model, not rounds, best.name in STRUCTURAL_ALARM)
-        if is_strong and passes and _is_acceptable(best, after, rounds):
-            order = [best, *(item for item in listed if item is not best)]
-            others = alternatives(order[place:] if place else order, float(after.sum()))
-            return Round(screen, scores, tuple(order), now, after, True, others, closure)
-    after = excess(listed[0].refit.residual, frequencies(screen.judged))
-    closure = gate.closure(current.model, listed[0].refit.model)
-    return Round(screen, scores, tuple(order), now, after, False, (), closure)
-
-
-def _is_acceptable(best: Candidate, after: Floats, rounds: Sequence[Round]) -> bool:
-    """Return whether a candidate explains enough, and more than the shape of the effects before it."""
-    if best.taken <= ALARM_GAIN or best.at_bound:
-        return False
-    if not rounds:
-        share = best.taken / (best.taken + float(after.sum()))
-        return share > CLOSES or (best.taken > 4.0 * ALARM_GAIN and share > 0.3)
-    first = {item.name: item.taken for item in rounds[0].listed}
-    largest = rounds[0].listed[0].taken
-    is_kin = first.get(best.name, 0.0) > KIN * largest or best.name in effect(rounds[0].listed[0].name).confusable_with
-    return best.taken > (KIN_SHARE if is_kin else NEXT_SHARE) * largest
-
-
-def _verdict(
-    rounds: Sequence[Round],
-    current: Refit,
-    deviation: Deviation | None,
-    resolution: float | None,
-    is_poor: bool,
-    gate: Gate,
-    found: Refit,
-) -> str:
-    """Return the verdict of the whole run."""
-    if is_poor:
-        return "cannot_tell"
-    accepted = [item for item in rounds if item.accepted]
-    if accepted:
-        total = sum(item.listed[0].taken for item in accepted)
-        left = float(rounds[-1].excess_before.sum()) if rounds[0].excess_before.sum() > 0.0 else 0.0
-        if total / (total + left) < CLOSES:
-            return "unknown_effect"
-        closure = gate.closure(found.model, current.model)
-        if closure is not None and closure <= (WHOLE if len(accepted) == 1 else SEVERAL):
-            return "unknown_effect"
-        return "ambiguous" if any(item.alternatives for item in accepted) else "effect_found"
-    is_wide = gate.gap(current.model) > WIDE * gate.floor and any(
-        score > ALARM for item in rounds for name, score in item.scores.items() if name not in STRUCTURAL_ALARM
-    )
-    if any(item.listed and (is_wide or item.excess_before.sum() > 0.0) for item in rounds):
-        return "unknown_effect"
-    if deviation is not None:
-        return "ambiguous" if deviation.alternatives else "effect_found"
-    if resolution is not None:
-        return "effect_found"
-    return "no_effect"

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from workflow_case import AXIS, FRICTION, PERIOD, record
 
+from sgms_observer.discrepancy.contact import element_friction
 from sgms_observer.discrepancy.fit import refit
-from sgms_observer.discrepancy.model import Model, element_friction, predict
+from sgms_observer.discrepancy.model import Model, predict
 from sgms_observer.discrepancy.motion import grid_of, motion_of, without_flicker
 from sgms_observer.discrepancy.name import Candidate, alternatives
 from sgms_observer.discrepancy.noise import LOWEST_CORNER, Noise, fit_noise

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from workflow_case import AXIS, FRICTION, PERIOD, record
 
+from sgms_observer.discrepancy.contact import element_friction
 from sgms_observer.discrepancy.fit import believable, refit, told
 from sgms_observer.discrepancy.gate import FURTHER, STEP, Gate, floor_of, gap_of
-from sgms_observer.discrepancy.model import COULOMB, STATIC, Model, element_friction, predict
+from sgms_observer.discrepancy.model import COULOMB, STATIC, Model, predict
 from sgms_observer.discrepancy.motion import HELD, fast_length, later, motion_of
 from sgms_observer.discrepancy.name import Candidate, fitted, polished
 from sgms_observer.discrepancy.record import Record
