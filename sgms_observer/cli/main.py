@@ -11,6 +11,7 @@ from typing import NoReturn
 from sgms_observer import __version__
 from sgms_observer.cli import registry
 from sgms_observer.errors import SgmsError
+from sgms_observer.interrupts import noted_interrupts
 
 EXIT_FAILED = 1
 EXIT_USAGE = 2
@@ -63,7 +64,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0 only on success.
     """
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    with noted_interrupts() as interrupts:
+        code = _run(list(sys.argv[1:] if arguments is None else arguments), interrupts)
+    return code
+
+
+def _run(given: list[str], interrupts: Sequence[int]) -> int:
+    """Find the command, run it, and return the exit code."""
     wanted = given[0] if given and given[0] in registry.COMMANDS else None
     try:
         args = build_parser(wanted).parse_args(given)
@@ -74,16 +81,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = command.run(args)
         sys.stdout.flush()
         return code
-    except SgmsError as error:
-        return _fail(str(error))
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_BROKEN_PIPE
-    except OSError as error:
-        return _fail(f"{error.filename or wanted}: {error.strerror or error}")
     except Exception as error:
+        if interrupts:  # an import that was interrupted says so in its own way
+            return EXIT_INTERRUPTED
+        if isinstance(error, SgmsError):
+            return _fail(str(error))
+        if isinstance(error, OSError):
+            return _fail(f"{error.filename or wanted}: {error.strerror or error}")
         if os.environ.get(SHOW_TRACEBACK):
             raise
         return _fail(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from sgms_observer import __version__
 from sgms_observer.cli.main import EXIT_INTERRUPTED, SentenceParser
 from sgms_observer.errors import SgmsError
+from sgms_observer.interrupts import silent_interrupts
 from sgms_observer.nodes.spin import MISSING_ROS, fail, leave_if_working, run_node
 
 if TYPE_CHECKING:
@@ -59,7 +60,8 @@ def start(
 
 def _run_checked(name: str, make_node: Callable[[Executor], ManagedNode], ros: Sequence[str]) -> int:
     """Check the parameters in the ROS arguments and run the node with them."""
-    from sgms_observer.settings.arguments import rewrite_arguments
+    with silent_interrupts():
+        from sgms_observer.settings.arguments import rewrite_arguments
 
     try:
         rewritten = rewrite_arguments([name, *ros], name)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from sgms_observer.cli.main import EXIT_FAILED, SHOW_TRACEBACK
 from sgms_observer.errors import SgmsError
+from sgms_observer.interrupts import silent_interrupts
 from sgms_observer.nodes.transport import use_shipped_transport
 
 if TYPE_CHECKING:
@@ -52,9 +53,10 @@ def run_node(make_node: Callable[[Executor], ManagedNode], arguments: list[str])
     Returns:
         The exit code: 0 after SIGINT, SIGTERM or a shutdown of ROS; 1 after an error, which is told in sentences.
     """
-    import rclpy
-    from rclpy.executors import ExternalShutdownException
-    from rclpy.task import Future
+    with silent_interrupts():
+        import rclpy
+        from rclpy.executors import ExternalShutdownException
+        from rclpy.task import Future
 
     executor = node = None
     try:

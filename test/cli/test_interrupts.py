@@ -1,0 +1,53 @@
+"""Ctrl-C: silent while modules load, never lost, never told as somebody else's error."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+import types
+
+import pytest
+
+from sgms_observer import interrupts
+from sgms_observer.cli import registry
+from sgms_observer.cli.main import EXIT_INTERRUPTED, main
+from sgms_observer.interrupts import noted_interrupts, silent_interrupts
+
+
+def interrupt_lost() -> None:
+    """Interrupt this process where the interrupt is swallowed, as in a compiler's callback."""
+    with contextlib.suppress(KeyboardInterrupt):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(1.0)
+
+
+def test_an_interrupt_that_was_lost_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(interrupts, "_LOST_AFTER", 0.05)
+    with noted_interrupts() as noted:
+        interrupt_lost()
+        with pytest.raises(KeyboardInterrupt):
+            time.sleep(60.0)
+    assert len(noted) == 2
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_an_error_that_an_interrupt_turned_into_is_none(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(_: object) -> int:
+        interrupt_lost()
+        raise ImportError("initialization failed")
+
+    command = types.SimpleNamespace(HELP="", add_arguments=lambda parser: None, run=run)
+    monkeypatch.setattr(registry, "load", lambda name: command)
+    assert main(["bench"]) == EXIT_INTERRUPTED
+    assert capsys.readouterr().err == ""
+
+
+def test_silence_lasts_as_long_as_the_imports() -> None:
+    with silent_interrupts():
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
