@@ -89,6 +89,8 @@ def test_the_demonstration(demonstration: tuple[Path, str]) -> None:
     assert share < 3.0
     same, compared = map(int, re.search(r"(\d+) of (\d+) live estimates", said).groups())
     assert same == compared > 5000
+    in_time, late = "every compensation came in time", r"[\d.e-]+ % of the samples got a compensation late"
+    assert re.search(rf"on the way +({in_time}|{late})", said)
     page = (out / "report.html").read_text()
     assert page.count("data:image/png;base64") == 8 and "<script" not in page
     assert len(list(out.glob("*.png"))) == 8
