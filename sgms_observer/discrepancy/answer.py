@@ -58,6 +58,7 @@ class Answer:
         effects: what was found.
         located: where the nominal model disagrees, significant coordinates only.
         all_located: every coordinate.
+        located_after: the same coordinates as ``located``, with the effects in the model; empty when there are none.
         detectable: smallest size each effect would have been seen at, as a share of the Coulomb force.
         next_experiment: one sentence, or None.
         model: the model after.
@@ -69,6 +70,7 @@ class Answer:
     effects: tuple[Named, ...]
     located: tuple[Located, ...]
     all_located: tuple[Located, ...]
+    located_after: tuple[Located, ...]
     detectable: dict[str, float]
     next_experiment: str | None
     model: Model
@@ -100,9 +102,11 @@ def answer_of(found: Diagnosis, options: Options) -> Answer:
     everywhere = locate(base, gap.motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")
     told = [item for item in everywhere if item.p_value < 0.02][:4] if is_alarm else []
+    afterwards = {item.coordinate: item for item in locate(gap.residual_after, gap.motions, options.seed)}
+    told_after = [afterwards[item.coordinate] for item in told] if named else []
     return Answer(
-        verdict, gap, tuple(named), tuple(told), tuple(everywhere), detectable(found, options.tolerance),
-        next_experiment(verdict, named, told, found), after_model, found,
+        verdict, gap, tuple(named), tuple(told), tuple(everywhere), tuple(told_after),
+        detectable(found, options.tolerance), next_experiment(verdict, named, told, found), after_model, found,
     )  # fmt: skip
 
 

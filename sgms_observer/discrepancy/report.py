@@ -174,7 +174,29 @@ def _before_and_after(answer: Answer, closings: Sequence[Closing]) -> Section:
         ("left after compensation [N rms]", *(f"{item.compensation:.4g}" for item in closings)),
     ]
     table = Table(("with the model", "as it was given", "augmented"), rows)
-    return Section("Before and after", text, [table], [_residuals(answer)])
+    pictures = [_residuals(answer)]
+    if answer.located_after:
+        pictures.append(_map_before_and_after(answer))
+    return Section("Before and after", text, [table], pictures)
+
+
+def _map_before_and_after(answer: Answer) -> Picture:
+    """Draw the residual over the coordinates that showed it most, without and with what was added."""
+    names = " and ".join(item.settings.name.replace("_", " ") for item in answer.effects)
+    caption = f"Mean residual per bin on {answer.gap.held_out} data, as the model was and with {names}."
+    pairs = list(zip(answer.located, answer.located_after, strict=True))
+    with sheet("where_after", caption, rows=(len(pairs) + 1) // 2, columns=2, height=2.6) as drawn:
+        for axes, (before, after) in zip(drawn.axes, pairs, strict=False):
+            axes.fill_between(after.centres, -after.band, after.band, color=REFERENCE, alpha=0.35, label="chance")
+            axes.plot(before.centres, before.mean, "o-", color=REFERENCE, ms=3, label="before")
+            axes.plot(after.centres, after.mean, "o-", color=ESTIMATE, ms=3, label="after")
+            axes.set_xlabel(f"{before.coordinate} [{before.unit}]")
+            axes.set_ylabel("residual [N]")
+        drawn.axes[0].legend()
+        for axes in drawn.axes[len(pairs) :]:
+            axes.set_visible(False)
+    assert drawn.picture is not None
+    return drawn.picture
 
 
 def _residuals(answer: Answer) -> Picture:
