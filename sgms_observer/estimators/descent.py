@@ -14,8 +14,7 @@ from sgms_observer.estimators.subproblem import solve_subproblem
 from sgms_observer.jit import njit_bare
 
 _MAX_HALVINGS = 6
-_MAX_SEARCHES = 4
-_BACK, _AHEAD = -0.5, 8.0  # shares of the step that one move of the search goes at most
+_BACK, _AHEAD = -0.5, 8.0  # shares of the step that the search goes at most
 _WORTH = 1e-6  # of the cost (twice a log-likelihood): a search that gains less is left alone
 
 # results of iterate
@@ -160,7 +159,7 @@ def _try(flat: Floats, share: float) -> tuple[float, float]:
 
 @njit_bare
 def _search_on(flat: Floats, cost: float, slope: float) -> bool:
-    """Go on along a full step, or back, to where the cost's slope vanishes, if that is worth the work.
+    """Go on along a full step, or back, to where the cost's slope would vanish, if that is worth the work.
 
     The slope at the end of the step is known without simulating anything. It is far from zero only where an element
     is in its transition from sticking to sliding: there the model behind the step bends.
@@ -173,19 +172,16 @@ def _search_on(flat: Floats, cost: float, slope: float) -> bool:
     Returns:
         Whether the step's model was poor.
     """
-    length = 1.0  # of the latest move
-    for i in range(_MAX_SEARCHES):
-        here = _slope(flat)
-        bend = (here - slope) / length
-        move = min(max(-here / bend, _BACK), _AHEAD) if bend > 0.0 else _AHEAD
-        if not abs(here * move) > _WORTH:
-            return i > 0
-        after, _ = _try(flat, move)
-        if not after < cost:
-            apply_estimate(flat, vector(flat, at.P))
-            return True
+    here = _slope(flat)
+    bend = here - slope
+    move = min(max(-here / bend, _BACK), _AHEAD) if bend > 0.0 else _AHEAD
+    if not abs(here * move) > _WORTH:
+        return False
+    after, _ = _try(flat, move)
+    if after < cost:
         _accept_trial(flat)
-        cost, slope, length = after, here, move
+    else:
+        apply_estimate(flat, vector(flat, at.P))
     return True
 
 
