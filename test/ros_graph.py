@@ -75,14 +75,15 @@ class NodeProcess:
         name: ``stage_node`` or ``observer_node``.
         folder: where its output goes.
         arguments: its command line.
+        module: what is run, if not the node's own module.
     """
 
-    def __init__(self, name: str, folder: Path, *arguments: str) -> None:
+    def __init__(self, name: str, folder: Path, *arguments: str, module: str = "") -> None:
         self.name = name
         self.output = folder / f"{name}.{time.monotonic_ns()}.log"
         with self.output.open("w") as file:
             self.process = start_program(
-                f"sgms_observer.nodes.{name}", arguments, folder, stdout=file, stderr=subprocess.STDOUT
+                module or f"sgms_observer.nodes.{name}", arguments, folder, stdout=file, stderr=subprocess.STDOUT
             )
 
     def text(self) -> str:

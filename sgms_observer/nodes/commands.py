@@ -9,6 +9,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
+from sgms_observer.nodes.topics import LAST_WORDS
+
 COMMANDS = "~/commands"
 
 #: As the command topics of ros2_controllers: only the latest counts.
@@ -51,6 +53,10 @@ class CommandTopic:
         """
         if self._publisher.get_subscription_count():
             self._publisher.publish(encode_commands(forces))
+
+    def wait_acknowledged(self) -> None:
+        """Wait until the latest message has arrived, for ``LAST_WORDS`` at most."""
+        self._publisher.wait_for_all_acked(LAST_WORDS)
 
     def destroy(self) -> None:
         """Remove the publisher from the graph."""

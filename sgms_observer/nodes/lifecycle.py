@@ -20,6 +20,7 @@ from sgms_observer.cli.main import SHOW_TRACEBACK
 from sgms_observer.errors import SgmsError
 from sgms_observer.nodes.parameters import NodeParameters
 from sgms_observer.nodes.spin import LONG_WORK
+from sgms_observer.nodes.stopping import is_told
 from sgms_observer.nodes.topics import warm_up_encoding
 from sgms_observer.settings.axis import Settings
 
@@ -70,7 +71,8 @@ class ManagedNode(LifecycleNode):
     def guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
         """Return a callback that never raises into the executor, which a task's exception would crash.
 
-        A fault ends the process with one sentence; what fails because ROS is shutting down is no fault.
+        A fault ends the process with one sentence, and before that the node's work; what fails because ROS is shutting
+        down is no fault.
 
         Args:
             callback: any callback without a result.
@@ -78,14 +80,14 @@ class ManagedNode(LifecycleNode):
 
         def call(*arguments: Any) -> None:
             try:
-                callback(*arguments)
+                if self.fault is None:
+                    callback(*arguments)
             except Exception as error:
                 if not self.context.ok():
                     return
                 if os.environ.get(SHOW_TRACEBACK):
                     traceback.print_exc()
                 self.fault = error
-                self.context.try_shutdown()
 
         return call
 
@@ -128,7 +130,7 @@ class ManagedNode(LifecycleNode):
             self._apart(self._warm_up_all)
             self.set_up()
         except Exception as error:
-            if not self.context.ok():
+            if is_told() or not self.context.ok():
                 return TransitionCallbackReturn.FAILURE
             self._failure = error
             for sentence in str(error).splitlines():
@@ -179,8 +181,10 @@ class ManagedNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def destroy_node(self) -> None:
-        """End the node; publishing is over when the context is."""
-        self._stop()
+        """End the node, its work first."""
+        fault, self.fault = self.fault, None
+        self.guarded(self._stop)()
+        self.fault = fault or self.fault
         super().destroy_node()
 
     def _apart(self, work: Callable[[], None]) -> None:
@@ -195,7 +199,7 @@ class ManagedNode(LifecycleNode):
 
         thread = threading.Thread(target=run, name=LONG_WORK, daemon=True)
         thread.start()
-        while thread.is_alive() and self.context.ok():
+        while thread.is_alive() and self.context.ok() and not is_told():
             thread.join(0.1)
         if errors:
             raise errors[0]

@@ -22,12 +22,13 @@ from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, parameter_entry
 from sgms_observer.nodes.statistics import Growth, Sentences
 from sgms_observer.nodes.topics import JointStateTopics, subscribe
-from sgms_observer.nodes.watchdog import Watchdog
+from sgms_observer.nodes.watchdog import SHORTEST_PERIOD, Watchdog
 from sgms_observer.observer.learnt import learnt_changes
 from sgms_observer.observer.outgoing import COMPENSATION, JOINT_STATE_TOPICS, PARAMETERS, OutgoingBlock
 from sgms_observer.settings.write import write_settings
 
 _REPORT_PERIOD = 1.0  # s
+_LONGEST_END = 1.0  # s for the compensation to go to zero within its slew limit when the node stops
 _SHORTEST_REPORT = 0.8  # s; the first after the activation tells of about a period as well
 
 
@@ -102,10 +103,22 @@ class ObserverNode(ManagedNode):
             self._working_engine().continue_compensation(number, 0.0)
 
     def end(self) -> None:
-        """Leave no compensation behind."""
-        watchdog, self._watchdog = self._watchdog, None
-        if self.context.ok() and watchdog is not None and any(watchdog.outputs):
-            self._publish_compensation(dict.fromkeys(range(len(self.settings.axes)), 0.0))
+        """Leave no compensation behind: to zero within the slew limit, and what is left after a second at once."""
+        watchdog, begun = self._watchdog, time.monotonic()
+        while self.context.ok() and watchdog is not None and any(watchdog.outputs):
+            now = time.monotonic()
+            forces = watchdog.silent(now, is_ending=True)
+            if now - begun > _LONGEST_END:
+                forces = dict.fromkeys(forces, 0.0)
+                for number in forces:
+                    watchdog.feed(number, 0.0, now)
+            self._publish_compensation(forces)
+            if any(watchdog.outputs):
+                time.sleep(SHORTEST_PERIOD)
+            elif self._topics is not None and self._commands is not None:
+                self._topics.wait_acknowledged()
+                self._commands.wait_acknowledged()
+        self._watchdog = None
 
     def tear_down(self) -> None:
         """Remove publishers and subscriptions."""

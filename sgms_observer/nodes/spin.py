@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 from sgms_observer.cli.main import EXIT_FAILED, SHOW_TRACEBACK
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import silent_interrupts
+from sgms_observer.nodes.stopping import ignore_signals, is_told, note_signals
 from sgms_observer.nodes.transport import use_shipped_transport
 
 if TYPE_CHECKING:
@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
     from sgms_observer.nodes.lifecycle import ManagedNode
 
-#: ``EventsExecutor`` hangs after one event when it spins without an end; with a time-out it works.
-_SPIN_AT_ONCE = 3600.0
+#: ``EventsExecutor`` hangs after one event when it spins without an end; with a time-out it works [s]. Signals are seen
+#: in between.
+_SPIN_AT_ONCE = 0.1
 
 #: Name of a thread that may still compile when the process is told to stop.
 LONG_WORK = "long work"
@@ -56,37 +57,34 @@ def run_node(make_node: Callable[[Executor], ManagedNode], arguments: list[str])
     with silent_interrupts():
         import rclpy
         from rclpy.executors import ExternalShutdownException
+        from rclpy.signals import SignalHandlerOptions
         from rclpy.task import Future
 
     executor = node = None
     try:
         use_shipped_transport()
-        interrupts: list[int] = []
-        # rclpy's own handler ends the context, and no KeyboardInterrupt falls into a callback; what comes before
-        # that handler is there would be lost, so it is kept.
-        signal.signal(signal.SIGINT, lambda number, _frame: interrupts.append(number))
-        rclpy.init(args=arguments)
-        if interrupts:
+        note_signals()
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        if is_told():
             return 0
         executor = make_executor()
         node = make_node(executor)
         executor.add_node(node)
         never: Future[None] = Future()
-        while rclpy.ok():
+        while rclpy.ok() and not is_told() and node.fault is None:
             executor.spin_until_future_complete(never, timeout_sec=_SPIN_AT_ONCE)
     except ExternalShutdownException:
         pass
     except Exception as error:
-        # A signal during the start invalidates the context under the node's feet: that is an end, not a fault.
-        if node is None and executor is not None and not rclpy.ok():
-            return 0
+        if node is None and executor is not None and (is_told() or not rclpy.ok()):
+            return 0  # told to stop while it got ready: an end, not a fault
         if isinstance(error, SgmsError):
             return fail(str(error))
         if os.environ.get(SHOW_TRACEBACK):
             raise
         return fail(_own_fault(error))
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        ignore_signals()
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()

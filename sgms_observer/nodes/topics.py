@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -23,6 +24,8 @@ SAMPLE_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
+#: How long the last messages of a node that ends are waited for, by whoever wants them acknowledged.
+LAST_WORDS = Duration(seconds=0.2)
 _BY_ARRAYS = 24  # rows from which numpy encodes faster than struct
 
 
@@ -79,6 +82,11 @@ class JointStateTopics:
         columns = [values.tolist() for values in block.values.values()]
         for stamp, *fields in zip(block.stamp_ns.tolist(), *columns, strict=True):
             publish(encoder.encode(stamp, *fields))
+
+    def wait_acknowledged(self) -> None:
+        """Wait until what was sent has arrived, for ``LAST_WORDS`` at most: a publisher that is gone sends nothing."""
+        for publisher in self._publishers.values():
+            publisher.wait_for_all_acked(LAST_WORDS)
 
     def destroy(self) -> None:
         """Remove the publishers from the graph."""

@@ -67,18 +67,19 @@ class Watchdog:
         watched.stage.output = output
         watched.fed_at = watched.set_at = now
 
-    def silent(self, now: float) -> dict[int, float]:
+    def silent(self, now: float, is_ending: bool = False) -> dict[int, float]:
         """Return the next forces of the axes without samples whose force is not zero yet, on their way to zero.
 
         Args:
             now: the clock [s].
+            is_ending: let go of every axis, however new its samples are.
 
         Returns:
             Number of the axis to its force [N].
         """
         forces = {}
         for number, watched in enumerate(self._watched):
-            if watched.stage.output != 0.0 and now - watched.fed_at > watched.timeout:
+            if watched.stage.output != 0.0 and (is_ending or now - watched.fed_at > watched.timeout):
                 forces[number] = watched.stage.step(0.0, math.inf, now - watched.set_at)
                 watched.set_at = now
         return forces

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 import time
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
-from ros_graph import DEACTIVATE, ONE_AXIS, TWO_AXES, Graph, Sender, Start, wait_until
+from ros_graph import DEACTIVATE, ONE_AXIS, TWO_AXES, Graph, NodeProcess, Sender, Start, wait_until
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from sgms_observer.bags.cdr import decode_joint_state
@@ -229,22 +231,77 @@ def test_compensation_follows_its_parameter_and_ends_with_the_data(graph: Graph,
     wait_until(lambda: _last_compensation(graph) == 0.0, "zero after the data ended")
 
 
+#: Trust grows slowly, to about 0.15 N with the samples below, and the watchdog stays away.
+PATIENT = ONE_AXIS + "      compensation: {enabled: true, timeout: 30.0}\n"
+
+
+class Listener:
+    """Hears both topics of the compensation while samples make it act.
+
+    Args:
+        graph: where.
+    """
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
+        self.commands: list[float] = []
+        graph.listen("friction_compensation")
+        graph.node.create_subscription(
+            Float64MultiArray, "/observer_node/commands", lambda message: self.commands.append(message.data[0]), 1000
+        )
+
+    def send_samples(self) -> int:
+        """Send samples until the compensation acts; return their number, which is that of the forces."""
+        sender = Sender(self._graph, ["x"])
+        stamps, position, effort = motion(1550)
+        for i, stamp in enumerate(stamps):
+            sender.send(stamp, position[i].tolist(), effort[i].tolist())
+        return len(stamps)
+
+    def check_end(self, samples: int) -> None:
+        """Check that the last word is zero on both topics, and that it came in steps that the slew limit allows."""
+        wait_until(lambda: _last_compensation(self._graph) == 0.0, "zero at the end")
+        wait_until(lambda: self.commands and self.commands[-1] == 0.0, "zero at the end of the commands")
+        received = [decode_joint_state(data)[4][0] for data in self._graph.messages["friction_compensation"]]
+        sizes = [abs(force) for force in received[samples - 1 :]]
+        assert sizes[0] > 0.1 and sizes == sorted(sizes, reverse=True)
+        assert len(sizes) > 5, "half a second's way was made at once"
+
+
 def test_deactivation_leaves_no_compensation(graph: Graph, start: Start) -> None:
-    graph.listen("friction_compensation")
-    start(
-        "observer_node",
-        ONE_AXIS,
-        "--ros-args",
-        "-p",
-        "x.compensation.enabled:=true",
-        "-p",
-        "x.compensation.timeout:=30.0",
-    )
-    sender = Sender(graph, ["x"])
-    stamps, position, effort = motion(1550)
-    for i, stamp in enumerate(stamps):
-        sender.send(stamp, position[i].tolist(), effort[i].tolist())
-    graph.wait_messages("friction_compensation", len(stamps))
-    assert _last_compensation(graph) != 0.0
+    listener = Listener(graph)
+    start("observer_node", PATIENT)
+    count = listener.send_samples()
+    graph.wait_messages("friction_compensation", count)
+    _set(graph, "x.compensation.slew_limit", 0.2)
     assert graph.change("observer_node", DEACTIVATE)
-    wait_until(lambda: _last_compensation(graph) == 0.0, "zero after deactivation")
+    listener.check_end(count)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_no_compensation(number: int, graph: Graph, start: Start) -> None:
+    """Who holds the last command, as the controllers of ros2_control do, must not hold a force."""
+    listener = Listener(graph)
+    node = start("observer_node", PATIENT)
+    count = listener.send_samples()
+    graph.wait_messages("friction_compensation", count)
+    _set(graph, "x.compensation.slew_limit", 0.2)
+    assert node.stop(number) == 0
+    listener.check_end(count)
+    assert "Traceback" not in node.text()
+
+
+def test_a_fault_of_the_node_leaves_no_compensation(graph: Graph, tmp_path: Path) -> None:
+    listener = Listener(graph)
+    (tmp_path / "axis.yaml").write_text(PATIENT)
+    node = NodeProcess("observer_node", tmp_path, "--config", str(tmp_path / "axis.yaml"), module="failing_node")
+    try:
+        node.wait_active()
+        listener.send_samples()
+        assert node.wait_end() == 1
+    finally:
+        node.process.kill()
+    wait_until(lambda: _last_compensation(graph) == 0.0, "zero at the end")
+    assert max(abs(command) for command in listener.commands) > 0.1 and listener.commands[-1] == 0.0
+    (said,) = [line for line in node.text().splitlines() if "fault of its own" in line]
+    assert "ZeroDivisionError: a fault made for a test" in said and "Traceback" not in node.text()

@@ -1,0 +1,25 @@
+"""The observer node with a fault of its own: its engine raises once a compensation has gone out."""
+
+from __future__ import annotations
+
+import sys
+
+from sgms_observer.nodes import observer_node
+from sgms_observer.nodes.engine import Engine, Processed
+
+
+class FailingEngine(Engine):
+    """Raises behind the first compensation above 0.1 N."""
+
+    def process(self) -> Processed:
+        """Do as ever, but not for long."""
+        if any(abs(estimates.compensation[-1]) > 0.1 for estimates in self.latest.values()):
+            raise ZeroDivisionError("a fault made for a test")
+        return super().process()
+
+
+if __name__ == "__main__":
+    from sgms_observer.nodes import observing
+
+    observing.Engine = FailingEngine  # type: ignore[misc]
+    sys.exit(observer_node.main())
