@@ -1,1 +1,1 @@
-"""TODO."""
+"""The command line ``sgms``: one module for each command, found by ``registry``."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""Parameters from recordings, with intervals, and the references that show them."""
