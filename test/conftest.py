@@ -10,8 +10,17 @@ from pathlib import Path
 
 import pytest
 from browser import NAMES, Browser, executable
+from hypothesis import HealthCheck, settings
 
 from sgms_observer.nodes.domain import claim_domain
+
+# Property tests: the same examples in every run, and none fails because the machine was slow or compiled a kernel.
+# ``--hypothesis-profile search`` draws others.
+settings.register_profile(
+    "repeat", deadline=None, derandomize=True, print_blob=True, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.register_profile("search", settings.get_profile("repeat"), derandomize=False)
+settings.load_profile("repeat")
 
 # Before anything imports rclpy. The domain is this run's own: two jobs on one machine must not hear each other,
 # and no test may ever speak to a machine that is really there.
