@@ -23,7 +23,7 @@ SWITCHES = (
     "--no-first-run", "--disable-extensions", "--disable-component-update", "--remote-debugging-pipe",
 )  # fmt: skip
 
-_PATIENCE = 60.0  # s
+_PATIENCE = 180.0  # s, on a busy machine
 
 _LOOK = """(() => ({
   wide: document.scrollingElement.scrollWidth,
@@ -158,6 +158,12 @@ class Browser:
     def _navigate(self, session: str, page: Path) -> None:
         self._call("Page.navigate", session, url=page.resolve().as_uri())
         self._wait_for("Page.loadEventFired")
+        # The event may have been the empty tab's own, which came late.
+        end = time.monotonic() + _PATIENCE
+        ready = "document.readyState === 'complete' && location.protocol === 'file:'"
+        while not self._call("Runtime.evaluate", session, expression=ready, returnByValue=True)["result"]["value"]:
+            assert time.monotonic() < end, f"{page} was not loaded in {_PATIENCE:g} s"
+            time.sleep(0.02)
 
     def _resize(self, session: str, width: int, media: str) -> None:
         size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}

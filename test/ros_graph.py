@@ -233,13 +233,24 @@ class Sender:
             self._effort(self._effort_encoder.encode(stamp_ns, effort))
 
     def send_paced(
-        self, rate: float, stamps: Sequence[int], position: Sequence[Sequence[float]], effort: Sequence[Sequence[float]]
+        self,
+        rate: float,
+        stamps: Sequence[int],
+        position: Sequence[Sequence[float]],
+        effort: Sequence[Sequence[float]],
+        answers: Sequence[bytes] | None = None,
     ) -> None:
-        """Publish samples at a rate [Hz] by the clock; a late turn sends all that is due."""
+        """Publish samples at a rate [Hz] by the clock; a late turn sends all that is due.
+
+        With ``answers``, which grow by one for each sample, no more samples are on their way than half a queue holds: a
+        machine that is too slow for the rate takes its time.
+        """
         start = time.monotonic()
         sent = 0
         while sent < len(stamps):
             due = min(len(stamps), int((time.monotonic() - start) * rate) + 1)
+            if answers is not None:
+                due = max(sent, min(due, len(answers) + SAMPLE_QOS.depth // 2))
             for i in range(sent, due):
                 self.send(stamps[i], position[i], effort[i])
             sent = due

@@ -16,7 +16,7 @@ from sgms_observer.fleet.jobs import DiagnoseJob, Outcome, ReplayJob, run_job
 Job = ReplayJob | DiagnoseJob
 Show = Callable[[float], None]
 
-_CONNECT = 10.0
+_CONNECT = 30.0
 """How long to wait for the scheduler [s]."""
 
 _ENDED = "the process that worked on it ended by itself; try it alone, with more memory"

@@ -24,7 +24,7 @@ from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.nodes.transport import use_shipped_transport
 
 _PATIENCE = 180.0  # s; a first start compiles every kernel
-_END = 20.0  # s that a process has to end after a signal
+_END = 60.0  # s that a process has to end after a signal
 _MATCHING = 2.0  # s from the graph's knowing of a subscription to its being served for sure
 
 

@@ -144,7 +144,8 @@ def test_a_simulated_clock_that_starts_again(graph: Graph, start: Start) -> None
     """With use_sim_time stage and observer live by ``/clock``; both go on after it was set back."""
     graph.listen("friction_compensation", "friction_estimate", "/diagnostics")
     simulated = ("--ros-args", "-p", "use_sim_time:=true")
-    processes = start("observer_node", COMPENSATED, *simulated), start("stage_node", ONE_AXIS, *simulated)
+    patient = COMPENSATED.replace("timeout: 0.05", "timeout: 0.5")  # samples come in bursts, whenever this test turns
+    processes = start("observer_node", patient, *simulated), start("stage_node", ONE_AXIS, *simulated)
     clock = graph.node.create_publisher(Clock, "/clock", 10)
     wait_until(lambda: clock.get_subscription_count() == 2, "both nodes to hear the clock")
     for origin in (1000, 5):
@@ -157,12 +158,13 @@ def test_a_simulated_clock_that_starts_again(graph: Graph, start: Start) -> None
             message.clock.sec, message.clock.nanosec = divmod(latest, SECOND)
             clock.publish(message)
             stamps = [decode_joint_state(data)[0] for data in graph.messages["friction_estimate"][-1:]]
-            return bool(stamps) and first + SECOND < stamps[0] < first + 10 * SECOND
+            if not stamps or not first + SECOND < stamps[0] < first + 500 * SECOND:
+                return False
+            return any(stamp > first and abs(force) > 1.0 for stamp, force in compensations(graph, -200))
 
-        wait_until(has_run, f"a second of samples after the clock read {origin} s")
+        wait_until(has_run, f"a second of samples and a compensation after the clock read {origin} s")
     forces = compensations(graph, 0)
     assert all(math.isfinite(force) and abs(force) <= LIMIT for _, force in forces)
-    assert max(abs(force) for _, force in forces[-200:]) > 1.0
     told = wait_until(lambda: int(graph.axis_diagnostics("x").get("clock resets", "0")), "the count of resets")
     assert told == 1
     wait_until(lambda: "jumped back by more than a second" in processes[0].text(), "the sentence about the clock")

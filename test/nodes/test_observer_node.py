@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import signal
 import time
@@ -130,7 +131,8 @@ def test_nothing_is_lost(rate: float, graph: Graph, start: Start) -> None:
     start("observer_node", yaml)
     sender = Sender(graph, ["x"])
     stamps, position, effort = motion(count, period)
-    sender.send_paced(rate, stamps, position.tolist(), effort.tolist())
+    answers = graph.messages["friction_compensation"]
+    sender.send_paced(rate, stamps, position.tolist(), effort.tolist(), answers)
     received = [decode_joint_state(data)[0] for data in graph.wait_messages("friction_compensation", count)]
     assert received == stamps
 
@@ -253,10 +255,16 @@ class Listener:
     def send_samples(self) -> int:
         """Send samples until the compensation acts; return their number, which is that of the forces."""
         sender = Sender(self._graph, ["x"])
-        stamps, position, effort = motion(1550)
-        for i, stamp in enumerate(stamps):
-            sender.send(stamp, position[i].tolist(), effort[i].tolist())
-        return len(stamps)
+        self._rest = samples = zip(*motion(20_000), strict=True)
+        for stamp, position, effort in itertools.islice(samples, 1550):
+            sender.send(stamp, position.tolist(), effort.tolist())
+        self._sender = sender
+        return 1550
+
+    def send_one(self) -> None:
+        """Send one sample more."""
+        stamp, position, effort = next(self._rest)
+        self._sender.send(stamp, position.tolist(), effort.tolist())
 
     def check_end(self, samples: int) -> None:
         """Check that the last word is zero on both topics, and that it came in steps that the slew limit allows."""
@@ -298,9 +306,11 @@ def test_a_fault_of_the_node_leaves_no_compensation(graph: Graph, tmp_path: Path
     try:
         node.wait_active()
         listener.send_samples()
+        wait_until(lambda: node.process.poll() is not None or listener.send_one(), "the end of the node")
         assert node.wait_end() == 1
     finally:
         node.process.kill()
+        node.process.wait()
     wait_until(lambda: _last_compensation(graph) == 0.0, "zero at the end")
     assert max(abs(command) for command in listener.commands) > 0.1 and listener.commands[-1] == 0.0
     (said,) = [line for line in node.text().splitlines() if "fault of its own" in line]

@@ -32,13 +32,31 @@ def test_braking_ends_at_rest_within_the_deceleration(velocity: float, accelerat
 
 
 def test_it_starts_where_the_table_stands_and_brakes_when_interrupted(graph: Graph, tmp_path: Path) -> None:
+    """A busy machine may be too late for the motion: it comes to rest then as well, says so, and is started again."""
     (tmp_path / "axis.yaml").write_text(ONE_AXIS)
     graph.listen("reference")
-    command = [sys.executable, "-m", "sgms_observer.cli.main", "excite", "--config", str(tmp_path / "axis.yaml")]
+    for _ in range(10):
+        graph.messages["reference"].clear()
+        code, said = _interrupted_in_motion(graph, tmp_path)
+        states = [decode_joint_state(message) for message in graph.messages["reference"]]
+        velocities = np.array([state[3][0] for state in states])
+        assert states[0][2][0] == 0.3
+        assert velocities[-1] == 0.0
+        assert np.max(np.abs(np.diff(velocities))) <= 0.05 * 1e-3 * 1.02
+        if code == 0:
+            break
+        assert code == 1 and "the machine was busy" in said and said.count("\n") == 1, said
+    assert code == 0 and "brought to rest" in said
+
+
+def _interrupted_in_motion(graph: Graph, folder: Path) -> tuple[int, str]:
+    """Play a reference, interrupt it when it moves fast; return exit code and what was said last."""
+    command = [sys.executable, "-m", "sgms_observer.cli.main", "excite", "--config", str(folder / "axis.yaml")]
     process = subprocess.Popen(
         [*command, "--publish", "--acceleration", "0.05"],
-        cwd=tmp_path,
+        cwd=folder,
         stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
     )
@@ -48,17 +66,12 @@ def test_it_starts_where_the_table_stands_and_brakes_when_interrupted(graph: Gra
 
         def is_moving() -> bool:
             send(encode(1, [0.3]))
-            return any(decode_joint_state(message)[3][0] > 1e-4 for message in graph.messages["reference"][-5:])
+            moves = any(decode_joint_state(message)[3][0] > 1e-4 for message in graph.messages["reference"][-5:])
+            return moves or process.poll() is not None
 
         wait_until(is_moving, "a reference in motion")
         process.send_signal(signal.SIGINT)
-        output, _errors = process.communicate(timeout=PATIENCE)
+        output, errors = process.communicate(timeout=PATIENCE)
     finally:
         process.kill()
-    states = [decode_joint_state(message) for message in graph.messages["reference"]]
-    velocities = np.array([state[3][0] for state in states])
-    assert process.returncode == 0
-    assert "brought to rest" in output
-    assert states[0][2][0] == 0.3
-    assert velocities[-1] == 0.0
-    assert np.max(np.abs(np.diff(velocities))) <= 0.05 * 1e-3 * 1.02
+    return process.returncode, errors if process.returncode else output

@@ -51,7 +51,7 @@ def test_policy_is_what_the_node_uses(name: str, start: Start, graph: Graph) -> 
 
     wanted = {deed: names - SPARE.get(deed, set()) for deed, names in _allowed(name, name).items()}
     try:
-        wait_until(lambda: used() == wanted, "the node to use what the policy allows, no more and no less", 60.0)
+        wait_until(lambda: used() == wanted, "the node to use what the policy allows, no more and no less")
     except AssertionError:
         assert used() == wanted
 

@@ -6,6 +6,7 @@ import numpy as np
 from ros_graph import ONE_AXIS, TWO_AXES, Graph, Start, wait_until
 
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
+from sgms_observer.nodes.pace import LONGEST_CATCH_UP
 from sgms_observer.settings.load import settings_from_tree
 from sgms_observer.settings.yaml_text import parse
 from sim_plant.table import SimulatedTable
@@ -19,7 +20,8 @@ def test_samples_are_the_simulation_whatever_the_timer_does(graph: Graph, start:
     start("stage_node", TWO_AXES)
     decoded = {topic: [decode_joint_state(data) for data in list(graph.wait_messages(topic, 1000))] for topic in topics}
     stamps = [message[0] for message in decoded["position"]]
-    assert set(np.diff(stamps)) == {MILLISECOND}
+    steps = np.diff(stamps)
+    assert steps[steps != MILLISECOND].min(initial=LONGEST_CATCH_UP * 1e9) >= LONGEST_CATCH_UP * 1e9
     assert all(message[1] == ("x", "y") for messages in decoded.values() for message in messages)
     truth = SimulatedTable(settings_from_tree(parse(TWO_AXES, "the test")))
     records = truth.step(20_000)
@@ -52,11 +54,17 @@ def test_stage_and_observer_together(graph: Graph, start: Start) -> None:
     graph.listen("friction_true", "friction_estimate")
     start("observer_node", ONE_AXIS)
     start("stage_node", ONE_AXIS)
-    graph.wait_messages("friction_estimate", 3000)
-    graph.wait_messages("friction_true", 3000)
+    graph.wait_messages("friction_estimate", 4000)
+    graph.wait_messages("friction_true", 4000)
     truth = {stamp: effort[0] for stamp, _, _, _, effort in map(decode_joint_state, graph.messages["friction_true"])}
     estimates = [decode_joint_state(data) for data in list(graph.messages["friction_estimate"])]
-    pairs = np.array([(effort[0], truth[stamp]) for stamp, _, _, _, effort in estimates[1000:] if stamp in truth])
+    # A machine that is kept waiting for long leaves samples out; the observer then starts anew.
+    stamps = np.array([message[0] for message in estimates])
+    first = [i + 1 for i in np.flatnonzero(np.diff(stamps) > 2 * MILLISECOND)]
+    settling = {stamps[k] for i in [0, *first] for k in range(i, min(i + 1000, len(stamps)))}
+    pairs = np.array(
+        [(e[0], truth[stamp]) for stamp, _, _, _, e in estimates if stamp in truth and stamp not in settling]
+    )
     assert len(pairs) > 1500
     error = pairs[:, 0] - pairs[:, 1]
     assert np.sqrt(np.mean(error**2)) < 0.1 * np.ptp(pairs[:, 1])
