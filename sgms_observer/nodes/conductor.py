@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -24,6 +25,7 @@ from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.nodes.transport import use_shipped_transport
 
 _PATIENCE = 180.0  # s; a first start compiles every kernel
+_NO_ROOM = 100_000  # bytes; with fewer, not even a log can be written
 _END = 60.0  # s that a process has to end after a signal
 _MATCHING = 2.0  # s from the graph's knowing of a subscription to its being served for sure
 
@@ -241,4 +243,6 @@ class Conductor:
         """Return the sentence about a process that ended too early."""
         lines = [line for line in self.said(name).splitlines() if line.strip()]
         last = lines[-1] if lines else "it said nothing"
+        if not lines and shutil.disk_usage(self._folder).free < _NO_ROOM:
+            last = f"the disk of {self._folder} is full; make room or choose another folder"
         return DataError(f"{name} ended with exit code {code}: {last}")

@@ -28,9 +28,11 @@ def read_document(path: str | Path) -> dict[str, Any]:
         ConfigurationError: the file is missing, not text, not YAML or has no section for parameters; one sentence.
     """
     try:
-        if Path(path).stat().st_size > _LARGEST_FILE:
+        with Path(path).open("rb") as file:  # a device or a pipe has no size, and may have no end
+            content = file.read(_LARGEST_FILE + 1)
+        if len(content) > _LARGEST_FILE:
             raise ConfigurationError([f"{path} is larger than {_LARGEST_FILE // 1_000_000} MB; name a parameter file"])
-        text = Path(path).read_text(encoding="utf-8-sig")
+        text = content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
         raise ConfigurationError([f"{path} is not a text file in UTF-8; name a YAML parameter file"]) from None
     except (OSError, ValueError) as error:

@@ -189,6 +189,12 @@ def test_files_that_cannot_be_read(name: str, tmp_path: Path) -> None:
     assert "cannot be read" in error.value.sentences[0]
 
 
+def test_a_file_without_an_end() -> None:
+    """A device has no size to look at first."""
+    with pytest.raises(ConfigurationError, match="/dev/zero is larger than"):
+        load_settings("/dev/zero")
+
+
 def test_a_file_of_bytes(tmp_path: Path) -> None:
     path = tmp_path / "image.yaml"
     path.write_bytes(bytes(range(256)))
