@@ -1,6 +1,6 @@
 """Friction that changes in time and place: what estimating it with the state is worth.
 
-    python benchmarks/adaptation.py [--seconds 60] [--json FILE]
+    python benchmarks/adaptation.py [--seconds 60] [--json FILE] [--picture PNG]
 
 First the Coulomb level drifts by 30 % in a minute under the paper's sine; then the table crosses a tight spot (half
 as much friction again, 4 mm wide) on a 20 mm move. Both with the compensation in the loop, with p fixed and with
@@ -13,16 +13,20 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates
+from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, sheet
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings
@@ -31,10 +35,13 @@ from sim_plant.closed_loop import ClosedLoop
 from sim_plant.record import StageRecord
 from sim_plant.table import SimulatedTable
 
+Floats = NDArray[np.float64]
+
 PERIOD = 1.0e-4
 DRIFT = 0.3  # share by which the Coulomb level has risen after DRIFT_TIME
 DRIFT_TIME = 60.0
 BLOCK = 20_000
+WITHOUT, FIXED_P = "no compensation", "compensated, p fixed"
 
 FIXED = EstimatorSettings(kind="mhe", parameters=())
 SLOW = EstimatorSettings(kind="mhe", parameters=("static_force", "coulomb_force"), parameter_walk=1.0e-3)
@@ -91,40 +98,83 @@ def without_compensation(axis: AxisSettings) -> AxisSettings:
     return replace(axis, compensation=replace(axis.compensation, enabled=False))
 
 
-def rows_of(
-    blocks: list[tuple[StageRecord, Estimates | None]], spans: list[tuple[float, float]]
-) -> list[dict[str, float]]:
-    """Return tracking error, friction error and estimated level in spans of time."""
-    time = np.concatenate([record.time for record, _ in blocks])
-    error = np.concatenate([record.position - record.reference_position for record, _ in blocks])
-    out = []
-    for first, last in spans:
-        inside = (time >= first) & (time < last)
-        row = {"from": first, "to": last, "tracking_rms": float(np.sqrt(np.mean(error[inside] ** 2)))}
-        if blocks[0][1] is not None:
-            wrong = np.concatenate([estimates.friction - record.friction for record, estimates in blocks if estimates])
-            row["friction_rms"] = float(np.sqrt(np.mean(wrong[inside] ** 2)))
-            level = np.concatenate([estimates.parameters for _, estimates in blocks if estimates])
-            if level.shape[1]:
-                row["coulomb_force"] = float(np.mean(level[inside, -1]))
-        out.append(row)
-    return out
+@dataclass(frozen=True)
+class Series:
+    """One run over time; every array of shape (n,).
+
+    Attributes:
+        time: [s].
+        position: [m].
+        error: position minus reference [m].
+        true_level: Coulomb level of the stage [N].
+        level: estimated Coulomb level [N]; empty where it is not estimated.
+        wrong: estimated minus true friction [N]; empty without an observer.
+    """
+
+    time: Floats
+    position: Floats
+    error: Floats
+    true_level: Floats
+    level: Floats
+    wrong: Floats
+
+    @classmethod
+    def of(cls, axis: AxisSettings, seconds: float) -> Series:
+        """Run an axis and keep what is shown of it."""
+        blocks = run(axis, seconds)
+        whole = StageRecord(
+            *(np.concatenate([getattr(record, field.name) for record, _ in blocks]) for field in fields(StageRecord))
+        )
+        observed = [(record, estimates) for record, estimates in blocks if estimates is not None]
+        wrong = [estimates.friction - record.friction for record, estimates in observed]
+        level = [estimates.parameters[:, -1] for _, estimates in observed if estimates.parameters.shape[1]]
+        nothing = [np.zeros(0)]
+        return cls(
+            whole.time,
+            whole.position,
+            whole.position - whole.reference_position,
+            axis.stage_friction.coulomb_force * _true_factor(axis.stage_effects[0], whole),
+            np.concatenate(level or nothing),
+            np.concatenate(wrong or nothing),
+        )
+
+    def row(self, first: float, last: float) -> dict[str, float]:
+        """Return tracking error, friction error and estimated level in a span of time."""
+        inside = (self.time >= first) & (self.time < last)
+        row = {"from": first, "to": last, "tracking_rms": float(np.sqrt(np.mean(self.error[inside] ** 2)))}
+        if self.wrong.size:
+            row["friction_rms"] = float(np.sqrt(np.mean(self.wrong[inside] ** 2)))
+        if self.level.size:
+            row["coulomb_force"] = float(np.mean(self.level[inside]))
+        return row
+
+
+def _true_factor(hidden: EffectSettings, record: StageRecord) -> Floats:
+    """Return the hidden effect's factor on the Coulomb level along the true motion."""
+    effects = CompiledEffects((hidden,), PERIOD)
+    n = len(record.time)
+    return effects.evaluate(
+        record.position, record.velocity, record.acceleration, record.time, record.effort_applied,
+        np.full(n, PERIOD), np.ones(n), effects.initial_state(),
+    )[1]  # fmt: skip
 
 
 def compare(
     title: str, axis: AxisSettings, seconds: float, spans: list[tuple[float, float]], adaptive: EstimatorSettings
-) -> dict[str, Any]:
+) -> tuple[dict[str, Any], dict[str, Series]]:
     """Print and return one comparison."""
     print(f"\n{title}")
     variants = {
-        "no compensation": without_compensation(axis),
-        "compensated, p fixed": replace(axis, estimator=FIXED),
+        WITHOUT: without_compensation(axis),
+        FIXED_P: replace(axis, estimator=FIXED),
         f"compensated, MHE(z, p), walk {adaptive.parameter_walk:g}": replace(axis, estimator=adaptive),
     }
     out: dict[str, Any] = {}
+    series: dict[str, Series] = {}
     for label, variant in variants.items():
-        rows = rows_of(run(variant, seconds), spans)
-        for row in rows:
+        series[label] = Series.of(variant, seconds)
+        out[label] = [series[label].row(*span) for span in spans]
+        for row in out[label]:
             text = f"  {label:38s} {row['from']:5.1f}-{row['to']:4.1f} s:"
             text += f" tracking {1e9 * row['tracking_rms']:5.0f} nm rms"
             if "friction_rms" in row:
@@ -132,8 +182,37 @@ def compare(
             if "coulomb_force" in row:
                 text += f", mean Coulomb estimate {row['coulomb_force']:.2f} N"
             print(text)
-        out[label] = rows
-    return out
+    return out, series
+
+
+def picture(drift: Mapping[str, Series], spot: Mapping[str, Series]) -> bytes:
+    """Draw the levels, true and estimated, and the tracking errors; PNG."""
+    colours = (REFERENCE, MEASURED, ESTIMATE)
+    caption = "Friction that changes in time and place."
+    with sheet("adaptation", caption, rows=2, columns=2, height=2.6) as drawn:
+        level, tracking, place, errors = drawn.axes
+        for (label, series), colour in zip(drift.items(), colours, strict=True):
+            every = round(1.0 / PERIOD)
+            seconds = len(series.error) // every
+            rms = np.sqrt(np.mean(series.error[: seconds * every].reshape(seconds, every) ** 2, axis=1))
+            tracking.plot(0.5 + np.arange(seconds), 1e9 * rms, color=colour, label=label)
+            if series.level.size:
+                level.plot(series.time[::every], series.true_level[::every], color=TRUTH, label="true")
+                level.plot(series.time[::every], series.level[::every], color=colour, label="estimated")
+        for (label, series), colour in zip(spot.items(), colours, strict=True):
+            late = series.time > 1.0
+            errors.plot(series.time[late], 1e6 * series.error[late], color=colour, lw=0.6, label=label)
+            if series.level.size:
+                place.plot(1e3 * series.position[late], series.level[late], color=colour, lw=0.6, label="estimated")
+                place.plot(1e3 * series.position[late], series.true_level[late], ".", color=TRUTH, ms=1, label="true")
+        level.set(xlabel="time [s]", ylabel="Coulomb level [N]", title="level drifts")
+        tracking.set(xlabel="time [s]", ylabel="tracking [nm rms]", ylim=(0.0, None), title="level drifts")
+        place.set(xlabel="position [mm]", ylabel="Coulomb level [N]", title="tight spot")
+        errors.set(xlabel="time [s]", ylabel="tracking error [um]", title="tight spot")
+        for axes in (level, tracking, place):
+            axes.legend(fontsize=8)
+    assert drawn.picture is not None
+    return drawn.picture.png
 
 
 def main() -> int:
@@ -141,20 +220,22 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=DRIFT_TIME)
     parser.add_argument("--json", metavar="FILE")
+    parser.add_argument("--picture", metavar="PNG", help="draw levels and tracking errors")
     args = parser.parse_args()
     last = args.seconds
     spans = [(1.0, min(6.0, last)), (0.5 * last, 0.5 * last + 5.0), (max(last - 5.0, 0.0), last)]
     rise = 4.0 * (1.0 + DRIFT / (1.0 - np.exp(-1.0)) * (1.0 - np.exp(-last / DRIFT_TIME)))
-    results = {
-        "drift": compare(
-            f"Coulomb level from 4.0 N to {rise:.2f} N in {last:g} s, sine 200 um 5 Hz", drifting(), last, spans, SLOW
-        ),
-        "tight spot": compare(
-            "tight spot, 4 N to 6 N and back within the move, 20 mm/s", tight_spot(), 5.0, [(1.0, 5.0)], FAST
-        ),
-    }
+    drift, drift_series = compare(
+        f"Coulomb level from 4.0 N to {rise:.2f} N in {last:g} s, sine 200 um 5 Hz", drifting(), last, spans, SLOW
+    )
+    spot, spot_series = compare(
+        "tight spot, 4 N to 6 N and back within the move, 20 mm/s", tight_spot(), 5.0, [(1.0, 5.0)], FAST
+    )
+    results = {"drift": drift, "tight spot": spot}
     if args.json:
         Path(args.json).write_text(json.dumps(results, indent=1), encoding="utf-8")
+    if args.picture:
+        Path(args.picture).write_bytes(picture(drift_series, spot_series))
     return 0
 
 
