@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 
 _TURN = 5.0e-4  # s from one look at the clock to the next
 _FIRST_POSITION_TIME = 10.0  # s to wait for the table's position, and for a listener
+_ACK_TIME = 2.0  # s for the last set-points to arrive
 _LATEST = 0.25  # s of delay after which the motion is stopped rather than caught up
 
 
@@ -67,6 +68,7 @@ def play_reference(
         from rclpy.signals import SignalHandlerOptions
     except ImportError:
         raise RecordingError(MISSING_ROS) from None
+    from rclpy.duration import Duration
     from sensor_msgs.msg import JointState
 
     from sgms_observer.bags.cdr import JointStateEncoder
@@ -98,6 +100,7 @@ def play_reference(
                 publisher.publish(encoder.encode(stamp, [origin + float(position[i])], [float(velocity[i])]))
             done = due
             time.sleep(_TURN)
+        publisher.wait_for_all_acked(Duration(seconds=_ACK_TIME))  # the last of them is the one that says rest
         if is_braking and not stop.is_set():
             raise DataError(f"the machine was busy for more than {_LATEST:g} s; the motion was stopped: start it again")
         return not is_braking

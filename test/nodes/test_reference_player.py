@@ -38,6 +38,7 @@ def test_it_starts_where_the_table_stands_and_brakes_when_interrupted(graph: Gra
     for _ in range(10):
         graph.messages["reference"].clear()
         code, said = _interrupted_in_motion(graph, tmp_path)
+        wait_until(lambda: decode_joint_state(graph.messages["reference"][-1])[3][0] == 0.0, "the rest at the end")
         states = [decode_joint_state(message) for message in graph.messages["reference"]]
         velocities = np.array([state[3][0] for state in states])
         assert states[0][2][0] == 0.3
