@@ -38,8 +38,12 @@ ALARM_GAIN = 40.0
 """Squared residual, in units of the noise, that an effect has to take."""
 CLOSES = 0.6
 """An effect is accepted when it takes this share of what is more than noise."""
-NEXT_SHARE = 0.01
-"""A further effect has to take this share of what the first one took: less is the first one's shape."""
+NEXT_SHARE = 0.08
+"""A further effect has to take this share of what the first one took: less may be the first one's shape,"""
+LEAST_SHARE = 0.01
+"""unless it takes this share"""
+FINISHES = 0.75
+"""and closes this share of what is left of the held-out gap: what a wrong shape leaves, no single effect finishes."""
 OWN_GAIN = 4.0 * ALARM_GAIN
 """An effect whose first look gave no alarm of its own has to take this much once it is fitted fully."""
 BOLD = 1000.0
@@ -111,7 +115,7 @@ def judge(
             not rounds and best.taken > BOLD and gate.gap(best.refit.model) < gate.gap(current.model)
         )
         is_own = best.name in strong or best.taken > OWN_GAIN
-        if strong and is_own and passes and _is_acceptable(best, after, rounds, current):
+        if strong and is_own and passes and _is_acceptable(best, after, rounds, current, closure):
             order = [best, *(item for item in listed if item is not best)]
             others = alternatives(order[place:] if place else order, float(after.sum()))
             return Round(screen, scores, tuple(order), now, after, True, others, closure)
@@ -120,20 +124,29 @@ def judge(
     return Round(screen, scores, tuple(order), now, after, False, (), closure)
 
 
-def _is_acceptable(best: Candidate, after: Floats, rounds: Sequence[Round], current: Refit) -> bool:
+def _is_acceptable(
+    best: Candidate, after: Floats, rounds: Sequence[Round], current: Refit, closure: float | None
+) -> bool:
     """Return whether a candidate explains enough, and more than the shape of the effects before it."""
     if best.taken <= ALARM_GAIN or best.at_bound:
         return False
     if not rounds:
         share = best.taken / (best.taken + float(after.sum()))
         return share > CLOSES or (best.taken > OWN_GAIN and share > 0.3)
-    needed = NEXT_SHARE * rounds[0].listed[0].taken
+    finishes = closure is not None and closure > FINISHES
+    needed = (LEAST_SHARE if finishes else NEXT_SHARE) * rounds[0].listed[0].taken
     for item in rounds:
         name = item.listed[0].name
         alone = {one.name: one.taken for one in item.listed}.get(best.name, 0.0)
-        if alone > KIN * item.listed[0].taken or best.name in effect(name).confusable_with:
+        if alone > KIN * item.listed[0].taken or is_kin(best.name, name):
             needed = max(needed, KIN_SHARE * max(item.listed[0].taken, power(current, name)))
     return best.taken > needed
+
+
+def is_kin(one: str, other: str) -> bool:
+    """Return whether the catalogue calls two effects easily confused, with each other or both with a third."""
+    near, far = {one, *effect(one).confusable_with}, {other, *effect(other).confusable_with}
+    return bool(near & far)
 
 
 def power(found: Refit, name: str) -> float:

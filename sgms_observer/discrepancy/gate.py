@@ -16,7 +16,7 @@ WHOLE = 0.5
 """Share of the closable gap that all effects together have to close for any of them to be named."""
 SEVERAL = 0.75
 """The same where there are several: what two wrong names close together is no proof of either."""
-SURE = 3.0
+SURE = 2.5
 """Each of them has to make the squared residual of the recordings smaller by this many standard errors,"""
 STEP = 0.1
 """and to close this share of the closable squared residual: two effects of one size close a part each;"""

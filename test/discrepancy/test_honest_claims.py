@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from workflow_case import AXIS, PERIOD, record
 
-from sgms_observer.discrepancy.decide import Round
+from sgms_observer.discrepancy.decide import Round, is_kin, power
 from sgms_observer.discrepancy.fit import refit, told_start
 from sgms_observer.discrepancy.gate import SURE, Gate, floor_of, sureness
 from sgms_observer.discrepancy.model import COULOMB, STATIC, Model, predict
@@ -129,3 +129,19 @@ def test_what_recordings_differ_by_belongs_to_the_error() -> None:
     assert 0.3 < np.sqrt(apart) < 0.6
     silent = between_variance(np.array([1.0, 9.0, 1.02]), np.array([0.1, 0.0, 0.1]))
     assert silent == 0.0  # a recording that never reaches the limit says nothing about it
+
+
+def test_what_the_catalogue_confuses_is_kin_and_hidden_pairs_are_not() -> None:
+    assert is_kin("offset", "asymmetric_coulomb")
+    assert is_kin("stribeck", "quadratic_drag")  # both are taken for a nonlinear viscous friction
+    assert not is_kin("offset", "presliding")
+    assert not is_kin("cogging", "actuator_delay")
+
+
+def test_the_power_of_an_effect_is_the_square_of_its_strength_over_its_error() -> None:
+    motion = motion_of(record((OFFSET,), duration=8.0))
+    judged = judged_with((motion,), MODEL.with_effects([OFFSET]))
+    found = refit(judged, MODEL, 0.05, (OFFSET,), iterations=3)
+    without = refit(judged, MODEL, 0.05, (), iterations=6)
+    assert power(found, "offset") == pytest.approx(2.0 * (without.cost - found.cost), rel=0.2)
+    assert power(found, "spring") == 0.0
