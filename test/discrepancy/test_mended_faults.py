@@ -118,7 +118,7 @@ def test_a_name_needs_its_share_of_the_held_out_gap() -> None:
     motion = motion_of(record((hidden,), duration=8.0))
     noise = judged_with((motion,), MODEL.with_effects([hidden])).noise
     gate = Gate((motion,), floor_of((motion,), MODEL, noise, 1))
-    truth, half, little = (MODEL.with_effects([EffectSettings("offset", (force,))]) for force in (0.6, 0.3, 0.1))
+    truth, half, little = (MODEL.with_effects([EffectSettings("offset", (force,))]) for force in (0.6, 0.3, 0.08))
     assert gate.closure(MODEL, truth) == pytest.approx(1.0, abs=0.05)
     assert gate.passes(MODEL, truth, True)
     closure = gate.closure(MODEL, little)
