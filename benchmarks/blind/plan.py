@@ -8,8 +8,9 @@ import numpy as np
 
 from sim_plant.blind.menu import INSIDE, KINDS, NOTHING, OUTSIDE, PAIRS
 
-FIRST_SEED = {"tuning": 0, "report": 10_000}
-"""Thresholds are tuned on one set of seeds and reported on another."""
+FIRST_SEED = {"tuning": 0, "report": 20_000}
+"""Thresholds are tuned on one set of seeds and reported on another. Seeds from 10,000 served for one report, showed
+faults that were then mended, and count as tuning since."""
 SMALL = 0.05
 LARGE = (0.10, 0.25)
 
@@ -37,6 +38,7 @@ class Amounts:
 AMOUNTS = {
     "quick": Amounts(10, 1, 1, 1, 1),
     "half": Amounts(50, 3, 2, 3, 2),
+    "report": Amounts(110, 3, 2, 3, 2),
     "full": Amounts(120, 6, 4, 6, 4),
 }
 

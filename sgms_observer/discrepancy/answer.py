@@ -11,41 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from sgms_observer.discrepancy.decide import ALARM_GAIN, Round, alarm_threshold
+from sgms_observer.discrepancy.advice import Named, detectable, next_experiment
+from sgms_observer.discrepancy.decide import Round
 from sgms_observer.discrepancy.fit import Refit, refit
 from sgms_observer.discrepancy.gap import Gap, measure
-from sgms_observer.discrepancy.gate import CLOSABLE, WHOLE
 from sgms_observer.discrepancy.locate import Located, locate
 from sgms_observer.discrepancy.model import MASS, STATIC, Model
-from sgms_observer.discrepancy.tolerance import OUTSIDE
+from sgms_observer.discrepancy.uncertainty import with_shape
 from sgms_observer.discrepancy.workflow import Diagnosis, Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings, Settings
 from sgms_observer.settings.write import write_settings
 from sgms_observer.whole_file import write_text
-
-SHAPE_ERROR = 1.5
-"""Standard errors grow by this: the catalogue's shapes are not the machine's."""
-
-
-@dataclass(frozen=True)
-class Named:
-    """One effect of the answer.
-
-    Attributes:
-        settings: with its parameters.
-        std_error: of each parameter.
-        confidence: that it is this one and no alternative.
-        alternatives: names the recordings cannot tell from it.
-        gap_before, gap_after: before and after it was added [%].
-    """
-
-    settings: EffectSettings
-    std_error: tuple[float, ...]
-    confidence: float
-    alternatives: tuple[str, ...]
-    gap_before: float
-    gap_after: float
 
 
 @dataclass(frozen=True)
@@ -94,10 +71,10 @@ def answer_of(found: Diagnosis, options: Options) -> Answer:
         before_model, after_model = _with_deviation(found, options)
     stages = [_stage(after_model, found, count) for count in range(1, len(accepted))]
     gap = measure(found, before_model, after_model, stages, options.seed)
-    if accepted and (gap.after > gap.before or _closes_too_little(gap, found)):
+    if accepted and gap.after > gap.before:
         verdict, after_model, accepted = "unknown_effect", before_model, []
         gap = measure(found, before_model, before_model, [], options.seed)
-    named = _named(after, accepted, gap, found) + extra
+    named = _named(after, accepted, gap, found, options.tolerance) + extra
     base = gap.residual_before
     everywhere = locate(base, gap.motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")
@@ -108,14 +85,6 @@ def answer_of(found: Diagnosis, options: Options) -> Answer:
         verdict, gap, tuple(named), tuple(told), tuple(everywhere), tuple(told_after),
         detectable(found, options.tolerance), next_experiment(verdict, named, told, found), after_model, found,
     )  # fmt: skip
-
-
-def _closes_too_little(gap: Gap, found: Diagnosis) -> bool:
-    """Return whether effects close no more than half of what can be closed, with the file's own elements."""
-    floor = gap.floor
-    if found.gate is not None and gap.held_out == "held-out":
-        floor = found.gate.floor / found.gate.gap(found.before.model) * gap.before
-    return gap.before > CLOSABLE * floor and gap.before - gap.after <= WHOLE * (gap.before - floor)
 
 
 def _stage(model: Model, found: Diagnosis, count: int) -> Model:
@@ -155,11 +124,15 @@ def _with_deviation(found: Diagnosis, options: Options) -> tuple[Model, Model]:
     return before, after.model
 
 
-def _named(after: Refit, accepted: Sequence[Round], gap: Gap, found: Diagnosis) -> list[Named]:
+def _named(after: Refit, accepted: Sequence[Round], gap: Gap, found: Diagnosis, tolerance: float) -> list[Named]:
     """Return the effects that were accepted, in their order."""
-    chi = max(1.0, float(after.residual @ after.residual) / max(len(after.residual), 1))
-    deviations = after.deviations() * SHAPE_ERROR * math.sqrt(chi)
-    errors: dict[tuple[int, int], float] = dict(zip(after.free, deviations.tolist(), strict=True))
+    if not accepted:
+        return []
+    fixed = [(i, j) for i, e in enumerate(after.effects) for j in range(len(e.values)) if (i, j) not in after.free]
+    judged, limit = found.judged, found.limit
+    fresh = refit(judged, found.nominal, tolerance, after.effects, after.logs, fixed, 1, None, limit)  # its derivatives
+    deviations = with_shape(fresh, judged, found.nominal, tolerance, found.held_out, limit)
+    errors: dict[tuple[int, int], float] = dict(zip(fresh.free, deviations.tolist(), strict=True))
     listed = []
     for i, step in enumerate(accepted):
         index = len(found.own) + i
@@ -180,53 +153,6 @@ def _named(after: Refit, accepted: Sequence[Round], gap: Gap, found: Diagnosis) 
             )
         )
     return listed
-
-
-def detectable(found: Diagnosis, tolerance: float) -> dict[str, float]:
-    """Return the smallest size of each effect that these recordings would have shown.
-
-    Sizes are peaks (2.5 times rms) as a share of the Coulomb force; for ``mass_error`` and ``actuator_gain`` a share of
-    mass and gain. What the nominal parameters can take of an effect is not seen.
-    """
-    first = found.rounds[0].screen
-    calibration = found.calibration
-    count = len(first.residual)
-    noise = float(np.mean([item.rms for item in first.judged.noise])) / found.nominal.friction.coulomb_force
-    sizes = {}
-    for name, listed in first.columns.items():
-        if not listed:
-            sizes[name] = 1.0
-            continue
-        needed = max(ALARM_GAIN, calibration.mean[name] + alarm_threshold(name, calibration) * calibration.spread[name])
-        kept = float(np.median([item.kept for item in listed]))
-        sizes[name] = float(min(9.99, 2.5 * noise * math.sqrt(needed / count) / max(kept, 1e-3)))
-    sizes["mass_error"] = OUTSIDE * tolerance
-    sizes["actuator_gain"] = 1.7 * tolerance
-    return dict(sorted(sizes.items()))
-
-
-def next_experiment(verdict: str, named: Sequence[Named], told: Sequence[Located], found: Diagnosis) -> str | None:
-    """Return one sentence on what to record next, or None."""
-    if verdict == "cannot_tell":
-        return found.notes[-1][0].upper() + found.notes[-1][1:] + "."
-    if verdict == "ambiguous":
-        for item in named:
-            if item.alternatives:
-                names = ", ".join(item.alternatives)
-                return f"To tell {item.settings.name} from {names}, record: {effect(item.settings.name).excitation}."
-    if verdict == "unknown_effect" and told:
-        where = told[0]
-        return (
-            f"Record slow repeated motion that stays at {where.coordinate} {where.low:.3g} to {where.high:.3g}"
-            f" {where.unit}, and the same motion again after changing one thing at a time (load, temperature, cables)."
-        )
-    if verdict == "no_effect":
-        weakest = max(
-            found.rounds[0].screen.columns, key=lambda name: detectable(found, 0.05).get(name, 0.0), default=None
-        )
-        if weakest is not None:
-            return f"Least visible here is {weakest}; to see less of it, record: {effect(weakest).excitation}."
-    return None
 
 
 def result_of(answer: Answer) -> dict[str, Any]:

@@ -12,8 +12,8 @@ from sgms_observer.settings.friction import FrictionSettings
 
 Floats = NDArray[np.float64]
 
-SLIDES = 0.9
-"""An element that carries this share of its limit slides."""
+SETTLE = 1.0e-4
+"""Time in which a sharp contact's sliding elements follow the Stribeck curve; a recording sees none of it [s]."""
 
 
 @njit
@@ -23,19 +23,13 @@ def _element_friction(
 ) -> None:  # fmt: skip
     """Write the summed element force after each step, and the stiffness of what sticks.
 
-    ``numbers``: is_gms, lambda, zeta, gamma, is_paper, v_s, C, is_prompt. ``sides``: factor on the level forward and
+    ``numbers``: is_gms, lambda, zeta, gamma, is_paper, v_s, C. ``sides``: factor on the level forward and
     backward.
     """
     n_z = kappa.shape[0]
     force = np.zeros(n_z)
     mode = np.zeros(n_z, dtype=np.int64)
-    before = level[0]
     for k in range(first.shape[0]):
-        if numbers[7] > 0.5:
-            for i in range(n_z):
-                if abs(force[i]) > SLIDES * fraction[i] * before * max(sides[0], sides[1]):
-                    force[i] *= level[k] / before
-            before = level[k]
         for part in range(2):
             travel = first[k] if part == 0 else second[k]
             if travel == 0.0:
@@ -72,7 +66,7 @@ def element_friction(
     period: float,
     level: Floats,
     sides: tuple[float, float] = (1.0, 1.0),
-    is_prompt: bool = False,
+    is_sharp: bool = False,
 ) -> tuple[Floats, Floats]:
     """Return the friction of the elements along a motion, without the viscous term [N], and their stiffness [N/m].
 
@@ -82,19 +76,19 @@ def element_friction(
         period: length of a step [s].
         level: sliding level at each sample, effects included [N].
         sides: factor on the level of travel forward and backward [-].
-        is_prompt: whether sliding S-GMS elements follow a changing level at once; their own equation lets them follow
-            over a distance of their reach, which a contact with a fast attraction does not do.
+        is_sharp: whether S-GMS elements stick and slip without smoothing, as GMS elements with a fast attraction do;
+            see ``sharp``.
     """
+    is_gms = friction.model == "gms"
     numbers = np.array(
         [
-            float(friction.model == "gms"),
+            float(is_gms or is_sharp),
             friction.smoothing_lambda,
             friction.smoothing_zeta,
             friction.smoothing_gamma,
             float(friction.reset == "paper"),
             friction.stribeck_velocity,
-            friction.attraction_rate,
-            float(is_prompt and friction.model != "gms"),
+            friction.attraction_rate if is_gms else friction.coulomb_force / SETTLE,
         ]
     )
     out, stiffness = np.empty(len(first)), np.empty(len(first))

@@ -241,6 +241,15 @@ def told(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Flo
     return seen
 
 
+def told_start(logs: Floats, nominal: Model, start: EffectSettings) -> Floats:
+    """Return where a fit with one more effect starts: a missing element leaves the level as it is."""
+    moved = logs.copy()
+    if start.name == MISSING_ELEMENT:
+        for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):
+            moved[row] = np.log(max(np.exp(logs[row]) - start.values[0] / force, 0.1))
+    return moved
+
+
 def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Model) -> tuple[float, float]:
     """Return the range in which a parameter gives its effect the shape of its name in these recordings.
 

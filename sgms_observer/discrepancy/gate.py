@@ -16,10 +16,14 @@ WHOLE = 0.5
 """Share of the closable gap that all effects together have to close for any of them to be named."""
 SEVERAL = 0.75
 """The same where there are several: what two wrong names close together is no proof of either."""
-STEP = 0.25
-"""Share of what is left that each of them has to close: two effects of one size close a part each."""
-FURTHER = 0.35
-"""The same for those after the first."""
+SURE = 2.5
+"""Each of them has to make the squared residual of the recordings smaller by this many standard errors,"""
+STEP = 0.1
+"""and to close this share of the closable squared residual: two effects of one size close a part each;"""
+FURTHER = 0.3
+"""the same for those after the first: what is left of a wrong shape must not be named."""
+BLOCK = 0.5
+"""Length of a block that counts as independent of the next [s]."""
 CLOSABLE = 1.06
 """There is something to close where the gap is this many times its floor."""
 FLOOR_TWINS = 3
@@ -48,18 +52,37 @@ class Gate:
             return None
         return (here - there) / (here - self.floor)
 
-    def passes(self, before: Model, after: Model, is_first: bool, is_structural: bool) -> bool:
+    def passes(self, before: Model, after: Model, is_first: bool) -> bool:
         """Return whether the step from one model to the next earns its name.
 
         Args:
             before, after: models without and with the effect.
             is_first: whether it is the first one.
-            is_structural: whether it looks like what few elements leave behind: then it has to show here.
         """
-        closure = self.closure(before, after)
-        if closure is None:
-            return is_first and not is_structural and self.gap(after) <= self.gap(before)
-        return closure > (STEP if is_first else FURTHER)
+        if sureness(before, after, self.motions) < SURE:
+            return False
+        here, there, floor = self.gap(before) ** 2, self.gap(after) ** 2, self.floor**2
+        if here < CLOSABLE**2 * floor:
+            return True
+        return here - there > (STEP if is_first else FURTHER) * (here - floor)
+
+
+def sureness(before: Model, after: Model, motions: Sequence[Motion]) -> float:
+    """Return by how many standard errors the squared residual falls from one model to the next.
+
+    With ``d`` the change of the residual and ``e`` what the later model leaves, the square falls by ``d^2 + 2 e d``.
+    The product is chance; its scatter over blocks is the error. Where an effect acts is no chance: a few hard reversals
+    may hold all of it.
+    """
+    falls, products = [], []
+    for motion in motions:
+        one, other = (motion.low_pass(predict(model, motion).residual) for model in (before, after))
+        length = max(1, int(BLOCK / motion.residual_period))
+        starts = np.arange(0, len(one), length)
+        falls.append(np.add.reduceat(one * one - other * other, starts))
+        products.append(np.add.reduceat(2.0 * other * (one - other), starts))
+    error = float(np.sqrt(np.sum(np.concatenate(products) ** 2)))
+    return float(np.concatenate(falls).sum()) / max(error, 1.0e-300)
 
 
 def gap_of(model: Model, motions: Sequence[Motion]) -> float:

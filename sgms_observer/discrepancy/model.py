@@ -38,13 +38,13 @@ class Model:
         mass: moving mass [kg].
         friction: friction settings.
         effects: effects in it.
-        is_prompt: whether sliding elements follow a changing level at once, see ``element_friction``.
+        is_sharp: whether S-GMS elements stick and slip without smoothing, see ``sharp``.
     """
 
     mass: float
     friction: FrictionSettings
     effects: tuple[EffectSettings, ...] = ()
-    is_prompt: bool = False
+    is_sharp: bool = False
 
     @staticmethod
     def of(axis: AxisSettings) -> Model:
@@ -141,10 +141,10 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
             level = stribeck(friction, seen.position, motion.period)
             factor = _factor(at_level, level, seen, motion)
             return element_friction(
-                friction, seen.first, seen.second, motion.period, level * factor, sides, model.is_prompt
+                friction, seen.first, seen.second, motion.period, level * factor, sides, model.is_sharp
             )
 
-        key = (replace(friction, viscous_coefficient=0.0), at_level, model.is_prompt)
+        key = (replace(friction, viscous_coefficient=0.0), at_level, model.is_sharp)
         is_kept = not seen.has_position and all(is_built_in(item.name) for item in at_level)
         elements, stiffness = motion.kept("contact", key, simulated) if is_kept else simulated()
         doubt = np.maximum(stiffness / sum(friction.element_stiffness), motion.creep)
@@ -186,8 +186,11 @@ def _seen(others: tuple[EffectSettings, ...], friction: FrictionSettings, motion
             velocity = np.gradient(position, motion.period)
             acceleration = second_difference(position, motion.period)
             first, second = split_at_reversals(without_flicker(position, PLAY * motion.resolution), motion.period)
+        moved = acceleration
+        if effects.added_mass != 0.0:  # a mass on a spring feels the mean acceleration of the step that ends here
+            moved = 0.5 * (acceleration + np.concatenate((acceleration[:1], acceleration[:-1])))
         force, _factor = effects.evaluate(
-            position, velocity, acceleration, motion.time, effort, np.full(n, motion.period),
+            position, velocity, moved, motion.time, effort, np.full(n, motion.period),
             stribeck(friction, position, motion.period), state, motion.other_velocity, motion.other_acceleration,
         )  # fmt: skip
         return _Seen(

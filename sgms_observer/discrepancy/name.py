@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, believable, refit, told
+from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, believable, refit, told, told_start
 from sgms_observer.discrepancy.model import STATIC, VISCOUS, Model
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.effects.catalogue import effect
@@ -34,6 +34,8 @@ POLISH = 12
 """Steps of that fit."""
 AT_END = 1.0e-6
 """A parameter lies at the end of its range when it is this near, relative to the end."""
+WEAK = 0.1
+"""Share of its strength at which an effect starts whose full strength leads nowhere."""
 CLOSE = 0.01
 """Effects are alternatives that take less than the best one by no more than this share of it,"""
 CLOSE_KIN = 0.04
@@ -88,7 +90,17 @@ def fitted(
     effects = (*before.effects, start)
     fixed = [(len(effects) - 1, j) for j in FIXED_SHAPES.get(start.name, ())]
     fixed += [(i, j) for i, e in enumerate(before.effects) for j in UNITS.get(e.name, ())]
-    found = refit(judged, nominal, tolerance, effects, before.logs, fixed, 8, columns, limit)
+    found = refit(
+        judged, nominal, tolerance, effects, told_start(before.logs, nominal, start), fixed, 8, columns, limit
+    )
+    if found.cost > before.cost:  # a column reaches only so far: start again near nothing
+        weak = tuple(
+            WEAK * value if parameter.is_strength else value
+            for parameter, value in zip(effect(start.name).parameters, start.values, strict=True)
+        )
+        effects = (*before.effects, replace(start, values=weak))
+        again = refit(judged, nominal, tolerance, effects, before.logs, fixed, 8, columns, limit)
+        found = again if again.cost < found.cost else found
     if start.name == "cogging":
         found = _with_second_harmonic(judged, nominal, tolerance, found, columns, limit)
     return _candidate(judged, nominal, tolerance, before, found)

@@ -19,13 +19,15 @@ from sgms_observer.discrepancy.decide import (
     verdict_of,
 )
 from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, refit
-from sgms_observer.discrepancy.gate import Gate, floor_of, gap_of
-from sgms_observer.discrepancy.model import KNEE, VISCOUS, Model, predict
+from sgms_observer.discrepancy.gate import Gate, floor_of
+from sgms_observer.discrepancy.model import KNEE, VISCOUS, Model, largest_reach, predict
 from sgms_observer.discrepancy.motion import HELD, Motion, motion_of
 from sgms_observer.discrepancy.name import candidates
 from sgms_observer.discrepancy.noise import fit_noise
+from sgms_observer.discrepancy.prune import pruned
 from sgms_observer.discrepancy.record import Record
 from sgms_observer.discrepancy.screen import Screen
+from sgms_observer.discrepancy.sharp import sharpened
 from sgms_observer.discrepancy.structure import excess, frequencies
 from sgms_observer.discrepancy.timing import NOT_HELD, timing
 from sgms_observer.discrepancy.tolerance import Deviation, named_deviation
@@ -38,10 +40,6 @@ Floats = NDArray[np.float64]
 Report = Callable[[str, float], None]
 
 MOST_EFFECTS = 3
-PROMPT = 10.0
-"""Fall of the cost from which sliding elements are taken to follow the Stribeck curve at once (``Model.is_prompt``),"""
-PROMPT_SHARE = 0.05
-"""and as a share of the cost."""
 LEAST_NOISE = 1.0e-3
 """Least rms noise of a measured force, as a share of the effort."""
 RETIMED = 0.01
@@ -51,6 +49,9 @@ HARD = 1.2
 BEYOND_BELIEF = 2.5
 """A refit that moves a friction parameter by this many tolerances has swallowed an effect: the tolerance is then kept
 hard while effects are named."""
+BLIND = 0.1
+"""An encoder whose grid is coarser than told, and this share of the contact's largest reach, does not show the motion
+that the contact felt: nothing else is named until its resolution is set right."""
 NEVER_SEARCHED = ("actuator_gain", "mass_error", "quantisation")
 """Effects that are judged by the parameters' tolerance or read off the data, not by the residual."""
 
@@ -143,7 +144,7 @@ def diagnose(
     """
     tolerance, workers = options.tolerance, options.workers
     report("audit", 0.0)
-    lag = HELD if axis.filter.effort_is_held else 0.0
+    lag = told = HELD if axis.filter.effort_is_held else 0.0
     motions = tuple(motion_of(record, lag) for record in records)
     notes, is_poor = audit.findings(motions, axis)
     resolution = audit.coarser_grid(motions, axis.stage.encoder.resolution)
@@ -152,14 +153,14 @@ def diagnose(
     report("refit of the nominal model", 0.03)
     judged = judged_with(motions, fine.with_effects(own))
     found = refit(judged, fine, tolerance, own, None, kept(own), 6)
-    if fine.friction.model != "gms":
-        prompt = refit(judged, replace(fine, is_prompt=True), tolerance, own, found.logs, kept(own), 4)
-        unseen = tuple(motion_of(record, lag) for record in holdouts) or motions
-        is_better = prompt.cost < found.cost - max(PROMPT, PROMPT_SHARE * found.cost)
-        if is_better and gap_of(prompt.model, unseen) < gap_of(found.model, unseen):
-            fine, nominal, found = (*(replace(model, is_prompt=True) for model in (fine, nominal)), prompt)
+    unseen = tuple(motion_of(record, lag) for record in holdouts)
+    sharp = sharpened(judged, fine, tolerance, found, kept(own), None, unseen)
+    if sharp is not None:
+        fine, nominal = replace(fine, is_sharp=True), replace(nominal, is_sharp=True)
+        judged = judged_with(motions, sharp.model)
+        found = refit(judged, fine, tolerance, own, sharp.logs, kept(own), 4)
     for _ in range(2):
-        moved = timing(judged, found, lag)
+        moved = timing(judged, found, lag, told)
         if moved == lag:
             break
         lag = moved
@@ -184,7 +185,7 @@ def diagnose(
     rounds: list[Round] = []
     calibration: Calibration | None = None
     current = found
-    if is_poor:
+    if is_poor or (resolution is not None and resolution > BLIND * largest_reach(nominal.friction)):
         names = []
     for number in range(MOST_EFFECTS + 1):
         report(f"first look at {len(names)} effects", 0.15 + 0.2 * number)
@@ -210,14 +211,14 @@ def diagnose(
             break
         report("full refits", 0.32 + 0.2 * number)
         listed = candidates(screen, fine, current, workers, limit)
-        step = judge(screen, scores, listed, now, current, rounds, bool(strong), gate)
+        step = judge(screen, scores, listed, now, current, rounds, strong, gate)
         rounds.append(step)
         if not step.accepted:
             break
         best = step.listed[0].refit
         judged = judged_with(motions, best.model)
         current = refit(judged, fine, tolerance, best.effects, best.logs, kept(best.effects), 6, None, limit)
-        moved = timing(judged, current, lag)
+        moved = timing(judged, current, lag, told)
         if abs(moved - lag) > RETIMED:
             lag = moved
             motions = tuple(motion_of(record, lag) for record in records)
@@ -227,8 +228,16 @@ def diagnose(
             current = refit(
                 judged, fine, tolerance, current.effects, current.logs, kept(current.effects), 4, None, limit
             )
+        sharp = sharpened(judged, fine, tolerance, current, kept(current.effects), limit, gate.motions)
+        if sharp is not None:
+            fine, nominal = replace(fine, is_sharp=True), replace(nominal, is_sharp=True)
+            judged = judged_with(motions, sharp.model)
+            current = refit(judged, fine, tolerance, sharp.effects, sharp.logs, kept(sharp.effects), 6, None, limit)
+            found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 6, None, limit)
+        gate = replace(gate, floor=min(gate.floor, floor_of(gate.motions, current.model, judged.noise, options.seed)))
         names = [name for name in names if name != step.listed[0].name]
     assert calibration is not None
+    current, rounds = pruned(judged, fine, tolerance, current, rounds, gate, kept, limit)
     report("refit of the model as it is", 0.9)
     before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 12)
     after = before
@@ -241,11 +250,13 @@ def diagnose(
             after = refit(judged, nominal, tolerance, current.effects, None, kept(current.effects), 16, None, limit)
     else:
         limit = None
-    if nominal.is_prompt:
+    if nominal.is_sharp:
         notes.append(
-            "sliding friction follows a change of speed faster than S-GMS lets it:"
+            "the contact sticks and slips more sharply than S-GMS lets it, and was judged so:"
             " model: gms with a high attraction_rate may fit better"
         )
+    if rounds[-1].listed and any(item.accepted for item in rounds):
+        notes.append("something still stands out of the noise that no effect explains well enough to be named")
     is_clear = len(current.effects) == len(own) and resolution is None
     deviation = None if not is_clear else named_deviation(nominal, after, tolerance)
     verdict = verdict_of(rounds, current, deviation, resolution, is_poor, gate, found)

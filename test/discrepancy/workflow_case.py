@@ -35,7 +35,11 @@ def rich_position(duration: float, seed: int) -> np.ndarray:
 
 
 def record(
-    effects: tuple[EffectSettings, ...] = (), seed: int = 1, duration: float = 20.0, mass: float = 5.0
+    effects: tuple[EffectSettings, ...] = (),
+    seed: int = 1,
+    duration: float = 20.0,
+    mass: float = 5.0,
+    is_sharp: bool = False,
 ) -> Record:
     """Return a recording of a stage with ``effects`` and force noise of 1 % of the Coulomb force."""
     raw = np.round(rich_position(duration, seed) / 1e-8) * 1e-8
@@ -45,7 +49,7 @@ def record(
     noise[0] = 0.0
     for k in range(1, len(raw)):
         noise[k] = 0.85 * noise[k - 1] + 0.527 * white[k]
-    truth = Model(mass, FRICTION).with_effects(effects)
+    truth = Model(mass, FRICTION, is_sharp=is_sharp).with_effects(effects)
     motion = motion_of(Record("test", PERIOD, raw, np.zeros(len(raw))))
     needed = -predict(truth, motion).residual + 0.04 * noise
     held = np.empty(len(raw))

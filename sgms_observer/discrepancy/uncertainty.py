@@ -1,0 +1,132 @@
+"""Standard errors that hold where the residual is not the noise it was taken for.
+
+The errors of least squares are right where the whitened residual is white. What a catalogue's shape leaves of the
+machine's own shape is not: it comes back in every block of the same motion. So the gradient of each block is summed,
+and the blocks' scatter takes the place of the noise (the sandwich of Huber and White over blocks of time). And a wrong
+shape gives other parameters in another kind of motion: what recordings differ by, beyond their errors, belongs to the
+error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.discrepancy.fit import Judged, Refit, refit
+from sgms_observer.discrepancy.model import Model
+from sgms_observer.discrepancy.motion import BAND, Motion
+from sgms_observer.discrepancy.workflow import judged_with
+from sgms_observer.effects.catalogue import effect
+
+Floats = NDArray[np.float64]
+
+BLOCK = 1.0
+"""Length of a block [s]; longer than what a contact or a filter remembers."""
+STAMPS = 0.01
+"""How well the stamps of position and effort agree, in samples: a delay is known no better."""
+TIMES = ("delay",)
+"""Parameters that compare the two stamps."""
+STEPS = 6
+"""Steps of the fit to another recording; it starts at the solution."""
+
+
+def in_time(whitened: Floats, judged: Judged) -> list[Floats]:
+    """Return whitened columns as series in time, one per recording, their squared sums unchanged.
+
+    Args:
+        whitened: shape (n, k), see ``Noise.whitened``.
+        judged: recordings they belong to.
+    """
+    series, start = [], 0
+    for motion, noise in zip(judged.motions, judged.noise, strict=True):
+        frequency = np.fft.rfftfreq(len(motion.thinned(motion.time)), noise.period)
+        count = int(np.sum(frequency <= BAND))
+        spectrum = whitened[start : start + count].astype(np.complex128)
+        spectrum[1:] += 1j * whitened[start + count : start + 2 * count - 1]
+        start += 2 * count - 1
+        length = 2 * count - 1
+        spectrum[1:] /= np.sqrt(2.0)
+        series.append(np.asarray(np.fft.irfft(spectrum * np.sqrt(length), length, axis=0), dtype=np.float64))
+    return series
+
+
+def deviations(found: Refit, judged: Judged) -> Floats:
+    """Return the standard deviation of each free effect parameter, SI units.
+
+    Args:
+        found: a fit with derivatives at its solution.
+        judged: the recordings it was fitted to.
+
+    Returns:
+        The larger one of what the noise alone and the scatter of blocks give.
+
+    Source: White 1980, Econometrica 48(4); Newey and West 1987, Econometrica 55(3), for dependent samples.
+    """
+    count = len(found.free)
+    if count == 0:
+        return np.zeros(0)
+    rows = len(found.residual)
+    prior = found.jacobian[rows:]
+    inverse = np.linalg.pinv(found.jacobian.T @ found.jacobian)
+    scores = []
+    columns = np.column_stack([found.jacobian[:rows], found.residual])
+    for motion, series in zip(judged.motions, in_time(columns, judged), strict=True):
+        blocks = max(2, int(len(motion.time) * motion.period / BLOCK))
+        scores += [part[:, :-1].T @ part[:, -1] for part in np.array_split(series, blocks)]
+    scatter = np.array(scores)
+    middle = scatter.T @ scatter + prior.T @ prior
+    variance = np.maximum(np.diag(inverse @ middle @ inverse), np.diag(inverse))[-count:]
+    errors = np.sqrt(np.maximum(variance, 0.0)) * found.scales
+    for k, (i, j) in enumerate(found.free):
+        if effect(found.effects[i].name).parameters[j].name in TIMES:
+            errors[k] = np.hypot(errors[k], STAMPS * judged.motions[0].period / judged.motions[0].step)
+    return np.asarray(errors, dtype=np.float64)
+
+
+def with_shape(
+    found: Refit, judged: Judged, nominal: Model, tolerance: float, others: Sequence[Motion], limit: float | None
+) -> Floats:
+    """Return the standard deviation of each free effect parameter with what recordings differ by, SI units.
+
+    Args:
+        found: a fit with derivatives at its solution.
+        judged: the recordings it was fitted to.
+        nominal: the given model.
+        tolerance: of its parameters.
+        others: recordings of another kind.
+        limit: of the friction parameters, see ``refit``.
+
+    Source: DerSimonian and Laird 1986, Controlled Clinical Trials 7(3): variance between studies from their scatter.
+    """
+    own = deviations(found, judged)
+    if not others or not found.free:
+        return own
+    free = set(found.free)
+    fixed = [(i, j) for i, e in enumerate(found.effects) for j in range(len(e.values)) if (i, j) not in free]
+    values = [[found.effects[i].values[j] for i, j in found.free]]
+    errors = [own]
+    for motion in others:
+        alone = judged_with((motion,), found.model)
+        fit = refit(alone, nominal, tolerance, found.effects, found.logs, fixed, STEPS, None, limit)
+        values.append([fit.effects[i].values[j] for i, j in fit.free])
+        errors.append(deviations(fit, alone))
+    between = [between_variance(*pair) for pair in zip(np.array(values).T, np.array(errors).T, strict=True)]
+    return np.asarray(np.sqrt(own**2 + np.array(between)), dtype=np.float64)
+
+
+def between_variance(values: Floats, errors: Floats) -> float:
+    """Return the variance between recordings of one parameter beyond its errors.
+
+    Args:
+        values: estimate from each recording, the first one the one that is reported.
+        errors: standard deviation of each; 0 where a recording says nothing about the parameter.
+    """
+    tells = (errors > 0.0) & np.isfinite(errors) & (errors < max(abs(float(values[0])), 1e-300))
+    values, weights = values[tells], 1.0 / errors[tells] ** 2
+    if len(values) < 2:
+        return 0.0
+    total = float(weights.sum())
+    scatter = float(weights @ (values - float(weights @ values) / total) ** 2)
+    return max(0.0, (scatter - (len(values) - 1)) / (total - float(weights @ weights) / total))

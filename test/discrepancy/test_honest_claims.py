@@ -1,0 +1,147 @@
+"""What a diagnosis may claim: the contact the data show, names that held-out data bear out, errors that hold."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from workflow_case import AXIS, PERIOD, record
+
+from sgms_observer.discrepancy.decide import Round, is_kin, power
+from sgms_observer.discrepancy.fit import refit, told_start
+from sgms_observer.discrepancy.gate import SURE, Gate, floor_of, sureness
+from sgms_observer.discrepancy.model import COULOMB, STATIC, Model, predict
+from sgms_observer.discrepancy.motion import HELD, motion_of
+from sgms_observer.discrepancy.name import Candidate, fitted
+from sgms_observer.discrepancy.prune import pruned
+from sgms_observer.discrepancy.record import Record
+from sgms_observer.discrepancy.screen import Screen
+from sgms_observer.discrepancy.sharp import sharpened
+from sgms_observer.discrepancy.timing import timing
+from sgms_observer.discrepancy.uncertainty import between_variance, deviations, in_time
+from sgms_observer.discrepancy.workflow import judged_with, kept
+from sgms_observer.settings.axis import EffectSettings
+
+MODEL = Model.of(AXIS)
+OFFSET = EffectSettings("offset", (0.6,))
+
+
+@pytest.mark.parametrize("is_sharp", [False, True])
+@pytest.mark.parametrize("effects", [(), (OFFSET,)])
+def test_the_contact_is_read_off_the_recording_with_what_was_found_in_the_model(is_sharp: bool, effects: Any) -> None:
+    motion = motion_of(record(effects, is_sharp=is_sharp))
+    judged = judged_with((motion,), MODEL)
+    found = refit(judged, MODEL, 0.05, effects, iterations=4)
+    sharp = sharpened(judged, MODEL, 0.05, found, (), None, ())
+    assert (sharp is not None) == is_sharp
+
+
+def test_an_effect_at_few_moments_is_sure_and_a_change_that_means_nothing_is_not() -> None:
+    noise = record(duration=10.0)
+    t = np.arange(len(noise.position)) * PERIOD
+    rare = replace(noise, effort=noise.effort + np.where((t > 6.0) & (t < 6.4), 0.6, 0.0))
+    motion = motion_of(rare)
+    late = EffectSettings("wear_step", (0.0, 1.0, 0.01))
+    with_it = MODEL.with_effects([OFFSET])
+    assert sureness(MODEL, with_it, (motion,)) < 0.0  # an offset all the time is wrong nearly all the time
+    held = replace(rare, effort=noise.effort + np.where(t > 6.0, 0.6, 0.0))
+    assert sureness(MODEL, with_it, (motion_of(held),)) < SURE
+    assert sureness(MODEL, with_it, (motion_of(record((OFFSET,), duration=10.0)),)) > 3.0 * SURE
+    assert sureness(MODEL, MODEL.with_effects([late]), (motion,)) == pytest.approx(0.0)
+
+
+def test_a_missing_element_starts_with_the_level_as_it_is() -> None:
+    logs = np.zeros(len(MODEL.parameter_names()))
+    moved = told_start(logs, MODEL, EffectSettings("presliding", (0.8, 1e-4)))
+    assert np.exp(moved[COULOMB]) == pytest.approx(0.8) and np.exp(moved[STATIC]) == pytest.approx(0.84)
+    assert np.array_equal(told_start(logs, MODEL, OFFSET), logs)
+
+
+def test_a_fit_from_far_too_strong_a_start_does_not_end_worse_than_without_the_effect() -> None:
+    motion = motion_of(record(duration=8.0))
+    judged = judged_with((motion,), MODEL)
+    before = refit(judged, MODEL, 0.05, iterations=4)
+    columns = Screen(judged, before, 0.05, ()).nominal_columns
+    far = fitted(judged, MODEL, 0.05, before, EffectSettings("stribeck", (2.9, 8e-3)), columns)
+    assert far.refit.cost < 1.05 * before.cost
+
+
+def test_an_effort_taken_for_early_goes_back_to_what_the_settings_say() -> None:
+    source = record()
+    motion = motion_of(source, 0.0)
+    judged = judged_with((motion,), MODEL)
+    found = refit(judged, MODEL, 0.05, iterations=3)
+    assert timing(judged, found, 0.0, HELD) == HELD
+    assert timing(judged, found, 0.0, 0.0) == 0.0  # an effort that comes late is a delay, where nobody said held
+
+
+def test_a_mass_on_a_spring_answers_in_phase_with_the_acceleration_it_feels() -> None:
+    rate, own, damping, mass = 30.0, 40.0, 0.05, 0.5
+    t = np.arange(8000) * PERIOD
+    omega, natural = 2.0 * np.pi * rate, 2.0 * np.pi * own
+    motion = motion_of(Record("test", PERIOD, 1e-4 * np.sin(omega * t), np.zeros(len(t))))
+    hung = MODEL.with_effects([EffectSettings("flexible_mode", (mass, own, damping))])
+    force = predict(MODEL, motion).residual - predict(hung, motion).residual
+    turn = np.exp(-1j * omega * t[4000:7000])
+    answer = np.sum(force[4000:7000] * turn) / np.sum(motion.acceleration[4000:7000] * turn)
+    expected = mass * omega**2 / (natural**2 - omega**2 + 2j * damping * natural * omega)
+    assert answer == pytest.approx(expected, rel=0.02)  # half a step's lead would be 9 % here
+
+
+def test_an_effect_that_a_later_one_made_needless_is_taken_out() -> None:
+    motion = motion_of(record((OFFSET,)))
+    judged = judged_with((motion,), MODEL.with_effects([OFFSET]))
+    gate = Gate((motion,), floor_of((motion,), MODEL, judged.noise, 1))
+    effects = (EffectSettings("spring", (0.1, 0.0)), OFFSET)
+    current = refit(judged, MODEL, 0.05, effects, iterations=4)
+    some = refit(judged, MODEL, 0.05, (), iterations=0)
+    nothing = np.zeros(4)
+    screen: Any = None
+    rounds = [
+        Round(screen, {}, (Candidate(item.name, some, 1000.0, ()),), nothing, nothing, True, ()) for item in effects
+    ]
+    after, left = pruned(judged, MODEL, 0.05, current, rounds, gate, kept, None)
+    assert [item.name for item in after.effects] == ["offset"]
+    assert [item.accepted for item in left] == [False, True]
+
+
+def test_errors_grow_with_what_comes_back_in_every_block_and_hold_for_plain_noise() -> None:
+    sizes = []
+    for effort in (0.0, 0.25):
+        source = record((OFFSET,))
+        t = np.arange(len(source.position)) * PERIOD
+        wave = effort * np.sin(2.0 * np.pi * 0.31 * t)  # slow, and no shape of the model
+        motion = motion_of(replace(source, effort=source.effort + wave))
+        judged = judged_with((motion,), MODEL.with_effects([OFFSET]))
+        found = refit(judged, MODEL, 0.05, (OFFSET,), iterations=3)
+        columns = np.column_stack([found.jacobian[: len(found.residual)], found.residual])
+        whole = sum(np.sum(part**2, axis=0) for part in in_time(columns, judged))
+        assert whole == pytest.approx(np.sum(columns**2, axis=0), rel=1e-9)
+        sizes.append(float(deviations(found, judged)[0] / found.deviations()[0]))
+    assert 1.0 <= sizes[0] < 2.0
+    assert sizes[1] > 2.0 * sizes[0]
+
+
+def test_what_recordings_differ_by_belongs_to_the_error() -> None:
+    errors = np.array([0.1, 0.1, 0.1])
+    assert between_variance(np.array([1.0, 1.05, 0.97]), errors) == 0.0
+    apart = between_variance(np.array([1.0, 2.0, 1.5]), errors)
+    assert 0.3 < np.sqrt(apart) < 0.6
+    silent = between_variance(np.array([1.0, 9.0, 1.02]), np.array([0.1, 0.0, 0.1]))
+    assert silent == 0.0  # a recording that never reaches the limit says nothing about it
+
+
+def test_what_the_catalogue_confuses_is_kin_and_hidden_pairs_are_not() -> None:
+    assert is_kin("offset", "asymmetric_coulomb")
+    assert is_kin("stribeck", "quadratic_drag")  # both are taken for a nonlinear viscous friction
+    assert not is_kin("offset", "presliding")
+    assert not is_kin("cogging", "actuator_delay")
+
+
+def test_the_power_of_an_effect_is_the_square_of_its_strength_over_its_error() -> None:
+    motion = motion_of(record((OFFSET,), duration=8.0))
+    judged = judged_with((motion,), MODEL.with_effects([OFFSET]))
+    found = refit(judged, MODEL, 0.05, (OFFSET,), iterations=3)
+    without = refit(judged, MODEL, 0.05, (), iterations=6)
+    assert power(found, "offset") == pytest.approx(2.0 * (without.cost - found.cost), rel=0.2)
+    assert power(found, "spring") == 0.0
