@@ -27,17 +27,19 @@ def silent_interrupts() -> Iterator[None]:
 
 @contextmanager
 def noted_interrupts() -> Iterator[list[int]]:
-    """Note every SIGINT, which raises ``KeyboardInterrupt`` as ever, and see to it that it is not lost.
+    """Note every SIGINT and SIGTERM: they raise ``KeyboardInterrupt``, and are not lost.
 
-    An import that is interrupted may turn it into an error of its own, and a compiler's callback may swallow it: it is
-    raised again where the block still runs some seconds later.
+    SIGTERM by itself would end the process where it stands and leave behind what it started and half wrote. An import
+    that is interrupted may turn it into an error of its own, and a compiler's callback may swallow it: it is raised
+    again where the block still runs some seconds later. Signals that are ignored or somebody's own are left alone.
 
     Yields:
         The numbers of the signals that came so far.
     """
     noted: list[int] = []
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
+    usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+    ours = {number: handler for number, handler in usual.items() if signal.getsignal(number) is handler}
+    if not ours or threading.current_thread() is not threading.main_thread():
         yield noted
         return
 
@@ -47,11 +49,13 @@ def noted_interrupts() -> Iterator[list[int]]:
         signal.default_int_handler(number, frame)
 
     alarm = signal.signal(signal.SIGALRM, note)
-    signal.signal(signal.SIGINT, note)
+    for number in ours:
+        signal.signal(number, note)
     try:
         yield noted
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, alarm)
-        if signal.getsignal(signal.SIGINT) is note:
-            signal.signal(signal.SIGINT, before)
+        for number, handler in ours.items():
+            if signal.getsignal(number) is note:
+                signal.signal(number, handler)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -17,6 +18,7 @@ EXIT_FAILED = 1
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
 EXIT_BROKEN_PIPE = 141
+EXIT_TERMINATED = 143
 SHOW_TRACEBACK = "SGMS_OBSERVER_TRACEBACK"
 
 
@@ -82,13 +84,13 @@ def _run(given: list[str], interrupts: Sequence[int]) -> int:
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
+        return _interrupted(interrupts)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_BROKEN_PIPE
     except Exception as error:
         if interrupts:  # an import that was interrupted says so in its own way
-            return EXIT_INTERRUPTED
+            return _interrupted(interrupts)
         if isinstance(error, SgmsError):
             return _fail(str(error))
         if isinstance(error, OSError):
@@ -99,6 +101,11 @@ def _run(given: list[str], interrupts: Sequence[int]) -> int:
             f"sgms {wanted} met a fault of its own, {type(error).__name__}: {error};"
             f" set {SHOW_TRACEBACK}=1 to see where, and report it"
         )
+
+
+def _interrupted(interrupts: Sequence[int]) -> int:
+    """Return the exit code that shells expect after the first of these signals."""
+    return EXIT_TERMINATED if signal.SIGTERM in interrupts[:1] else EXIT_INTERRUPTED
 
 
 def _fail(sentences: str) -> int:

@@ -12,7 +12,7 @@ import pytest
 
 from sgms_observer import interrupts
 from sgms_observer.cli import registry
-from sgms_observer.cli.main import EXIT_INTERRUPTED, main
+from sgms_observer.cli.main import EXIT_INTERRUPTED, EXIT_TERMINATED, main
 from sgms_observer.interrupts import noted_interrupts, silent_interrupts
 
 
@@ -50,3 +50,20 @@ def test_silence_lasts_as_long_as_the_imports() -> None:
     with silent_interrupts():
         assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_command_that_is_terminated_clears_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    cleared: list[bool] = []
+
+    def run(_: object) -> int:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(60.0)
+        finally:
+            cleared.append(True)
+        return 0
+
+    command = types.SimpleNamespace(HELP="", add_arguments=lambda parser: None, run=run)
+    monkeypatch.setattr(registry, "load", lambda name: command)
+    assert main(["bench"]) == EXIT_TERMINATED
+    assert cleared and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
