@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.discrepancy.fit import Refit
-from sgms_observer.discrepancy.gate import SEVERAL, WHOLE, Gate
+from sgms_observer.discrepancy.gate import Gate
 from sgms_observer.discrepancy.name import Candidate, alternatives
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.discrepancy.structure import excess, frequencies
@@ -185,7 +185,7 @@ def verdict_of(
         closure = gate.closure(found.model, reached)
         if closure is None and total / (total + left) < CLOSES:
             return "unknown_effect"
-        if closure is not None and closure <= (WHOLE if len(accepted) == 1 else SEVERAL):
+        if closure is not None and closure <= gate.enough(len(accepted)):
             return "unknown_effect"
         return "ambiguous" if any(item.alternatives for item in accepted) else "effect_found"
     is_wide = gate.gap(current.model) > WIDE * gate.floor and any(

@@ -36,10 +36,23 @@ class Gate:
     Attributes:
         motions: held-out recordings, or the recordings themselves where there are none.
         floor: rms residual that noise and encoder leave there to a perfect model [N].
+        is_unseen: whether nothing was fitted to them.
     """
 
     motions: tuple[Motion, ...]
     floor: float
+    is_unseen: bool = True
+
+    def enough(self, count: int) -> float:
+        """Return the share of the closable gap that so many effects together have to close.
+
+        A single recording holds all that the machine does beside them, and no second one tells how much of it returns:
+        there half has to do for several effects too, each of which was sure by itself.
+
+        Args:
+            count: effects named.
+        """
+        return SEVERAL if count > 1 and self.is_unseen else WHOLE
 
     def gap(self, model: Model) -> float:
         """Return the rms residual of a model below the band [N]."""

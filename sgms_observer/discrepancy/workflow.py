@@ -20,6 +20,7 @@ from sgms_observer.discrepancy.decide import (
 )
 from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, refit
 from sgms_observer.discrepancy.gate import Gate, floor_of
+from sgms_observer.discrepancy.lateness import late_effort
 from sgms_observer.discrepancy.model import KNEE, VISCOUS, Model, largest_reach, predict
 from sgms_observer.discrepancy.motion import HELD, Motion, motion_of
 from sgms_observer.discrepancy.name import candidates
@@ -179,7 +180,8 @@ def diagnose(
         for _ in range(2):
             found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 9, None, limit)
             judged = judged_with(motions, found.model)
-    gate = Gate(held_out or motions, floor_of(held_out or motions, found.model, judged.noise, options.seed))
+    floor = floor_of(held_out or motions, found.model, judged.noise, options.seed)
+    gate = Gate(held_out or motions, floor, bool(held_out))
     names = [name for name in catalogue_names() if name not in NEVER_SEARCHED]
     names = [name for name in names if name not in {item.name for item in own}]
     rounds: list[Round] = []
@@ -238,6 +240,11 @@ def diagnose(
         names = [name for name in names if name != step.listed[0].name]
     assert calibration is not None
     current, rounds = pruned(judged, fine, tolerance, current, rounds, gate, kept, limit)
+    late = late_effort(fine, current, rounds, calibration, gate, limit)
+    if late is not None:
+        rounds.insert(len(rounds) - 1, late)  # the last one is the look in which it was seen
+        best = late.listed[0].refit
+        current = refit(judged, fine, tolerance, best.effects, best.logs, kept(best.effects), 6, None, limit)
     report("refit of the model as it is", 0.9)
     before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 12)
     after = before

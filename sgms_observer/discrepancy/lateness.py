@@ -1,0 +1,64 @@
+"""A last look at time: once the forces are told apart, whether the effort also acts later than its stamp says.
+
+A delay is a matter of the recording's timing as much as of the machine, and it hides behind every force that the model
+misses. It is therefore read again after the last effect, and added without being one of the effects that are searched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sgms_observer.discrepancy.decide import ALARM_GAIN, Round, alarm_threshold
+from sgms_observer.discrepancy.fit import Refit
+from sgms_observer.discrepancy.gate import SURE, Gate, sureness
+from sgms_observer.discrepancy.model import Model
+from sgms_observer.discrepancy.name import fitted, polished
+from sgms_observer.discrepancy.timing import NOBODYS
+from sgms_observer.discrepancy.twins import Calibration
+
+DELAY = "actuator_delay"
+CLEAR = 2.0
+"""Its standardised gain has to be this many times that of any force: what is unexplained looks a little late."""
+
+
+def late_effort(
+    nominal: Model,
+    current: Refit,
+    rounds: Sequence[Round],
+    calibration: Calibration,
+    gate: Gate,
+    limit: float | None = None,
+) -> Round | None:
+    """Return a round that adds a delay to what was found, or None where there is none to be sure of.
+
+    It has to be what stands out in the last look by far, to be longer than stamps are uncertain, and to lower the
+    residual of the recordings to judge on for sure.
+
+    Args:
+        nominal: the given model.
+        current: fit with the effects so far.
+        rounds: passes so far; the last one is the look at the residual of ``current``.
+        calibration: twins of the nominal model.
+        gate: recordings to judge on.
+        limit: of the friction parameters, see ``refit``.
+    """
+    last = rounds[-1]
+    if last.accepted or not any(item.accepted for item in rounds) or DELAY not in last.scores:
+        return None
+    others = max((score for name, score in last.scores.items() if name != DELAY), default=0.0)
+    if last.scores[DELAY] < max(CLEAR * others, alarm_threshold(DELAY, calibration)):
+        return None
+    screen = last.screen
+    column = screen.gains()[DELAY][1]
+    if column is None:
+        return None
+    judged, tolerance, start = screen.judged, screen.tolerance, column.start(screen.left_over())
+    found = fitted(judged, nominal, tolerance, current, start, screen.nominal_columns, limit)
+    found = polished(judged, nominal, tolerance, current, found, limit)
+    sample = max(motion.period / motion.step for motion in judged.motions)
+    is_long = found.refit.effects[-1].values[0] > NOBODYS * sample
+    is_sure = sureness(current.model, found.refit.model, gate.motions) > SURE
+    if found.taken <= ALARM_GAIN or found.at_bound or not is_long or not is_sure:
+        return None
+    closure = gate.closure(current.model, found.refit.model)
+    return Round(screen, last.scores, (found,), last.excess_before, last.excess_after, True, (), closure)
