@@ -1,1 +1,1 @@
-"""TODO."""
+"""The discrepancy workflow: where model and recording disagree, which effect is missing, and what it closes."""
