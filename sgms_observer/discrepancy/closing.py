@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sgms_observer.discrepancy.motion import HELD, later, motion_of
 from sgms_observer.discrepancy.record import Record
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
@@ -20,7 +21,8 @@ class Closing:
 
     Attributes:
         innovation: rms of measured minus predicted friction at the corrections [N].
-        compensation: rms of what the feedforward leaves of effort minus mass times acceleration [N].
+        compensation: rms of what the feedforward leaves of effort minus mass times acceleration, below the band of
+            residuals, with the acceleration as it was and not as an observer knows it at the time [N].
     """
 
     innovation: float
@@ -43,7 +45,9 @@ def closing(record: Record, axis: AxisSettings, period: float) -> Closing:
     estimates = observer.step(Samples(stamp, record.position, record.effort, nothing, nothing))
     good = np.arange(n) * record.period > SKIPPED
     innovation = estimates.innovation[good & np.isfinite(estimates.innovation)]
+    motion = motion_of(record, HELD if axis.filter.effort_is_held else 0.0)
+    feedforward = later(np.nan_to_num(estimates.compensation), motion.lag)[:: motion.step]
     mass = axis.mass + observer.effects.added_mass
-    left = record.effort - mass * estimates.acceleration - estimates.compensation
-    left = left[good & np.isfinite(left)]
+    left = motion.low_pass(motion.effort - mass * motion.acceleration - feedforward)
+    left = left[motion.thinned(motion.time) > SKIPPED]
     return Closing(float(np.sqrt(np.mean(innovation**2))), float(np.sqrt(np.mean(left**2))))
