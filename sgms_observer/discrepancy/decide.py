@@ -59,7 +59,9 @@ KIN_SHARE = 0.25
 LOUD = 1.2
 """What exceeds the noise band by band is an alarm where the held-out gap, too, is this many times its floor."""
 WIDE = 2.5
-"""A held-out gap this many times its floor is no accident where an alarm was refused."""
+"""A held-out gap this many times its floor is no accident where an alarm was refused,"""
+FAR = 5.0
+"""and one this many times its floor is none at all: the refit has bent the model to the recordings it learnt from."""
 
 
 @dataclass(frozen=True)
@@ -191,7 +193,8 @@ def verdict_of(
     is_wide = gate.gap(current.model) > WIDE * gate.floor and any(
         score > ALARM for item in rounds for name, score in item.scores.items() if name not in STRUCTURAL_ALARM
     )
-    if any(item.listed and (is_wide or item.excess_before.sum() > 0.0) for item in rounds):
+    is_far = gate.is_unseen and gate.gap(current.model) > FAR * gate.floor
+    if is_far or any(item.listed and (is_wide or item.excess_before.sum() > 0.0) for item in rounds):
         return "unknown_effect"
     if deviation is not None:
         return "ambiguous" if deviation.alternatives else "effect_found"
