@@ -30,6 +30,8 @@ TIMES = ("delay",)
 """Parameters that compare the two stamps."""
 STEPS = 6
 """Steps of the fit to another recording; it starts at the solution."""
+ALONE = 1.0e-9
+"""Where all other recordings hold no more than this share of the weight, they say nothing beside the one."""
 
 
 def in_time(whitened: Floats, judged: Judged) -> list[Floats]:
@@ -129,4 +131,7 @@ def between_variance(values: Floats, errors: Floats) -> float:
         return 0.0
     total = float(weights.sum())
     scatter = float(weights @ (values - float(weights @ values) / total) ** 2)
-    return max(0.0, (scatter - (len(values) - 1)) / (total - float(weights @ weights) / total))
+    second = total - float(weights @ weights) / total
+    if second <= ALONE * total:
+        return 0.0
+    return max(0.0, (scatter - (len(values) - 1)) / second)

@@ -127,6 +127,7 @@ def test_what_recordings_differ_by_belongs_to_the_error() -> None:
     assert between_variance(np.array([1.0, 1.05, 0.97]), errors) == 0.0
     apart = between_variance(np.array([1.0, 2.0, 1.5]), errors)
     assert 0.3 < np.sqrt(apart) < 0.6
+    assert between_variance(np.array([1.0, 2.0]), np.array([1.0e-12, 0.5])) == 0.0, "one holds all the weight"
     silent = between_variance(np.array([1.0, 9.0, 1.02]), np.array([0.1, 0.0, 0.1]))
     assert silent == 0.0  # a recording that never reaches the limit says nothing about it
 
