@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,7 @@ def time_replay(folder: Path, seconds: float) -> dict[str, Any]:
         usages = []
         for run, name in enumerate(["third", "third", ""]):  # the first may have to compile
             out = str(folder / f"replayed_{kind}_{run}")
+            os.sync()  # what was written before must not be paid for here
             usages.append(
                 run_python([*_SGMS, "replay", str(folder / f"recorded{name}"), "--config", str(config), "--out", out])
             )
