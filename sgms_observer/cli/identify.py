@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ def run(args: argparse.Namespace) -> int:
     Returns:
         The exit code, 0 only on success.
     """
+    from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.identification.answer import bag_hash, provenance
     from sgms_observer.settings.load import load_settings
@@ -75,7 +77,8 @@ def run(args: argparse.Namespace) -> int:
     changes, remarks, summary = {}, {}, []
     for axis in (axis for axis in settings.axes if axis.name in wanted):
         pieces = _recordings(args.bags, hashes, axis.name, settings.sample_period)
-        answer = _identified(pieces, axis, settings.sample_period, args)
+        with Progress(f"identify {axis.name}", 1.0) as progress:
+            answer = _identified(pieces, axis, settings.sample_period, args, progress.show)
         changes[axis.name] = answer.changes
         remarks.update({f"{axis.name}.{name}": remark for name, remark in answer.remarks.items()})
         summary += answer.summary
@@ -99,7 +102,13 @@ def _recordings(bags: list[str], hashes: list[str], axis: str, sample_period: fl
     return pieces
 
 
-def _identified(pieces: list[Recording], axis: AxisSettings, sample_period: float, args: argparse.Namespace) -> Answer:
+def _identified(
+    pieces: list[Recording],
+    axis: AxisSettings,
+    sample_period: float,
+    args: argparse.Namespace,
+    show: Callable[[float], None],
+) -> Answer:
     """Identify one axis with the model the user asked for."""
     from sgms_observer.identification.answer import identification_answer, least_squares_answer
     from sgms_observer.identification.identify import IdentifyOptions, identify
@@ -110,7 +119,7 @@ def _identified(pieces: list[Recording], axis: AxisSettings, sample_period: floa
         cutoff = args.cutoff or min(_LEAST_SQUARES_CUTOFF, 0.1 * slowest)
         return least_squares_answer(fit_inverse_model(pieces, cutoff=cutoff), axis)
     options = IdentifyOptions(model=args.model, cutoff=args.cutoff, count=args.elements)
-    return identification_answer(identify(pieces, axis, options), axis, sample_period)
+    return identification_answer(identify(pieces, axis, options, show), axis, sample_period)
 
 
 def _print(name: str, answer: Answer) -> None:

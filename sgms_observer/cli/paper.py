@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
-import sys
 from pathlib import Path
 
 NAME = "paper"
@@ -33,26 +33,29 @@ def run(args: argparse.Namespace) -> int:
     Returns:
         The exit code, 0 only on success.
     """
+    from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import DataError
-    from sgms_observer.paper.beyond import beyond, beyond_markdown
+    from sgms_observer.paper.beyond import beyond, beyond_markdown, runs_beyond
     from sgms_observer.paper.figures_estimation import figure_five, figures_six_and_seven
     from sgms_observer.paper.figures_friction import figure_three, figure_two
-    from sgms_observer.paper.table import table_markdown, table_two
+    from sgms_observer.paper.table import runs_of_table, table_markdown, table_two
 
     folder = Path(args.out)
+    runs = runs_of_table(args.seeds) + runs_beyond(args.seeds, args.consistency_seeds)
+    done = itertools.count(1)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        table = table_two(args.seeds, _say)
-        _write(folder / "table2.json", json.dumps(table, indent=1))
-        _write(folder / "table2.md", table_markdown(table))
-        _say("Figures 2, 3, 5, 6 and 7")
-        figure_two(folder)
-        figure_three(folder)
-        figure_five(folder)
-        figures_six_and_seven(folder)
-        further = beyond(args.seeds, args.consistency_seeds, _say)
-        _write(folder / "beyond.json", json.dumps(further, indent=1))
-        _write(folder / "beyond.md", beyond_markdown(further))
+        with Progress("paper", runs) as progress:
+            table = table_two(args.seeds, lambda: progress.show(next(done)))
+            _write(folder / "table2.json", json.dumps(table, indent=1))
+            _write(folder / "table2.md", table_markdown(table))
+            figure_two(folder)
+            figure_three(folder)
+            figure_five(folder)
+            figures_six_and_seven(folder)
+            further = beyond(args.seeds, args.consistency_seeds, lambda: progress.show(next(done)))
+            _write(folder / "beyond.json", json.dumps(further, indent=1))
+            _write(folder / "beyond.md", beyond_markdown(further))
     except OSError as error:
         raise DataError(f"{folder}: cannot be written ({error.strerror or error}); choose another --out") from error
     print(table_markdown(table).split("\n## ")[0])
@@ -67,11 +70,6 @@ def _count(text: str) -> int:
     if value < 2:
         raise argparse.ArgumentTypeError(f"{text} must be 2 or more")
     return value
-
-
-def _say(sentence: str) -> None:
-    """Tell what is being done, on stderr."""
-    print(sentence, file=sys.stderr, flush=True)
 
 
 def _write(path: Path, text: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,6 +47,7 @@ _HOPELESS = 0.5  # half interval over value beyond which a shared parameter stay
 _SMALLEST_DEFLECTION = 1.0e-8  # m
 _HIGHEST_CUTOFF = 160.0  # Hz
 _CUTOFF_SHARE = 0.1  # of the sample rate
+_CHOOSING = 0.8  # of the time goes into the number of elements, about; only the progress shown depends on it
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,10 @@ class Identification:
 
 
 def identify(
-    recordings: Sequence[Recording], axis: AxisSettings, options: IdentifyOptions = IdentifyOptions()
+    recordings: Sequence[Recording],
+    axis: AxisSettings,
+    options: IdentifyOptions = IdentifyOptions(),
+    show: Callable[[float], None] = lambda share: None,
 ) -> Identification:
     """Identify one axis from recordings.
 
@@ -121,6 +125,7 @@ def identify(
         recordings: evenly sampled pieces.
         axis: start settings: smoothing, known effects, and values for what the recordings cannot show.
         options: how to identify.
+        show: told how much is done, from 0 to 1.
 
     Returns:
         Estimate with intervals, and what could be shown.
@@ -142,7 +147,8 @@ def identify(
     data = rows_to_use(main, (lower, shaken), atoms.reach)
     rate = axis.friction.attraction_rate / axis.friction.coulomb_force
     counts = (options.count,) if options.count else tuple(range(1, options.largest_count + 1))
-    fits = fit_each_count(data, atoms, shape, rate, start_velocity, counts)
+    fits = fit_each_count(data, atoms, shape, rate, start_velocity, counts, lambda share: show(_CHOOSING * share))
+    show(_CHOOSING)
     errors = {count: judged_squares(data, fit.parameters, shape) for count, fit in fits.items()}
     count = choose_count(errors)
     choices = tuple(
@@ -151,6 +157,7 @@ def identify(
     start = by_deflection(fits[count].parameters)
     fit = search(data.main, data.masks, start, shape, iterations=30, tolerance=1e-5)
     frozen: tuple[int, ...] = (RELAXATION,)
+    show(0.5 * (_CHOOSING + 1.0))
     confidence = _judge(data, fit, shape, frozen)
     hopeless = _hopeless(fit.parameters, confidence, shape.is_gms)
     relaxation, most = _relaxation(data, fit.parameters, shape, hopeless)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -72,7 +72,13 @@ def rows_to_use(main: list[Prepared], others: Sequence[list[Prepared]], deflecti
 
 
 def fit_each_count(
-    data: Rows, atoms: Atoms, shape: ElementShape, rate: float, start_velocity: float, counts: tuple[int, ...]
+    data: Rows,
+    atoms: Atoms,
+    shape: ElementShape,
+    rate: float,
+    start_velocity: float,
+    counts: tuple[int, ...],
+    show: Callable[[float], None] = lambda share: None,
 ) -> dict[int, Fit]:
     """Search with each number of elements, on the teaching rows.
 
@@ -83,21 +89,23 @@ def fit_each_count(
         rate: start value of c [1/s].
         start_velocity: start value of v_s [m/s]; several multiples of it are tried.
         counts: numbers of elements, consecutive.
+        show: told how much is done, from 0 to 1.
     """
     first = min(2, *counts)
-    trials = [
-        search(
-            data.main, data.teachers, start_parameters(atoms, first, start_velocity * share, 0.0, rate), shape,
-            iterations=12, tolerance=1e-3,
-        )
-        for share in _STARTS
-    ]  # fmt: skip
+    searches = len(_STARTS) + 2 * len(counts) - 1
+    trials = []
+    for number, share in enumerate(_STARTS):
+        show(number / searches)
+        start = start_parameters(atoms, first, start_velocity * share, 0.0, rate)
+        trials.append(search(data.main, data.teachers, start, shape, iterations=12, tolerance=1e-3))
     velocity = float(min(trials, key=lambda fit: fit.cost).parameters.scalars[V_S])
     fits = {}
-    for count in counts:
+    for number, count in enumerate(counts, len(trials)):
+        show(number / searches)
         start = start_parameters(atoms, count, velocity, 0.0, rate)
         fits[count] = search(data.main, data.teachers, start, shape, iterations=20, tolerance=1e-3)
-    for count in sorted(fits, reverse=True)[1:]:
+    for number, count in enumerate(sorted(fits, reverse=True)[1:], len(trials) + len(fits)):
+        show(number / searches)
         if fits[count + 1].cost < _BETTER * fits[count].cost:
             merged = merge_elements(fits[count + 1].parameters, count)
             again = search(data.main, data.teachers, merged, shape, iterations=20, tolerance=1e-3)

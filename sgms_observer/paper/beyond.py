@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +17,9 @@ from sgms_observer.paper.conditions import (
     ROWS,
     SAMPLE_PERIOD,
     SINE_PERIOD,
+    Step,
     estimator_friction,
+    fewer,
     nrmse,
     simulate,
 )
@@ -29,8 +30,6 @@ from sim_plant.record import StageRecord
 PERIODS = 11  # the last one follows ten periods of learning
 _SECONDS_TO_SETTLE = 0.05  # s, left out where the whole run is judged
 _BAND = 1.959964  # standard deviations on either side of a 95 % band
-
-Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -112,12 +111,13 @@ def run(configuration: Configuration, record: StageRecord, factor: float) -> Est
     )
 
 
-def score(configuration: Configuration, records: list[StageRecord]) -> dict[str, Any]:
+def score(configuration: Configuration, records: list[StageRecord], step: Step = lambda: None) -> dict[str, Any]:
     """Return error and kappa of both rows, each a mean over the records, and the worst kappa.
 
     Args:
         configuration: what to run.
         records: one per noise seed.
+        step: called after every run of the estimator.
     """
     result: dict[str, Any] = {}
     after_ten = round(10 * SINE_PERIOD / SAMPLE_PERIOD)
@@ -127,6 +127,7 @@ def score(configuration: Configuration, records: list[StageRecord]) -> dict[str,
             outcome = run(configuration, record, factor)
             errors.append(nrmse(record, outcome.live, PERIODS))
             ratios.append(float(outcome.stiffness[after_ten]))
+            step()
         result[row] = {
             "nrmse": float(np.mean(errors)),
             "standard_deviation": float(np.std(errors)),
@@ -136,7 +137,7 @@ def score(configuration: Configuration, records: list[StageRecord]) -> dict[str,
     return result
 
 
-def consistency(seeds: int) -> dict[str, Any]:
+def consistency(seeds: int, step: Step = lambda: None) -> dict[str, Any]:
     """Return NIS and band coverage of the best configuration over many noise seeds; the model is right, kappa is not.
 
     At every correction of the last period the NIS is averaged over the seeds; its 95 % bounds are those of a chi-square
@@ -144,6 +145,7 @@ def consistency(seeds: int) -> dict[str, Any]:
 
     Args:
         seeds: number of noise seeds.
+        step: called after every run of the estimator.
     """
     from scipy.stats import chi2
 
@@ -159,6 +161,7 @@ def consistency(seeds: int) -> dict[str, Any]:
             by_seed.append(_nis(outcome, last))
             deviation = outcome.results.friction_std[settled]
             covered.append(np.mean(np.abs(outcome.live - record.friction)[settled] <= _BAND * deviation))
+            step()
         means = np.mean(by_seed, axis=0)
         result[row] = {
             "nis_mean": float(np.mean(means)),
@@ -175,22 +178,29 @@ def _nis(outcome: Estimate, span: slice) -> Floats:
     return corrections
 
 
-def beyond(seeds: int, consistency_seeds: int, say: Say) -> dict[str, Any]:
+def runs_beyond(seeds: int, consistency_seeds: int) -> int:
+    """Return how many runs of an estimator ``beyond`` makes.
+
+    Args:
+        seeds: as there.
+        consistency_seeds: as there.
+    """
+    return len(ROWS) * (seeds + (len(LADDER) + len(WITHOUT)) * fewer(seeds) + consistency_seeds)
+
+
+def beyond(seeds: int, consistency_seeds: int, step: Step = lambda: None) -> dict[str, Any]:
     """Compute everything that ``beyond.json`` holds.
 
     Args:
         seeds: noise seeds for errors; a quarter of them for the ablation.
         consistency_seeds: noise seeds for NIS and coverage.
-        say: told what is being done.
+        step: called after every run of an estimator.
     """
     records = [simulate(CHOSEN, PERIODS, seed) for seed in range(1, seeds + 1)]
-    few = records[: max(2, seeds // 4)]
-    say(f"beyond: the best configuration over {seeds} seeds, {PERIODS} periods each")
-    best = score(BEST, records)
-    say("beyond: what each lever gave")
-    ladder = {name: score(configuration, few) for name, configuration in LADDER.items()}
-    without = {name: score(configuration, few) for name, configuration in WITHOUT.items()}
-    say(f"beyond: consistency over {consistency_seeds} seeds")
+    few = records[: fewer(seeds)]
+    best = score(BEST, records, step)
+    ladder = {name: score(configuration, few, step) for name, configuration in LADDER.items()}
+    without = {name: score(configuration, few, step) for name, configuration in WITHOUT.items()}
     return {
         "minus20": best["minus20"],
         "plus20": best["plus20"],
@@ -202,7 +212,7 @@ def beyond(seeds: int, consistency_seeds: int, say: Say) -> dict[str, Any]:
         },
         "ladder": ladder,
         "best_without": without,
-        "consistency": consistency(consistency_seeds),
+        "consistency": consistency(consistency_seeds, step),
         "conditions": {
             "seeds": list(range(1, seeds + 1)),
             "seeds_of_ablation": len(few),
@@ -243,7 +253,5 @@ def beyond_markdown(result: dict[str, Any]) -> str:
 
 
 def _line(name: str, scores: dict[str, Any]) -> str:
-    entries = [
-        f"{scores[row]['nrmse']:.3f} ({scores[row]['kappa_over_truth_after_ten_periods']:.3f})" for row in ROWS
-    ]
+    entries = [f"{scores[row]['nrmse']:.3f} ({scores[row]['kappa_over_truth_after_ten_periods']:.3f})" for row in ROWS]
     return f"| {name} | " + " | ".join(entries) + " |"

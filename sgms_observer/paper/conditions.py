@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +31,9 @@ PAPER = {
     },
 }
 
+Step = Callable[[], None]
+"""Called after every run of an estimator, by those who count them."""
+
 LOWPASS = FilterSettings(kind="lowpass", cutoff=500.0, align_effort=True)
 LOWPASS_RAW_EFFORT = FilterSettings(kind="lowpass", cutoff=500.0, align_effort=False)
 
@@ -53,6 +57,15 @@ class Stage:
 
 CHOSEN = Stage()
 PROCESS_STD = 0.1  # Q: share of nu f_C per correction; the paper gives a number, 1e-2 nu, without a unit
+
+
+def fewer(seeds: int) -> int:
+    """Return how many noise seeds serve for what is only compared.
+
+    Args:
+        seeds: noise seeds of the main figures.
+    """
+    return max(2, seeds // 4)
 
 
 def simulate(stage: Stage, periods: int, seed: int) -> StageRecord:

@@ -19,8 +19,10 @@ from sgms_observer.paper.conditions import (
     PROCESS_STD,
     ROWS,
     Stage,
+    Step,
     estimator_friction,
     estimator_settings,
+    fewer,
     nrmse,
     simulate,
 )
@@ -32,7 +34,6 @@ PERIOD = 2  # the first one holds the start from rest
 LITERAL_Q = "1e-2 nu, in metres"
 
 Cells = dict[str, dict[str, dict[str, float]]]
-Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -58,9 +59,7 @@ class Reading:
     gms_modes: str = "predicted"
 
 
-MAIN = Reading(
-    "table", "effort through the velocity's low-pass, MHE: its trajectory over the last interval, EKF: live"
-)
+MAIN = Reading("table", "effort through the velocity's low-pass, MHE: its trajectory over the last interval, EKF: live")
 LIVE = Reading("live", "the same, every estimate as known at its own instant", is_live=True)
 RAW = Reading(
     "raw_effort", "effort unfiltered and so ahead of the acceleration, live", filter=LOWPASS_RAW_EFFORT, is_live=True
@@ -98,12 +97,15 @@ def literal_process(friction: FrictionSettings) -> Floats:
     return product**2
 
 
-def cells_of(reading: Reading, seeds: Iterable[int]) -> dict[str, dict[str, dict[str, list[float]]]]:
+def cells_of(
+    reading: Reading, seeds: Iterable[int], step: Step = lambda: None
+) -> dict[str, dict[str, dict[str, list[float]]]]:
     """Return the NRMSE [%] of the twelve cells, one value per seed.
 
     Args:
         reading: how to read the paper.
         seeds: of the noise.
+        step: called after every run of an estimator.
     """
     records = [simulate(reading.stage, PERIOD, seed) for seed in seeds]
     cells: dict[str, dict[str, dict[str, list[float]]]] = {}
@@ -122,6 +124,7 @@ def cells_of(reading: Reading, seeds: Iterable[int]) -> dict[str, dict[str, dict
                         with_trajectory=not reading.is_live, process=process,
                     )  # fmt: skip
                     values.append(nrmse(record, result.live if reading.is_live else result.trajectory, PERIOD))
+                    step()
                 cells[row][model][name] = values
     return cells
 
@@ -134,22 +137,32 @@ def reduce_cells(cells: dict[str, dict[str, dict[str, list[float]]]], function: 
     }
 
 
-def table_two(seeds: int, say: Say) -> dict[str, Any]:
+def runs_of_table(seeds: int) -> int:
+    """Return how many runs of an estimator ``table_two`` makes.
+
+    Args:
+        seeds: as there.
+    """
+    cells = len(ROWS) * len(MODELS) * len(ESTIMATORS)
+    others = len(stage_readings()) + len(process_readings())
+    return cells * (len(READINGS) * seeds + others * fewer(seeds))
+
+
+def table_two(seeds: int, step: Step = lambda: None) -> dict[str, Any]:
     """Compute Table II and everything beside it.
 
     Args:
         seeds: how many noise seeds for the readings; a quarter of them for the dependence.
-        say: told what is being done.
+        step: called after every run of an estimator.
 
     Returns:
         What ``table2.json`` holds.
     """
     numbers = range(1, seeds + 1)
-    few = range(1, max(2, seeds // 4) + 1)
+    few = range(1, fewer(seeds) + 1)
     result: dict[str, Any] = {}
     for reading in READINGS:
-        say(f"Table II, {reading.name}: {reading.description}")
-        cells = cells_of(reading, numbers)
+        cells = cells_of(reading, numbers, step)
         if reading is MAIN:
             result.update(reduce_cells(cells, np.mean))
             result["standard_deviation"] = reduce_cells(cells, np.std)
@@ -167,9 +180,8 @@ def table_two(seeds: int, say: Say) -> dict[str, Any]:
         }
     result["dependence"] = {"stage": {}, "process": {}}
     for kind, readings in (("stage", stage_readings()), ("process", process_readings())):
-        say(f"Table II on other choices of {kind}")
         for reading in readings:
-            result["dependence"][kind][reading.name] = reduce_cells(cells_of(reading, few), np.mean)
+            result["dependence"][kind][reading.name] = reduce_cells(cells_of(reading, few, step), np.mean)
     result["conditions"] = {
         "seeds": list(numbers),
         "seeds_of_dependence": list(few),

@@ -29,6 +29,7 @@ from sgms_observer.cli import registry
 from sgms_observer.errors import ConfigurationError, SgmsError
 from sgms_observer.settings import load
 from sgms_observer.settings.arguments import rewrite_arguments
+from sim_plant.reference_file import read_reference_file
 
 CASES = int(os.environ.get("SGMS_CASES", "10000"))
 SEED = 20_240_607
@@ -206,6 +207,16 @@ def mat_files(folder: Path) -> Iterator[Case]:
         yield lambda: read_table(path, {"time": "t", "position": "x", "control_effort": "s.u"})
 
 
+def reference_files(folder: Path) -> Iterator[Case]:
+    """Tables of times and positions for the simulated stage."""
+    good = (b"time,position\n# to and fro\n0,0\n0.5,0.001\n1,0\n", b"0;0\n0.1;1e-3\n0.2;2e-3\n", b"0,1\n1,1\n")
+    path = folder / "reference.csv"
+    for chance in chances():
+        _rewrite(path, damage(chance, chance.choice(good)))
+        kind = chance.choice(("linear", "cubic"))
+        yield lambda kind=kind: read_reference_file(path, kind, velocity=0.1, acceleration=1.0, jerk=100.0)
+
+
 def column_maps(folder: Path) -> Iterator[Case]:
     """The argument --map of ``sgms convert``."""
     for chance in chances():
@@ -244,7 +255,7 @@ def _parse(arguments: tuple[str, ...]) -> None:
 
 PARSERS = (
     yaml_files, node_arguments, joint_states, diagnostics, mcap_bags, sqlite_bags, bag_metadata, csv_files, mat_files,
-    column_maps, command_lines,
+    reference_files, column_maps, command_lines,
 )  # fmt: skip
 
 

@@ -131,7 +131,9 @@ def test_element_damping_is_found_where_it_is(lasting: float, tmp_path: Path) ->
     friction = TRUE.friction
     damping = tuple(lasting * kappa for kappa in friction.element_stiffness)
     true = replace(TRUE, friction=replace(friction, element_damping=damping))
-    found = identify(_excited(tmp_path, PERIOD, true=true), START, IdentifyOptions(count=2))
+    shown: list[float] = []
+    found = identify(_excited(tmp_path, PERIOD, true=true), START, IdentifyOptions(count=2), shown.append)
+    assert len(shown) > 4 and shown == sorted(shown) and shown[0] == 0.0 and shown[-1] < 1.0
     value, width = found.parameters.scalars[RELAXATION], found.confidence.half_width[RELAXATION]
     assert abs(value - lasting) <= max(width, 0.05 * lasting)
     changes = identification_answer(found, START, PERIOD).changes

@@ -216,7 +216,7 @@ def _set(graph: Graph, name: str, value: Any) -> None:
 
 def test_compensation_follows_its_parameter_and_ends_with_the_data(graph: Graph, start: Start) -> None:
     graph.listen("friction_compensation")
-    start("observer_node", ONE_AXIS)
+    start("observer_node", ONE_AXIS + "      compensation: {timeout: 2.0}\n")  # longer than a busy machine holds us up
     sender = Sender(graph, ["x"])
     stamps, position, effort = motion(4000)
 

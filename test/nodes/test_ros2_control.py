@@ -41,8 +41,8 @@ def test_the_example_names_what_belongs_together() -> None:
 
 
 def test_joint_states_in_commands_out_and_zero_when_they_stop(graph: Graph, start: Start) -> None:
-    text = FILE.read_text().replace("enabled: false ", "enabled: true ")
-    assert "enabled: true" in text
+    text = FILE.read_text().replace("enabled: false ", "enabled: true\n        timeout: 2.0 ")  # busy machines
+    assert "timeout: 2.0" in text
     received: list[float] = []
     graph.node.create_subscription(
         Float64MultiArray, COMMANDS, lambda message: received.append(message.data[0]), 1000

@@ -51,3 +51,11 @@ def test_consistency():
         assert lower <= found[row]["nis_mean"] <= upper
         assert 0.90 <= found[row]["band_coverage"] <= 0.99
         assert found[row]["share_of_corrections_within_bounds"] >= 0.85
+
+
+def test_every_run_is_counted(monkeypatch):
+    monkeypatch.setattr(beyond, "LADDER", {"best": beyond.BEST})
+    monkeypatch.setattr(beyond, "WITHOUT", {})
+    runs: list[int] = []
+    result = beyond.beyond(2, 2, lambda: runs.append(1))
+    assert len(runs) == beyond.runs_beyond(2, 2) and set(result["ladder"]) == {"best"}

@@ -91,8 +91,10 @@ def test_the_error_measure_on_a_known_signal():
     assert conditions.nrmse(record, record.friction + 0.01 * span, 1) == pytest.approx(1.0)
 
 
-def test_markdown_shows_every_cell():
-    result = table.table_two(4, lambda _: None)
+def test_markdown_shows_every_cell_and_every_run_is_counted():
+    runs: list[int] = []
+    result = table.table_two(4, lambda: runs.append(1))
+    assert len(runs) == table.runs_of_table(4)
     text = table.table_markdown(result)
     for row in ROWS:
         for model in MODELS:
