@@ -46,6 +46,25 @@ def write_bytes(content: bytes, path: str | Path) -> None:
         raise
 
 
+def claim_folder(folder: str | Path) -> None:
+    """Make a folder and try to write into it: before long work, not after it.
+
+    Args:
+        folder: where results will go.
+
+    Raises:
+        RecordingError: it cannot be made or refuses files; one sentence.
+    """
+    probe = Path(folder) / f".{os.getpid()}.{next(_number)}"
+    try:
+        probe.parent.mkdir(parents=True, exist_ok=True)
+        probe.touch(exist_ok=False)
+        probe.unlink()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "it is not a possible folder name"
+        raise RecordingError(f"{folder} cannot be written: {reason}; make room or choose another folder") from None
+
+
 def write_text(text: str, path: str | Path) -> None:
     """Write a text file in UTF-8, whole or not at all.
 

@@ -34,30 +34,27 @@ def run(args: argparse.Namespace) -> int:
         The exit code, 0 only on success.
     """
     from sgms_observer.cli.progress import Progress
-    from sgms_observer.errors import DataError
     from sgms_observer.paper.beyond import beyond, beyond_markdown, runs_beyond
     from sgms_observer.paper.figures_estimation import figure_five, figures_six_and_seven
     from sgms_observer.paper.figures_friction import figure_three, figure_two
     from sgms_observer.paper.table import runs_of_table, table_markdown, table_two
+    from sgms_observer.whole_file import claim_folder, write_text
 
     folder = Path(args.out)
     runs = runs_of_table(args.seeds) + runs_beyond(args.seeds, args.consistency_seeds)
     done = itertools.count(1)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with Progress("paper", runs) as progress:
-            table = table_two(args.seeds, lambda: progress.show(next(done)))
-            _write(folder / "table2.json", json.dumps(table, indent=1))
-            _write(folder / "table2.md", table_markdown(table))
-            figure_two(folder)
-            figure_three(folder)
-            figure_five(folder)
-            figures_six_and_seven(folder)
-            further = beyond(args.seeds, args.consistency_seeds, lambda: progress.show(next(done)))
-            _write(folder / "beyond.json", json.dumps(further, indent=1))
-            _write(folder / "beyond.md", beyond_markdown(further))
-    except OSError as error:
-        raise DataError(f"{folder}: cannot be written ({error.strerror or error}); choose another --out") from error
+    claim_folder(folder)
+    with Progress("paper", runs) as progress:
+        table = table_two(args.seeds, lambda: progress.show(next(done)))
+        write_text(json.dumps(table, indent=1), folder / "table2.json")
+        write_text(table_markdown(table), folder / "table2.md")
+        figure_two(folder)
+        figure_three(folder)
+        figure_five(folder)
+        figures_six_and_seven(folder)
+        further = beyond(args.seeds, args.consistency_seeds, lambda: progress.show(next(done)))
+        write_text(json.dumps(further, indent=1), folder / "beyond.json")
+        write_text(beyond_markdown(further), folder / "beyond.md")
     print(table_markdown(table).split("\n## ")[0])
     print(beyond_markdown(further))
     print(f"seeds 1 to {args.seeds}; everything is in {folder}")
@@ -70,10 +67,3 @@ def _count(text: str) -> int:
     if value < 2:
         raise argparse.ArgumentTypeError(f"{text} must be 2 or more")
     return value
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a text file, whole or not at all."""
-    from sgms_observer.whole_file import write_text
-
-    write_text(text, path)

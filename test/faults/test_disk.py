@@ -5,6 +5,7 @@ A limit on the size of files stands for the full disk: the kernel refuses the wr
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -19,6 +20,7 @@ from ros_graph import ONE_AXIS, Graph, wait_until
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.writer import BagWriter
+from sgms_observer.settings.load import load_settings
 
 REFUSING = Path("/proc/sgms")
 ROOT = Path(__file__).resolve().parents[2]
@@ -110,6 +112,38 @@ def test_a_folder_that_refuses(job: Callable[..., tuple[str, list[str | Path]]],
         assert done.returncode == 1, done.stderr
         assert "cannot be written" in done.stderr and done.stderr.count("\n") == 1, done.stderr
     assert (tmp_path / "file").read_text() == "mine"
+
+
+LONG = {
+    "diagnose": ["diagnose", "bag", "--config", "axis.yaml", "--out"],
+    "identify": ["identify", "bag", "--config", "axis.yaml", "--out"],
+    "paper": ["paper", "--out"],
+}
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_long_work_does_not_begin_where_nothing_can_be_written(name: str, tmp_path: Path) -> None:
+    """The bag does not exist, which nobody comes to know: the folder is tried first."""
+    (tmp_path / "axis.yaml").write_text(ONE_AXIS)
+    (tmp_path / "file").write_text("mine")
+    words = [str(tmp_path / word) if word in ("bag", "axis.yaml") else word for word in LONG[name]]
+    for out in (REFUSING / "x", tmp_path / "file" / "x"):
+        done = run(COMMAND, 0, *words, out)
+        assert done.returncode == 1 and "cannot be written" in done.stderr and done.stderr.count("\n") == 1, done.stderr
+
+
+def test_a_full_disk_leaves_whole_files_of_a_diagnosis(tmp_path: Path) -> None:
+    (tmp_path / "axis.yaml").write_text(ONE_AXIS)
+    stamps = 10**9 + np.arange(10_000, dtype=np.int64) * 1_000_000
+    with BagWriter(tmp_path / "still") as bag:  # too little motion to tell anything: soon done
+        bag.write_joint_states("position", stamps, ("x",), position=1e-9 * np.sin(0.01 * np.arange(10_000)))
+        bag.write_joint_states("control_effort", stamps, ("x",), effort=np.sin(0.02 * np.arange(10_000)))
+    out = tmp_path / "out"
+    done = run(COMMAND, 20_000, "diagnose", tmp_path / "still", "--config", tmp_path / "axis.yaml", "--out", out)
+    assert done.returncode == 1 and "cannot be written" in done.stderr and done.stderr.count("\n") == 1, done.stderr
+    assert {path.name for path in out.iterdir()} == {"result.json", "augmented.yaml"}
+    assert json.loads((out / "result.json").read_text())["verdict"] == "cannot_tell"
+    assert load_settings(out / "augmented.yaml").axes[0].mass == 3.0
 
 
 def test_a_disk_that_fills_up_while_recording(graph: Graph, tmp_path: Path) -> None:
