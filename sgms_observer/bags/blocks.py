@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.bags.cdr import JointStateEncoder, JointStateLayout
-from sgms_observer.bags.scanning import read_rows, write_rows
+from sgms_observer.bags.rows import MessageRows
+from sgms_observer.bags.scanning import read_rows
 from sgms_observer.errors import DataError
 from sgms_observer.jit import HAS_NUMBA
 
@@ -261,20 +262,21 @@ def _find_by_arrays(
     return found, numbers
 
 
-def encode_joint_states(
-    stamp_ns: Ints, names: Sequence[str], fields: dict[str, Floats], frame_id: str = "", room: int = 0
-) -> Bytes:
-    """Encode n JointStates that differ in their numbers only.
+def encode_joint_states(stamp_ns: Ints, names: Sequence[str], fields: dict[str, Floats], frame_id: str = "") -> Bytes:
+    """Return the bytes of ``joint_state_rows``, one message per row, shape (n, size)."""
+    return joint_state_rows(stamp_ns, names, fields, frame_id).to_bytes()
+
+
+def joint_state_rows(
+    stamp_ns: Ints, names: Sequence[str], fields: dict[str, Floats], frame_id: str = ""
+) -> MessageRows:
+    """Prepare n JointStates that differ in their numbers only.
 
     Args:
         stamp_ns: stamps [ns], shape (n,).
         names: joints (axes), k of them.
         fields: any of ``position``, ``velocity`` and ``effort``, each of shape (n, k) [m], [m/s], [N].
         frame_id: of the headers.
-        room: bytes left for the caller in front of each message.
-
-    Returns:
-        One message per row, shape (n, room + size), uint8.
 
     Raises:
         DataError: a shape does not fit, or a stamp does not fit a ROS time.
@@ -295,13 +297,4 @@ def encode_joint_states(
             )
         numbers[len(places) : len(places) + len(names)].view(np.float64)[:] = values.T
         places += range(start, start + 8 * len(names), 8)
-    template = np.frombuffer(encoder.template, np.uint8)
-    rows = np.empty((count, room + template.size), np.uint8)
-    if HAS_NUMBA:
-        first = np.arange(room, rows.size, rows.shape[1]) if count else np.empty(0, np.int64)
-        write_rows(template, np.array(places, np.int64), numbers, rows.reshape(-1), first)
-        return rows
-    rows[:, room:] = template
-    for place, values in zip(places, numbers, strict=True):
-        rows[:, room + place : room + place + 8] = values.astype("<u8").view(np.uint8).reshape(-1, 8)
-    return rows
+    return MessageRows(np.frombuffer(encoder.template, np.uint8), np.array(places, np.int64), numbers)

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from sgms_observer.bags.mcap_records import MAGIC, MESSAGE_HEAD, RECORD_HEAD, Op, record, text, text_map
 from sgms_observer.bags.message_types import MessageType
 from sgms_observer.bags.metadata import dump_qos
-from sgms_observer.bags.scanning import place_rows, write_rows
-from sgms_observer.jit import HAS_NUMBA
+from sgms_observer.bags.rows import MessageRows
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -32,7 +31,7 @@ class _Rows:
 
     channel: int
     log_ns: Ints
-    records: Bytes
+    records: MessageRows
 
 
 class McapWriter:
@@ -46,9 +45,6 @@ class McapWriter:
     Raises:
         OSError: it cannot be created; every other method may raise it too.
     """
-
-    room = _OVERHEAD
-    """Bytes that ``write_rows`` wants free in front of each message."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("xb")
@@ -97,28 +93,21 @@ class McapWriter:
         if self._pending > _PENDING:
             self.flush()
 
-    def write_rows(self, channel: int, log_ns: Ints, messages: Bytes) -> None:
-        """Add n messages of one size: times of shape (n,), bytes of shape (n, room + size), written to.
+    def write_rows(self, channel: int, log_ns: Ints, messages: MessageRows) -> None:
+        """Add n messages of one size.
 
         Args:
             channel: number of the topic.
             log_ns: times of the recording [ns], shape (n,).
-            messages: their bytes, shape (n, room + size).
+            messages: the messages.
         """
-        count, size = messages.shape
-        head = np.frombuffer(_MESSAGE.pack(Op.MESSAGE, size - RECORD_HEAD.size, channel, 0, 0, 0), np.uint8)
-        if HAS_NUMBA:
-            times = np.stack([log_ns, log_ns]).view(np.uint64)
-            write_rows(head, _TIMES, times, messages.reshape(-1), np.arange(count) * size)
-        else:
-            messages[:, : self.room] = head
-            for place in _TIMES.tolist():
-                messages[:, place : place + 8] = log_ns.astype("<u8").view(np.uint8).reshape(-1, 8)
-        rows_at_once = max(1, _PENDING // size)
-        for first in range(0, count, rows_at_once):
-            part = slice(first, first + rows_at_once)
-            self._rows.append(_Rows(channel, log_ns[part], messages[part]))
-            self._pending += self._rows[-1].records.size
+        head = _MESSAGE.pack(Op.MESSAGE, messages.size + MESSAGE_HEAD, channel, 0, 0, 0)
+        records = messages.behind(head, _TIMES, np.stack([log_ns, log_ns]).view(np.uint64))
+        rows_at_once = max(1, _PENDING // records.size)
+        for first in range(0, len(records), rows_at_once):
+            last = min(first + rows_at_once, len(records))
+            self._rows.append(_Rows(channel, log_ns[first:last], records.part(first, last)))
+            self._pending += (last - first) * records.size
             if self._pending > _PENDING:
                 self.flush()
 
@@ -194,7 +183,7 @@ class McapWriter:
         )
         length = np.concatenate(
             [np.array([len(single) for single in singles], np.int64)]
-            + [np.full(rows.log_ns.size, rows.records.shape[1], np.int64) for rows in self._rows]
+            + [np.full(rows.log_ns.size, rows.records.size, np.int64) for rows in self._rows]
         )
         order = np.argsort(log_ns, kind="stable")
         start_in_order = np.cumsum(length[order]) - length[order]
@@ -209,13 +198,8 @@ class McapWriter:
             data[at : at + len(single)] = np.frombuffer(single, np.uint8)
         done = len(singles)
         for rows in self._rows:
-            count, size = rows.records.shape
-            if HAS_NUMBA:
-                place_rows(rows.records, data, start[done : done + count])
-            else:
-                places = np.lib.stride_tricks.sliding_window_view(data, size, writeable=True)
-                places[start[done : done + count]] = rows.records
-            done += count
+            rows.records.write(data, start[done : done + len(rows.records)])
+            done += len(rows.records)
         return data, channel[order], log_ns[order], start_in_order
 
     def _put_chunk(self, data: Bytes, channel: NDArray[np.intp], log_ns: Ints, start: Ints) -> None:

@@ -125,17 +125,3 @@ def write_rows(template: Bytes, places: Ints, numbers: Words, data: Bytes, start
             place = at + places[j]
             for i in range(8):
                 data[place + i] = np.uint8(value >> np.uint64(8 * i) & np.uint64(255))
-
-
-@njit
-def place_rows(rows: Bytes, data: Bytes, start: Ints) -> None:
-    """Copy each row to its place in a buffer.
-
-    Args:
-        rows: shape (n, size).
-        data: the buffer, written.
-        start: first byte of each row in the buffer, shape (n,).
-    """
-    size = rows.shape[1]
-    for k in range(start.shape[0]):
-        data[start[k] : start[k] + size] = rows[k]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.bags.message_types import MessageType
 from sgms_observer.bags.metadata import dump_qos
+from sgms_observer.bags.rows import MessageRows
 
 _SCHEMA = """
 CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL);
@@ -36,9 +37,6 @@ class SqliteWriter:
         OSError: it cannot be created.
         sqlite3.Error: it cannot be written; every other method may raise it too.
     """
-
-    room = 0
-    """Bytes that ``write_rows`` wants free in front of each message."""
 
     def __init__(self, path: Path) -> None:
         path.open("xb").close()
@@ -88,19 +86,19 @@ class SqliteWriter:
         if len(self._waiting) >= _ROWS_AT_ONCE:
             self.flush()
 
-    def write_rows(self, channel: int, log_ns: NDArray[np.int64], messages: NDArray[np.uint8]) -> None:
-        """Add n messages of one size: times of shape (n,), bytes of shape (n, size).
+    def write_rows(self, channel: int, log_ns: NDArray[np.int64], messages: MessageRows) -> None:
+        """Add n messages of one size.
 
         Args:
             channel: number of the topic.
             log_ns: times of the recording [ns], shape (n,).
-            messages: their bytes, shape (n, size).
+            messages: the messages.
         """
-        size = messages.shape[1]
+        size = messages.size
         for first in range(0, log_ns.size, _ROWS_AT_ONCE):
-            part = slice(first, first + _ROWS_AT_ONCE)
-            joined = messages[part].tobytes()
-            times = log_ns[part].tolist()
+            last = min(first + _ROWS_AT_ONCE, log_ns.size)
+            joined = messages.part(first, last).to_bytes().tobytes()
+            times = log_ns[first:last].tolist()
             self._waiting += [(channel, time, joined[i * size : (i + 1) * size]) for i, time in enumerate(times)]
             if len(self._waiting) >= _ROWS_AT_ONCE:
                 self.flush()

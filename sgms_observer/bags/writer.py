@@ -16,10 +16,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sgms_observer.bags.blocks import encode_joint_states
+from sgms_observer.bags.blocks import joint_state_rows
 from sgms_observer.bags.mcap_writer import McapWriter
 from sgms_observer.bags.message_types import JOINT_STATE, MessageType, describe_type
 from sgms_observer.bags.metadata import METADATA, STORAGES, dump_metadata
+from sgms_observer.bags.rows import MessageRows
 from sgms_observer.bags.sqlite_writer import SqliteWriter
 from sgms_observer.errors import DataError, RecordingError
 
@@ -31,11 +32,9 @@ _FLUSH_PERIOD = 0.5  # s
 class _Storage(Protocol):
     """What a storage file can do."""
 
-    room: int  # bytes that ``write_rows`` wants free in front of each message
-
     def add_topic(self, topic: str, kind: MessageType) -> int: ...
     def write(self, channel: int, log_ns: int, data: bytes) -> None: ...
-    def write_rows(self, channel: int, log_ns: NDArray[np.int64], messages: NDArray[np.uint8]) -> None: ...
+    def write_rows(self, channel: int, log_ns: NDArray[np.int64], messages: MessageRows) -> None: ...
     def flush(self) -> None: ...
     def close(self, metadata: str) -> None: ...
     def abort(self) -> None: ...
@@ -164,7 +163,7 @@ class BagWriter:
         if first < 0:
             raise DataError(f"a message of {name} has the time {first} ns; bags hold times from 1970 on only")
         storage = self._open_storage()
-        messages = encode_joint_states(stamps, names, fields, room=storage.room)
+        messages = joint_state_rows(stamps, names, fields)
         self._counts[name] += stamps.size
         self._span = (min(self._span[0], first), max(self._span[1], last))
         with self._own_errors():

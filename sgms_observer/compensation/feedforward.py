@@ -122,12 +122,13 @@ def _compensate(
         h = motion[k, ELAPSED]
         verdict = state[VERDICT + int(results[k, STATUS])]
         element_force = results[k, RESULT_SIZE : RESULT_SIZE + n_z]
-        trust = next_trust(state[TRUST], verdict, h, state[TIMEOUT]) if state[ENABLED] > 0.5 else 0.0
+        is_enabled = state[ENABLED] > 0.5
+        trust = next_trust(state[TRUST], verdict, h, state[TIMEOUT]) if is_enabled else 0.0
         state[TRUST] = trust
         if n_p > 0:
             apply_parameters(scalars, elements, kinds, unit, results[k, first_parameter:], row, bars)
         factor = effects_factor[k] if effects_factor[k] > 0.0 else 1.0
-        if verdict == 2:
+        if verdict == 2 or not is_enabled:
             state[RAW] = 0.0
         set_velocity = ahead[k, SET_VELOCITY]
         if ahead[k, HAS_REFERENCE] > 0.5:
@@ -150,7 +151,7 @@ def _compensate(
             for i in range(n_z):
                 forces[i] = element_force[i]
                 modes[i] = 0
-        if is_moving and math.isfinite(set_velocity):
+        if is_enabled and is_moving and math.isfinite(set_velocity):
             acceleration, jerk = ahead[k, ACCELERATION], ahead[k, JERK]
             velocity = preview_elements(
                 forces, modes, set_velocity, acceleration, jerk, state[LOOK_AHEAD], factor, row, bars
