@@ -45,7 +45,7 @@ def prepare_graph() -> int:
 
 
 class Conductor:
-    """A context in which processes run; all of them end with it.
+    """A context in which processes run; all of them end with it, or with this process if it is killed.
 
     Args:
         folder: where the processes' output goes, one file each.
@@ -96,7 +96,7 @@ class Conductor:
         paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
         with (self._folder / f"{name}.log").open("wb") as log:
             self._processes[name] = subprocess.Popen(
-                [sys.executable, "-m", module, *arguments],
+                [sys.executable, "-m", "sgms_observer.nodes.beside", str(os.getpid()), module, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

@@ -101,6 +101,28 @@ def test_report_of_the_demonstration_reads_well(demonstration: tuple[Path, str],
     check_report(browser, demonstration[0] / "report.html", 8)
 
 
+def test_a_demonstration_that_is_killed_leaves_no_node_behind(tmp_path: Path) -> None:
+    demo = _sgms("demo", "--out", str(tmp_path), "--duration", "1000")
+    try:
+        recorded = tmp_path / "bag.partial"
+        wait_until(lambda: recorded.exists() or demo.poll() is not None, "the demonstration to record")
+        children = Path(f"/proc/{demo.pid}/task/{demo.pid}/children").read_text().split()
+        assert len(children) == 3
+    finally:
+        demo.kill()
+        demo.communicate()
+    for child in children:
+        wait_until(lambda pid=child: not Path(f"/proc/{pid}").exists() or _is_dead(pid), f"the end of process {child}")
+
+
+def _is_dead(process: str) -> bool:
+    """Return whether a process has ended and only waits for somebody to ask how."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
+
+
 def test_a_demonstration_without_a_usable_file_is_a_sentence(tmp_path: Path) -> None:
     for arguments in (("--config", "/no/such.yaml"), ("--duration", "-1")):
         demo = _sgms("demo", "--out", str(tmp_path), *arguments)
