@@ -20,6 +20,10 @@ ELEMENT_SLACK = 15.0
 STEP = 1.0e-4
 SHORTEST = 0.75
 """Shortest distance of a memory, as a share of the contact's largest reach: less is the contact's own business."""
+SHORTEST_PLAY = 0.3
+"""Shortest play, as a share of the same: a wall is felt within a few micrometres, however long the contact's reach."""
+SHORTEST_STOP = 0.01
+"""Shortest give of a wall, as a share of the same: less no recording tells."""
 WIDEST_STEP = 0.08
 """Widest step of wear, as a share of the travel."""
 SHORTEST_DRIFT, LONGEST_DRIFT = 0.05, 5.0
@@ -35,12 +39,14 @@ UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,)}
 REFRESH = 3
 """Steps after which derivatives by the nominal parameters are computed anew."""
 BY_RATIO = (
-    "attraction_rate", "distance", "memory_distance", "gap", "time_constant", "dwell_time", "width", "velocity",
+    "attraction_rate", "distance", "memory_distance", "gap", "stop", "time_constant", "dwell_time", "width", "velocity",
     "peak_velocity",
 )  # fmt: skip
 """Positive parameters that may be off by a factor: they are moved by their logarithm."""
 MISSING_ELEMENT = "presliding"
-"""The effect whose force the owner's Coulomb and static force already contain."""
+LOAD_BEHIND_PLAY = "backlash"
+PARTS_OF_THE_LEVEL = (MISSING_ELEMENT, LOAD_BEHIND_PLAY)
+"""Effects whose force the owner's Coulomb and static force already contain."""
 _MAX_ITERATIONS = 12
 
 
@@ -174,7 +180,7 @@ def refit(
     if limit is not None:
         low[: KNEE + 1], high[: KNEE + 1] = -limit, limit
         low[KNEE + 1 : n], high[KNEE + 1 : n] = -ELEMENT_SLACK * limit, ELEMENT_SLACK * limit
-        if any(item.name == MISSING_ELEMENT for item in effects):
+        if any(item.name in PARTS_OF_THE_LEVEL for item in effects):
             low[[COULOMB, STATIC]] = -1.0
     x = np.clip(x, low, high)
 
@@ -231,23 +237,32 @@ def refit(
 
 
 def told(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Floats:
-    """Return the logarithms as their owner would see them: a missing element is a part of the level he measured."""
-    missing = sum(item.values[0] for item in effects if item.name == MISSING_ELEMENT)
-    if missing == 0.0:
+    """Return the logarithms as their owner would see them: what a part of the level takes, he measured with it."""
+    parts = [item for item in effects if item.name in PARTS_OF_THE_LEVEL]
+    if not parts:
         return logs
     seen = logs.copy()
     for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):
-        seen[row] = np.log(max(np.exp(logs[row]) + missing / force, 1.0e-3))
+        level = np.exp(logs[row])
+        own = sum(_taken(item, force, level) for item in parts)
+        seen[row] = np.log(max(level + own, 1.0e-3))
     return seen
 
 
 def told_start(logs: Floats, nominal: Model, start: EffectSettings) -> Floats:
-    """Return where a fit with one more effect starts: a missing element leaves the level as it is."""
+    """Return where a fit with one more effect starts: a part of the level leaves the level as it is."""
     moved = logs.copy()
-    if start.name == MISSING_ELEMENT:
-        for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):
+    for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):
+        if start.name == MISSING_ELEMENT:
             moved[row] = np.log(max(np.exp(logs[row]) - start.values[0] / force, 0.1))
+        elif start.name == LOAD_BEHIND_PLAY:
+            moved[row] = logs[row] + np.log(1.0 - start.values[1])
     return moved
+
+
+def _taken(item: EffectSettings, force: float, level: float) -> float:
+    """Return what a part of the level takes, as a share of the owner's ``force`` [N]; ``level`` is what is left so."""
+    return item.values[0] / force if item.name == MISSING_ELEMENT else level * item.values[1] / (1.0 - item.values[1])
 
 
 def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Model) -> tuple[float, float]:
@@ -275,7 +290,11 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
         return SLOWEST_LAG * nominal.friction.coulomb_force, np.inf
     if name == MISSING_ELEMENT and parameter == "distance":  # what gives over millimetres is no contact
         return SHORTEST * largest_reach(nominal.friction), LONGEST_ELEMENT
-    if parameter in ("memory_distance", "distance", "gap"):
+    if parameter == "stop":  # softer is a missing element, not a wall
+        return SHORTEST_STOP * largest_reach(nominal.friction), 0.5 * largest_reach(nominal.friction)
+    if parameter == "gap":
+        return SHORTEST_PLAY * largest_reach(nominal.friction), np.inf
+    if parameter in ("memory_distance", "distance"):
         return SHORTEST * largest_reach(nominal.friction), np.inf
     return -np.inf, np.inf
 

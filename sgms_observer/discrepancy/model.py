@@ -23,8 +23,8 @@ stribeck_level = vectorised("friction").stribeck_level
 asymmetric_coulomb = vectorised("effects_level").asymmetric_coulomb
 SIDED = "asymmetric_coulomb"
 """The effect whose level hangs on the way each part of a step goes: at rest an encoder's flicker must not mix both."""
-BY_LEVEL = ("frictional_lag",)
-"""Effects on the level that depend on the level itself."""
+BY_LEVEL = ("frictional_lag", "backlash")
+"""Effects that depend on the level."""
 
 MASS, VISCOUS, COULOMB, STATIC, KNEE = range(5)
 SHARED = ("mass", "viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity")
@@ -197,7 +197,9 @@ def _seen(others: tuple[EffectSettings, ...], friction: FrictionSettings, motion
             position, velocity, acceleration, first, second, effort, force, effects.added_mass, effects.has_position
         )
 
-    return motion.kept("seen", others, made) if all(is_built_in(item.name) for item in others) else made()
+    by_level = any(item.name in BY_LEVEL for item in others)
+    level = (friction.static_force, friction.coulomb_force, friction.stribeck_velocity) if by_level else ()
+    return motion.kept("seen", (others, level), made) if all(is_built_in(item.name) for item in others) else made()
 
 
 def _factor(at_level: tuple[EffectSettings, ...], level: Floats, seen: _Seen, motion: Motion) -> Floats:

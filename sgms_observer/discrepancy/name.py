@@ -46,7 +46,7 @@ CLOSE_LEFT = 0.3
 """plus this share of what the best one leaves beyond noise: then its shape is not right either."""
 FIXED_SHAPES = {"cogging": (3, 4), **UNITS}
 """Parameters that are not free in a first fit: (effect, indices)."""
-WHOLE_RANGE = ("motion_share", "attraction_rate")
+WHOLE_RANGE = ("motion_share", "attraction_rate", "stop")
 """Parameters that may well lie at an end of their range."""
 
 

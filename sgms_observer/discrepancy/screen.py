@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.discrepancy import search
-from sgms_observer.discrepancy.fit import MISSING_ELEMENT, STEP, Judged, Refit, prior_widths
+from sgms_observer.discrepancy.fit import LOAD_BEHIND_PLAY, MISSING_ELEMENT, STEP, Judged, Refit, prior_widths
 from sgms_observer.discrepancy.model import predict, stribeck
 from sgms_observer.discrepancy.motion import BAND
 from sgms_observer.effects.catalogue import effect, is_built_in
@@ -25,6 +25,9 @@ LINES = "periodic_disturbance"
 """Searched over the residual's own spectrum instead of a grid."""
 SIMULATED = ("asymmetric_coulomb",)
 """Effects on the level whose column is simulated: it is the contact at rest that tells them from a force."""
+NEARLY = {LOAD_BEHIND_PLAY: 0.5}
+"""Share of the best shape's gain from which another shape is worth a start too, where not 0.8: a play that is a little
+wrong hits its wall at the wrong moment, so that the grid meets the right one only by chance."""
 LOWEST_LINE = 0.8
 """Lines below this frequency are taken for motion [Hz]."""
 
@@ -154,14 +157,14 @@ class Screen:
                 best = (gain, item)
         return best
 
-    def other_starts(self, name: str, left: Floats, share: float = 0.8) -> list[EffectSettings]:
+    def other_starts(self, name: str, left: Floats) -> list[EffectSettings]:
         """Return one more start for an effect whose next best, clearly different shape takes nearly as much."""
         if name == LINES:
             return []
         listed = sorted(self.columns[name], key=lambda item: -item.gain(left))
         if len(listed) < 4 or listed[0].gain(left) <= 0.0:
             return []
-        first = listed[0]
+        first, share = listed[0], NEARLY.get(name, 0.8)
         for item in listed[1:]:
             if item.gain(left) < share * first.gain(left):
                 break
@@ -221,6 +224,8 @@ class Screen:
             )  # fmt: skip
             if name == MISSING_ELEMENT:  # a part of the level, not on top of it
                 factor = factor - values[0] / self.model.friction.coulomb_force
+            elif name == LOAD_BEHIND_PLAY:
+                factor = factor - values[1] / (1.0 - values[1])
             parts.append(noise.whitened(-(force + thin["friction"] * (factor - 1.0)), weights))
         return np.concatenate(parts)
 

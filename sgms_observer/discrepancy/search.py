@@ -172,7 +172,8 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
                 whole(name, (coulomb / tau, r * mean_reach)) for tau in grid(0.002, 0.2, 7) for r in (0.5, 1.5, 5.0)
             ]
         case "backlash":
-            return [scaled(name, (1,), (gap, LOOK), True) for gap in grid(0.8 * reach, max(2e-4, 3.0 * reach), 8)]
+            stop = 0.1 * reach
+            return [scaled(name, (1,), (gap, LOOK, stop), True) for gap in grid(0.8 * reach, max(2e-4, 3.0 * reach), 8)]
         case "actuator_gain":
             return [Shape(name, ((1.0 + LOOK,),), lambda c: (1.0 + LOOK * float(c[0]),))]
         case "actuator_saturation":

@@ -176,6 +176,23 @@ FORCE_EFFECTS = (
         (0.0, 0.0),
     ),
     Effect(
+        "backlash",
+        Place.ADDED_FORCE,
+        (
+            EffectParameter("gap", "m", 1.0e-5, 1.0e-9, 1.0, "play between motor and load"),
+            EffectParameter("share", "-", 0.0, 0.0, 0.9, "share of the friction that is the load's", is_strength=True),
+            EffectParameter("stop", "m", 1.0e-6, 1.0e-9, 1.0e-3, "by how much a wall gives before the load slides"),
+        ),
+        "F = A / (1 - A) s(v) d(x), x = stretch, d = 0 in the play, +-1 where a wall has given by its stop",
+        "too little friction over a fixed distance after each reversal, whatever the rest before",
+        "many reversals, an encoder on motor and load",
+        ("presliding", "dwell_breakaway"),
+        "Nordin, Gutman 2002, Controlling mechanical systems with backlash, Automatica 38(10)",
+        formula.backlash,
+        formula.backlash_next,
+        (0.0,),
+    ),
+    Effect(
         "mass_error",
         Place.PLANT,
         (EffectParameter("mass", "kg", 0.0, -1.0e4, 1.0e4, "mass the model does not have", is_strength=True),),

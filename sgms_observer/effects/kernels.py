@@ -48,6 +48,8 @@ _periodic_disturbance = _formula(effects_force.periodic_disturbance)
 _cross_axis_coupling = _formula(effects_force.cross_axis_coupling)
 _presliding = _formula(effects_force.presliding)
 _presliding_next = _formula(effects_force.presliding_next)
+_backlash = _formula(effects_force.backlash)
+_backlash_next = _formula(effects_force.backlash_next)
 _flexible_mode = _formula(effects_force.flexible_mode)
 _flexible_mode_next = _formula(effects_force.flexible_mode_next)
 _position_periodic_friction = _formula(effects_level.position_periodic_friction)
@@ -63,8 +65,6 @@ _dwell_breakaway = _formula(effects_level.dwell_breakaway)
 _dwell_breakaway_next = _formula(effects_level.dwell_breakaway_next)
 _frictional_lag = _formula(effects_level.frictional_lag)
 _frictional_lag_next = _formula(effects_level.frictional_lag_next)
-_backlash = _formula(effects_level.backlash)
-_backlash_next = _formula(effects_level.backlash_next)
 _actuator_gain = _formula(effects_path.actuator_gain)
 _actuator_saturation = _formula(effects_path.actuator_saturation)
 _actuator_dead_zone = _formula(effects_path.actuator_dead_zone)
@@ -158,6 +158,9 @@ def effects_step(
             s[0] = early
             s[1] = late
             force += _presliding(s, p)
+        elif kind == BACKLASH:
+            s[0] = _backlash_next(v, h, s, p)[0]
+            force += _backlash(level, s, p)
         elif kind == FLEXIBLE_MODE:
             deflection, rate = _flexible_mode_next(a, h, s, p)
             s[0] = deflection
@@ -188,9 +191,6 @@ def effects_step(
             s[1] = ratio
             s[2] = started
             factor *= _frictional_lag(level, s, p)
-        elif kind == BACKLASH:
-            s[0] = _backlash_next(v, h, s, p)[0]
-            factor *= _backlash(s, p)
     out[0] = force
     out[1] = max(factor, MINIMUM_LEVEL_FACTOR)
 

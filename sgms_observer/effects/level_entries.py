@@ -168,20 +168,4 @@ LEVEL_EFFECTS = (
         formula.frictional_lag_next,
         (0.0, 0.0, 0.0),
     ),
-    Effect(
-        "backlash",
-        Place.LEVEL_FACTOR,
-        (
-            EffectParameter("gap", "m", 1.0e-5, 1.0e-9, 1.0, "play between motor and load"),
-            EffectParameter("share", "-", 0.0, 0.0, 1.0, "share of the friction that is the load's", is_strength=True),
-        ),
-        "s -> s (1 - A (1 - x^8)), x = place in the gap",
-        "too little friction over a fixed distance after each reversal, whatever the rest before",
-        "many reversals, an encoder on motor and load",
-        ("presliding", "dwell_breakaway"),
-        "Nordin, Gutman 2002, Controlling mechanical systems with backlash, Automatica 38(10)",
-        formula.backlash,
-        formula.backlash_next,
-        (0.0,),
-    ),
 )

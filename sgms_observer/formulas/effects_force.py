@@ -83,6 +83,23 @@ def presliding_next(v, h, s, p):
     )
 
 
+def backlash(level, s, p):
+    """Friction of a load behind play [N]: gone soon after a reversal, back at the other wall; p: gap, share, stop.
+
+    State: stretch between both sides over its largest, -1..1. The wall gives by ``stop`` until the load slides. The
+    load has ``share`` of all friction: ``level`` is the motor side's rest.
+    """
+    free = p[0] / (p[0] + 2.0 * p[2])
+    pressed = (math.fabs(s[0] - free) - math.fabs(s[0] + free) + 2.0 * s[0]) / (2.0 - 2.0 * free)
+    return p[1] / (1.0 - p[1]) * level * pressed
+
+
+def backlash_next(v, h, s, p):
+    """Move within the play and the walls' give, beyond which they carry the load along; p: gap, share, stop."""
+    moved = s[0] + 2.0 * v * h / (p[0] + 2.0 * p[2])
+    return (0.5 * (math.fabs(moved + 1.0) - math.fabs(moved - 1.0)),)
+
+
 def flexible_mode(s, p):
     """Reaction of an attached mass on a spring, without its part -mass * a [N].
 

@@ -97,15 +97,3 @@ def frictional_lag_next(v, h, level, s, p):
     decay = math.exp(-p[0] * h / level - 5.0 * sticking * math.fabs(v) * h / p[1])
     lagged = level + (s[0] - level) * decay * s[2]
     return (lagged, ratio, 1.0 + 0.0 * s[2])
-
-
-def backlash(s, p):
-    """Play: the load's friction is missing inside the gap [-]; p: gap, share. State: place in the gap -1..1."""
-    square = s[0] * s[0]
-    return 1.0 - p[1] * (1.0 - square * square * square * square)
-
-
-def backlash_next(v, h, s, p):
-    """Move within the gap; its walls carry the load along; p: gap, share."""
-    moved = s[0] + 2.0 * v * h / p[0]
-    return (0.5 * (math.fabs(moved + 1.0) - math.fabs(moved - 1.0)),)

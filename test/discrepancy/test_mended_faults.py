@@ -7,7 +7,7 @@ import pytest
 from workflow_case import AXIS, FRICTION, PERIOD, record
 
 from sgms_observer.discrepancy.contact import element_friction
-from sgms_observer.discrepancy.fit import believable, refit, told
+from sgms_observer.discrepancy.fit import believable, refit, told, told_start
 from sgms_observer.discrepancy.gate import Gate, floor_of, gap_of
 from sgms_observer.discrepancy.model import COULOMB, STATIC, Model, predict
 from sgms_observer.discrepancy.motion import HELD, fast_length, later, motion_of
@@ -102,6 +102,13 @@ def test_a_missing_element_is_part_of_the_level_its_owner_measured() -> None:
     seen = told(logs, MODEL, (EffectSettings("presliding", (0.8, 1e-4)),))
     assert seen[[COULOMB, STATIC]] == pytest.approx(0.0, abs=1e-9)
     assert np.array_equal(told(logs, MODEL, ()), logs)
+
+
+def test_a_load_behind_play_takes_its_share_of_the_level_its_owner_measured() -> None:
+    start = EffectSettings("backlash", (4e-5, 0.2, 2e-6))
+    moved = told_start(np.zeros(len(MODEL.parameter_names())), MODEL, start)
+    assert np.exp(moved[[COULOMB, STATIC]]) == pytest.approx(0.8)
+    assert told(moved, MODEL, (start,)) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_missing_elements_remember_a_large_motion_through_small_ones() -> None:

@@ -25,7 +25,7 @@ VALUES = {
     "wear_step": (0.2, 0.1, 0.02),
     "dwell_breakaway": (0.4, 0.3, 5.0e-5),
     "frictional_lag": (60.0, 2.0e-5),
-    "backlash": (3.0e-5, 0.5),
+    "backlash": (1.0e-5, 0.5, 3.0e-5),
     "actuator_gain": (1.1,),
     "actuator_saturation": (3.0,),
     "actuator_dead_zone": (0.4,),

@@ -181,3 +181,16 @@ def test_flexible_mode_carries_the_mass_at_low_frequency_and_leaves_it_at_high()
         mass = -np.dot(force[10000:], a[10000:]) / np.dot(a[10000:], a[10000:])
         # the reaction without -m a is -(omega^2 x + ...) m, which is +m a when the mass follows
         assert -mass == pytest.approx(carried, abs=0.03)
+
+
+def test_the_friction_of_a_load_behind_play_goes_with_a_reversal_and_is_back_at_the_other_wall() -> None:
+    gap, share, stop, step = 4e-5, 0.2, 2e-6, 1e-7
+    v = np.concatenate([np.full(1000, step), np.full(1000, -step)]) / PERIOD
+    m = {key: np.zeros(2000) for key in INPUTS} | {"v": v, "h": np.full(2000, PERIOD), "level": np.full(2000, 4.0)}
+    force, factor = run(compiled("backlash", (gap, share, stop)), m)
+    assert np.all(factor == 1.0)
+    assert force[999] / (4.0 + force[999]) == pytest.approx(share)
+    back = np.arange(1, 1001) * step
+    free = force[1000:][(back > stop + step) & (back < stop + gap - step)]
+    assert np.abs(free).max() < 1e-9
+    assert force[1000:][back > gap + 2.0 * stop + step] == pytest.approx(-force[999])
