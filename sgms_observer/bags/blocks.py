@@ -263,7 +263,20 @@ def _find_by_arrays(
 
 
 def encode_joint_states(stamp_ns: Ints, names: Sequence[str], fields: dict[str, Floats], frame_id: str = "") -> Bytes:
-    """Return the bytes of ``joint_state_rows``, one message per row, shape (n, size)."""
+    """Encode n JointStates that differ in their numbers only.
+
+    Args:
+        stamp_ns: stamps [ns], shape (n,).
+        names: joints (axes), k of them.
+        fields: any of ``position``, ``velocity`` and ``effort``, each of shape (n, k) [m], [m/s], [N].
+        frame_id: of the headers.
+
+    Returns:
+        One message per row, shape (n, size), uint8.
+
+    Raises:
+        DataError: as ``joint_state_rows``.
+    """
     return joint_state_rows(stamp_ns, names, fields, frame_id).to_bytes()
 
 
