@@ -20,7 +20,7 @@ def main() -> None:
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_SIGNAL_AT_PARENTS_DEATH, int(signal.SIGINT), 0, 0, 0)
         if os.getppid() != parent:
-            sys.exit(f"{module}: the process {parent} that started it is gone")
+            sys.exit(1)  # gone already: nobody is left to tell
     sys.argv[:3] = [module]
     runpy.run_module(module, run_name="__main__", alter_sys=True)
 
