@@ -9,7 +9,10 @@ import platform
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sgms_observer.cli.progress import Progress
 
 NAME = "bench"
 HELP = "time the estimators, with peers side by side, and a live run at 10 kHz"
@@ -53,6 +56,7 @@ def run(args: argparse.Namespace) -> int:
     Returns:
         The exit code, 0 only on success.
     """
+    from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
 
     limits = {"windows": (1, 100_000), "live_seconds": (0.5, 3600), "replay_seconds": (0.5, 3600)}
@@ -67,9 +71,10 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigurationError(faults)
     result = _empty()
     with tempfile.TemporaryDirectory(prefix="sgms-bench-") as folder:
-        for part in PARTS:
-            if part in args.only:
-                _show(part)
+        chosen = [part for part in PARTS if part in args.only]
+        for number, part in enumerate(chosen):
+            with Progress(f"bench: {part}", len(chosen)) as progress:
+                _tell(part, progress, number)
                 _RUN[part](args, result, Path(folder))
     if args.json:
         from sgms_observer.whole_file import write_text
@@ -127,8 +132,12 @@ def _empty() -> dict[str, Any]:
     }
 
 
-def _show(part: str) -> None:
-    print(f"bench: {part} ...", file=sys.stderr, flush=True)
+def _tell(part: str, progress: Progress, number: int) -> None:
+    """Tell which part begins: with a bar over the parts on a terminal, by a line in a pipe."""
+    if sys.stderr.isatty():
+        progress.show(number)
+    else:
+        print(f"bench: {part} ...", file=sys.stderr, flush=True)
 
 
 def _speed(args: argparse.Namespace, result: dict[str, Any], folder: Path) -> None:

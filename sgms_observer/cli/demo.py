@@ -6,6 +6,7 @@ import argparse
 import importlib.util
 import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -76,6 +77,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) -> tuple[int, list[str]]:
     """Run the nodes and record them; return when the compensation went on [ns], and what the stage noted."""
+    from sgms_observer.cli.progress import Progress
     from sgms_observer.nodes.conductor import Conductor, prepare_graph
     from sgms_observer.nodes.pace import AGE_SENTENCE
 
@@ -91,12 +93,13 @@ def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) 
         listeners = {"position": 2, "control_effort": 2, "reference": 2, TRUTH: 1}
         conductor.wait_subscribers({**listeners, "friction_estimate": 1, "friction_compensation": 2})
         print(f"running for {duration:g} s: the first half without compensation, the second with it", flush=True)
-        conductor.activate(STAGE)
-        _sleep(conductor, duration / 2)
-        switched_ns = time.time_ns()
-        for axis in axes:
-            conductor.set_parameter(OBSERVER, f"{axis}.compensation.enabled", True)
-        _sleep(conductor, duration / 2)
+        with Progress("demo", duration) as progress:
+            conductor.activate(STAGE)
+            _sleep(conductor, duration / 2, progress.show)
+            switched_ns = time.time_ns()
+            for axis in axes:
+                conductor.set_parameter(OBSERVER, f"{axis}.compensation.enabled", True)
+            _sleep(conductor, duration / 2, lambda seconds: progress.show(duration / 2 + seconds))
         conductor.deactivate(STAGE)
         _wait_until_written(bag)
         for name in (RECORDER, OBSERVER, STAGE):
@@ -106,11 +109,12 @@ def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) 
     return switched_ns, [f"                      {line}" for line in noted]
 
 
-def _sleep(conductor: Conductor, seconds: float) -> None:
-    """Wait while every process lives."""
+def _sleep(conductor: Conductor, seconds: float, show: Callable[[float], None]) -> None:
+    """Wait while every process lives; ``show`` is told how long it has been [s]."""
     end = time.monotonic() + seconds
     while (left := end - time.monotonic()) > 0.0:
         conductor.watch()
+        show(seconds - left)
         time.sleep(min(0.2, left))
 
 
