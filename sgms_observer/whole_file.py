@@ -14,6 +14,12 @@ from sgms_observer.errors import RecordingError
 _number = itertools.count()
 
 
+def _refused(path: str | Path, error: Exception) -> RecordingError:
+    """Return the sentence about a path that the operating system refused."""
+    reason = getattr(error, "strerror", None) or "it is not a possible file name"
+    return RecordingError(f"{path} cannot be written: {reason}; make room or choose another folder")
+
+
 def write_bytes(content: bytes, path: str | Path) -> None:
     """Write a file under another name first, then rename it.
 
@@ -38,8 +44,7 @@ def write_bytes(content: bytes, path: str | Path) -> None:
         if partial is not None:
             with contextlib.suppress(OSError, ValueError):
                 partial.unlink(missing_ok=True)
-        reason = getattr(error, "strerror", None) or "it is not a possible file name"
-        raise RecordingError(f"{path} cannot be written: {reason}; make room or choose another folder") from None
+        raise _refused(path, error) from None
     except BaseException:
         if partial is not None:
             partial.unlink(missing_ok=True)
@@ -61,8 +66,7 @@ def claim_folder(folder: str | Path) -> None:
         probe.touch(exist_ok=False)
         probe.unlink()
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "it is not a possible folder name"
-        raise RecordingError(f"{folder} cannot be written: {reason}; make room or choose another folder") from None
+        raise _refused(folder, error) from None
 
 
 def write_text(text: str, path: str | Path) -> None:

@@ -244,7 +244,7 @@ def told(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Flo
     seen = logs.copy()
     for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):
         level = np.exp(logs[row])
-        own = sum(_taken(item, force, level) for item in parts)
+        own = sum(taken(item.name, item.values, force, level) for item in parts)
         seen[row] = np.log(max(level + own, 1.0e-3))
     return seen
 
@@ -260,9 +260,16 @@ def told_start(logs: Floats, nominal: Model, start: EffectSettings) -> Floats:
     return moved
 
 
-def _taken(item: EffectSettings, force: float, level: float) -> float:
-    """Return what a part of the level takes, as a share of the owner's ``force`` [N]; ``level`` is what is left so."""
-    return item.values[0] / force if item.name == MISSING_ELEMENT else level * item.values[1] / (1.0 - item.values[1])
+def taken(name: str, values: Sequence[float], force: float, level: float) -> float:
+    """Return what a part of the level takes, as a share of the owner's force.
+
+    Args:
+        name: of an effect in ``PARTS_OF_THE_LEVEL``.
+        values: its values.
+        force: the level that the owner measured [N].
+        level: what is left of it beside the part, as a share [-].
+    """
+    return values[0] / force if name == MISSING_ELEMENT else level * values[1] / (1.0 - values[1])
 
 
 def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Model) -> tuple[float, float]:

@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.discrepancy import search
-from sgms_observer.discrepancy.fit import LOAD_BEHIND_PLAY, MISSING_ELEMENT, STEP, Judged, Refit, prior_widths
+from sgms_observer.discrepancy.fit import (
+    LOAD_BEHIND_PLAY,
+    PARTS_OF_THE_LEVEL,
+    STEP,
+    Judged,
+    Refit,
+    prior_widths,
+    taken,
+)
 from sgms_observer.discrepancy.model import predict, stribeck
 from sgms_observer.discrepancy.motion import BAND
 from sgms_observer.effects.catalogue import effect, is_built_in
@@ -222,10 +230,8 @@ class Screen:
                 thin["q"], travel / noise.period, thin["a"], thin["t"] - motion.time[0], thin["u"], step, level,
                 effects.initial_state(), thin["v2"], thin["a2"],
             )  # fmt: skip
-            if name == MISSING_ELEMENT:  # a part of the level, not on top of it
-                factor = factor - values[0] / self.model.friction.coulomb_force
-            elif name == LOAD_BEHIND_PLAY:
-                factor = factor - values[1] / (1.0 - values[1])
+            if name in PARTS_OF_THE_LEVEL:  # not on top of it
+                factor = factor - taken(name, values, self.model.friction.coulomb_force, 1.0)
             parts.append(noise.whitened(-(force + thin["friction"] * (factor - 1.0)), weights))
         return np.concatenate(parts)
 

@@ -112,11 +112,11 @@ def test_a_demonstration_that_is_killed_leaves_no_node_behind(tmp_path: Path) ->
         demo.kill()
         demo.communicate()
     for child in children:
-        wait_until(lambda pid=child: not Path(f"/proc/{pid}").exists() or _is_dead(pid), f"the end of process {child}")
+        wait_until(lambda pid=child: _is_dead(pid), f"the end of process {child}")
 
 
 def _is_dead(process: str) -> bool:
-    """Return whether a process has ended and only waits for somebody to ask how."""
+    """Return whether a process is gone, or has ended and only waits for somebody to ask how."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
     except OSError:
