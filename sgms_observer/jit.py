@@ -14,6 +14,7 @@ import re
 import shutil
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -142,7 +143,22 @@ def _compile(function: Kernel, **options: Any) -> Kernel:
         compiled = numba.njit(function, error_model="numpy", nogil=True, **options)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+    _do_without_room(compiled)
     return compiled
+
+
+def _do_without_room(compiled: Any) -> None:
+    """Let a kernel work, uncached, where the disk that would keep it is full: numba would end with an error."""
+    kept = getattr(compiled, "_cache", None)
+    save = getattr(kept, "save_overload", None)
+    if kept is None or save is None:
+        return
+
+    def save_if_there_is_room(signature: Any, data: Any) -> None:
+        with suppress(OSError):
+            save(signature, data)
+
+    kept.save_overload = save_if_there_is_room
 
 
 def njit(function: Kernel) -> Kernel:

@@ -51,8 +51,8 @@ def write_bytes(content: bytes, path: str | Path) -> None:
         raise
 
 
-def claim_folder(folder: str | Path) -> None:
-    """Make a folder and try to write into it: before long work, not after it.
+def try_folder(folder: str | Path) -> None:
+    """See whether a folder can be made and written into: before long work, not after it. It is not left there empty.
 
     Args:
         folder: where results will go.
@@ -62,9 +62,13 @@ def claim_folder(folder: str | Path) -> None:
     """
     probe = Path(folder) / f".{os.getpid()}.{next(_number)}"
     try:
+        is_new = not probe.parent.exists()
         probe.parent.mkdir(parents=True, exist_ok=True)
         probe.touch(exist_ok=False)
         probe.unlink()
+        if is_new:
+            with contextlib.suppress(OSError):  # somebody else needs it already
+                probe.parent.rmdir()
     except (OSError, ValueError) as error:
         raise _refused(folder, error) from None
 

@@ -136,14 +136,14 @@ def diagnose_bags(
     from sgms_observer.discrepancy.workflow import Options, diagnose
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.settings.load import load_settings
-    from sgms_observer.whole_file import claim_folder
+    from sgms_observer.whole_file import try_folder
 
     settings = load_settings(config)
     names = [axis.name for axis in settings.axes]
     wanted = axis_name or names[0]
     if wanted not in names:
         raise ConfigurationError([f"--axis {wanted} is not in {config}; it has {', '.join(names)}"])
-    claim_folder(out)
+    try_folder(out)
     axis = settings.axes[names.index(wanted)]
     other = next((name for name in names if name != wanted), None)
     options = Options(tolerance, seed, workers)

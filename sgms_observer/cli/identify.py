@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     from sgms_observer.identification.answer import bag_hash, provenance
     from sgms_observer.settings.load import load_settings
     from sgms_observer.settings.write import write_settings
-    from sgms_observer.whole_file import claim_folder
+    from sgms_observer.whole_file import try_folder
 
     settings = load_settings(args.config)
     known = [axis.name for axis in settings.axes]
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigurationError([f"--axis {strange[0]} is not in {args.config}; it has {', '.join(known)}"])
     if args.cutoff < 0.0:
         raise ConfigurationError([f"--cutoff {args.cutoff:g} Hz must be positive; leave it out for the default"])
-    claim_folder(Path(args.out).parent)
+    try_folder(Path(args.out).parent)
     hashes = [bag_hash(bag) for bag in args.bags]
     changes, remarks, summary = {}, {}, []
     for axis in (axis for axis in settings.axes if axis.name in wanted):

@@ -38,12 +38,12 @@ def run(args: argparse.Namespace) -> int:
     from sgms_observer.paper.figures_estimation import figure_five, figures_six_and_seven
     from sgms_observer.paper.figures_friction import figure_three, figure_two
     from sgms_observer.paper.table import runs_of_table, table_markdown, table_two
-    from sgms_observer.whole_file import claim_folder, write_text
+    from sgms_observer.whole_file import try_folder, write_text
 
     folder = Path(args.out)
     runs = runs_of_table(args.seeds) + runs_beyond(args.seeds, args.consistency_seeds)
     done = itertools.count(1)
-    claim_folder(folder)
+    try_folder(folder)
     with Progress("paper", runs) as progress:
         table = table_two(args.seeds, lambda: progress.show(next(done)))
         write_text(json.dumps(table, indent=1), folder / "table2.json")
