@@ -53,7 +53,9 @@ LEAST = 0.15
 """Where the best candidate is refused, the next one counts if it takes this share of what the best one takes: a sharp
 line stands out of the noise although it is the smaller part of the gap."""
 KIN = 0.3
-"""A further effect that alone would have taken this share of what the first one took is of its kind,"""
+"""A further effect that alone would have taken this share of what the first one took,"""
+OWN_SHARE = 0.8
+"""and takes less than this share of that beside it, is of its kind"""
 KIN_SHARE = 0.25
 """and has to take this share on top of it."""
 LOUD = 1.2
@@ -140,7 +142,8 @@ def _is_acceptable(
     for item in rounds:
         name = item.listed[0].name
         alone = {one.name: one.taken for one in item.listed}.get(best.name, 0.0)
-        if alone > KIN * item.listed[0].taken or is_kin(best.name, name):
+        shares = alone > KIN * item.listed[0].taken and best.taken < OWN_SHARE * alone
+        if shares or is_kin(best.name, name):
             needed = max(needed, KIN_SHARE * max(item.listed[0].taken, power(current, name)))
     return best.taken > needed
 

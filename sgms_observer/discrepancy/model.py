@@ -186,9 +186,7 @@ def _seen(others: tuple[EffectSettings, ...], friction: FrictionSettings, motion
             velocity = np.gradient(position, motion.period)
             acceleration = second_difference(position, motion.period)
             first, second = split_at_reversals(without_flicker(position, PLAY * motion.resolution), motion.period)
-        moved = acceleration
-        if effects.added_mass != 0.0:  # a mass on a spring feels the mean acceleration of the step that ends here
-            moved = 0.5 * (acceleration + np.concatenate((acceleration[:1], acceleration[:-1])))
+        moved = held_over_steps(acceleration) if effects.added_mass != 0.0 else acceleration
         force, _factor = effects.evaluate(
             position, velocity, moved, motion.time, effort, np.full(n, motion.period),
             stribeck(friction, position, motion.period), state, motion.other_velocity, motion.other_acceleration,
@@ -217,6 +215,22 @@ def _factor(at_level: tuple[EffectSettings, ...], level: Floats, seen: _Seen, mo
 
     is_kept = not seen.has_position and all(is_built_in(item.name) and item.name not in BY_LEVEL for item in wanted)
     return motion.kept("factor", wanted, made) if is_kept else made()
+
+
+def held_over_steps(acceleration: Floats) -> Floats:
+    """Return what, held over the step that ends at each sample, drives a ringing mass as the acceleration itself does.
+
+    A constant over a step of length h gives a mass that rings at w only the share 1 - (w h)^2 / 24 of what the mean
+    instant's acceleration would; the weights make up for that, and for the interpolation to the middle of the step,
+    up to the fourth order of w h.
+
+    Args:
+        acceleration: at the samples, shape (n,) [m/s^2].
+    """
+    first, last = acceleration[:1], acceleration[-1:]
+    around = np.concatenate((first, first, acceleration, last))
+    near, far = around[2:-1] + around[1:-2], around[3:] + around[:-3]
+    return np.asarray((7.0 * near - far) / 12.0, dtype=np.float64)
 
 
 def stribeck(friction: FrictionSettings, position: Floats, period: float) -> Floats:

@@ -10,8 +10,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, believable, refit, told, told_start
-from sgms_observer.discrepancy.model import STATIC, VISCOUS, Model
+from sgms_observer.discrepancy.fit import (
+    PARTS_OF_THE_LEVEL,
+    UNITS,
+    Judged,
+    Refit,
+    believable,
+    refit,
+    told,
+    told_start,
+)
+from sgms_observer.discrepancy.model import KNEE, STATIC, VISCOUS, Model
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
@@ -101,19 +110,36 @@ def fitted(
         effects = (*before.effects, replace(start, values=weak))
         again = refit(judged, nominal, tolerance, effects, before.logs, fixed, 8, columns, limit)
         found = again if again.cost < found.cost else found
+    if start.name in PARTS_OF_THE_LEVEL:  # the elements may have bent to stand in for it: start from the owner's
+        home = before.logs.copy()
+        home[KNEE + 1 :] = 0.0
+        at_home = told_start(home, nominal, start)
+        again = refit(judged, nominal, tolerance, (*before.effects, start), at_home, fixed, POLISH, None, limit)
+        found = again if again.cost < found.cost else found
     if start.name == "cogging":
         found = _with_second_harmonic(judged, nominal, tolerance, found, columns, limit)
-    return _candidate(judged, nominal, tolerance, before, found)
+    return candidate_of(judged, nominal, tolerance, before, found)
 
 
-def _candidate(judged: Judged, nominal: Model, tolerance: float, before: Refit, found: Refit) -> Candidate:
-    """Return a fit of one more effect than ``before`` with what it takes."""
-    last = found.effects[-1]
-    taken = 2.0 * (before.cost - found.cost) - math.log(len(found.residual)) * len(last.values)
+def candidate_of(
+    judged: Judged, nominal: Model, tolerance: float, before: Refit, found: Refit, place: int = -1
+) -> Candidate:
+    """Return a fit of one more effect with what that takes.
+
+    Args:
+        judged: recordings.
+        nominal: the given model.
+        tolerance: of its parameters.
+        before: fit without the effect.
+        found: fit with it.
+        place: of the effect among the fit's.
+    """
+    added = found.effects[place]
+    taken = 2.0 * (before.cost - found.cost) - math.log(len(found.residual)) * len(added.values)
     moved = told(found.logs, nominal, found.effects)[VISCOUS : STATIC + 1]
     if taken > 0.0 and np.max(np.abs(moved)) > BELIEVED * tolerance:
         taken *= 1.0 - DISBELIEF
-    return Candidate(last.name, found, taken, _at_bound(last, judged, nominal))
+    return Candidate(added.name, found, taken, _at_bound(added, judged, nominal))
 
 
 def polished(
@@ -129,7 +155,7 @@ def polished(
     fixed = [(i, j) for i, e in enumerate(found.effects) for j in UNITS.get(e.name, ())]
     fixed += [(i, j) for i, e in enumerate(found.effects) if e.name == "cogging" and e.values[3] == 0.0 for j in (3, 4)]
     again = refit(judged, nominal, tolerance, found.effects, found.logs, fixed, POLISH, None, limit)
-    return _candidate(judged, nominal, tolerance, before, again) if again.cost < found.cost else item
+    return candidate_of(judged, nominal, tolerance, before, again) if again.cost < found.cost else item
 
 
 def _with_second_harmonic(

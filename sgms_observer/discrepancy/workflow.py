@@ -27,6 +27,7 @@ from sgms_observer.discrepancy.name import candidates
 from sgms_observer.discrepancy.noise import fit_noise
 from sgms_observer.discrepancy.prune import pruned
 from sgms_observer.discrepancy.record import Record
+from sgms_observer.discrepancy.rename import renamed
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.discrepancy.sharp import sharpened
 from sgms_observer.discrepancy.structure import excess, frequencies
@@ -240,6 +241,7 @@ def diagnose(
         names = [name for name in names if name != step.listed[0].name]
     assert calibration is not None
     current, rounds = pruned(judged, fine, tolerance, current, rounds, gate, kept, limit)
+    current, rounds = renamed(judged, fine, tolerance, current, rounds, gate, kept, limit, workers)
     late = late_effort(fine, current, rounds, calibration, gate, limit)
     if late is not None:
         rounds.insert(len(rounds) - 1, late)  # the last one is the look in which it was seen

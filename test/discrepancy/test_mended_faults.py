@@ -4,18 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from workflow_case import AXIS, FRICTION, PERIOD, record
 
 from sgms_observer.discrepancy.contact import element_friction
+from sgms_observer.discrepancy.decide import Round, _is_acceptable
 from sgms_observer.discrepancy.fit import believable, refit, told, told_start
 from sgms_observer.discrepancy.gate import Gate, floor_of, gap_of
-from sgms_observer.discrepancy.model import COULOMB, STATIC, Model, predict
+from sgms_observer.discrepancy.model import COULOMB, KNEE, STATIC, Model, held_over_steps, predict
 from sgms_observer.discrepancy.motion import HELD, fast_length, later, motion_of
 from sgms_observer.discrepancy.name import Candidate, fitted, polished
 from sgms_observer.discrepancy.record import Record
+from sgms_observer.discrepancy.rename import renamed
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.discrepancy.timing import timing
-from sgms_observer.discrepancy.workflow import judged_with
+from sgms_observer.discrepancy.workflow import judged_with, kept
+from sgms_observer.formulas.effects_force import flexible_mode_next
 from sgms_observer.settings.axis import EffectSettings
 
 MODEL = Model.of(AXIS)
@@ -145,3 +149,75 @@ def test_residuals_have_a_length_that_transforms_fast() -> None:
             while found % prime == 0:
                 found //= prime
         assert found == 1
+
+
+def test_a_ringing_mass_is_driven_as_by_the_acceleration_itself() -> None:
+    values = EffectSettings("flexible_mode", (0.5, 48.0, 0.03))
+    omega, ratio = 2.0 * np.pi * values.values[1], values.values[2]
+
+    def rate(t: float, s: np.ndarray) -> list[float]:
+        return [s[1], -np.sin(omega * t) - 2.0 * ratio * omega * s[1] - omega**2 * s[0]]
+
+    t = PERIOD * np.arange(400)
+    exact = solve_ivp(rate, (0.0, t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-10, atol=1e-14).y[0]
+    far = {}
+    for name, drive in (("weighted", held_over_steps(np.sin(omega * t))), ("end", np.sin(omega * t))):
+        state, seen = (0.0, 0.0), []
+        for a in drive:
+            state = flexible_mode_next(a, PERIOD, state, values.values)
+            seen.append(state[0])
+        far[name] = np.abs(np.array(seen) - exact).max() / np.abs(exact).max()
+    assert far["weighted"] < 2e-3
+    assert far["end"] > 0.1
+
+
+def test_a_further_effect_that_keeps_what_it_takes_alone_is_not_of_the_first_ones_kind() -> None:
+    judged = judged_with((motion_of(record(duration=4.0)),), MODEL)
+    fit = refit(judged, MODEL, 0.05, iterations=1)
+    none = np.zeros(1)
+
+    def candidate(name: str, taken: float) -> Candidate:
+        return Candidate(name, fit, taken, ())
+
+    both = (candidate("periodic_disturbance", 23_000.0), candidate("position_dependent_friction", 7_300.0))
+    first = Round(Screen(judged, fit, 0.05, ()), {}, both, none, none, True, ())
+    assert _is_acceptable(candidate("position_dependent_friction", 6_400.0), none, [first], fit, None)
+    assert not _is_acceptable(candidate("position_dependent_friction", 3_600.0), none, [first], fit, None)
+
+
+def test_a_name_is_decided_again_beside_what_was_still_hidden() -> None:
+    hidden = (EffectSettings("asymmetric_coulomb", (0.12,)), EffectSettings("cogging", (0.5, 7e-3, 1.0, 0.0, 0.0)))
+    motion = motion_of(record(hidden))
+    judged = judged_with((motion,), MODEL)
+    alone = refit(judged, MODEL, 0.05, iterations=4)
+    columns = Screen(judged, alone, 0.05, ()).nominal_columns
+    starts = (EffectSettings("offset", (0.4,)), EffectSettings("asymmetric_coulomb", (0.1,)))
+    firsts = [fitted(judged, MODEL, 0.05, alone, start, columns) for start in starts]
+    none = np.zeros(1)
+    misled = replace(firsts[1], taken=0.9 * firsts[0].taken)  # as a hidden third may make it
+    effects = (*firsts[0].refit.effects, hidden[1])
+    wrong = refit(judged, MODEL, 0.05, effects, firsts[0].refit.logs, kept(effects), 6)
+    screen = Screen(judged, wrong, 0.05, ())
+    second = Candidate("cogging", wrong, firsts[0].taken, ())
+    rounds = [
+        Round(screen, {}, (firsts[0], misled), none, none, True, ("asymmetric_coulomb", "cogging")),
+        Round(screen, {}, (second,), none, none, True, ()),
+    ]
+    gate = Gate((motion,), floor_of((motion,), wrong.model, judged.noise, 1))
+    current, left = renamed(judged, MODEL, 0.05, wrong, rounds, gate, kept, None, 1)
+    assert [item.name for item in current.effects] == ["asymmetric_coulomb", "cogging"]
+    assert [item.name for item in left[0].listed] == ["asymmetric_coulomb", "offset"]
+    assert "cogging" not in left[0].alternatives and left[1].listed is rounds[1].listed
+    assert current.effects[0].values[0] == pytest.approx(0.12, rel=0.05)
+    assert renamed(judged, MODEL, 0.05, wrong, [rounds[1]], gate, kept, None, 1)[0] is wrong
+
+
+def test_a_missing_element_is_found_where_the_others_have_bent_to_stand_in_for_it() -> None:
+    fine, motion = MODEL.refined(), motion_of(record((EffectSettings("presliding", (1.6, 3e-5)),)))
+    judged = judged_with((motion,), fine)
+    bent = refit(judged, fine, 0.05, iterations=12, limit=0.06)
+    judged = judged_with((motion,), bent.model)
+    assert np.abs(bent.logs[KNEE + 1 :]).max() > 0.5
+    columns = Screen(judged, bent, 0.05, ()).nominal_columns
+    found = fitted(judged, fine, 0.05, bent, EffectSettings("presliding", (0.6, 2e-4)), columns, 0.06)
+    assert found.refit.effects[0].values == pytest.approx((1.6, 3e-5), rel=0.25)

@@ -1,0 +1,86 @@
+"""Names looked at again: what was named while a further effect was still hidden may have been shaped by that one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+from sgms_observer.discrepancy.decide import Round
+from sgms_observer.discrepancy.fit import Judged, Refit, refit
+from sgms_observer.discrepancy.gate import Gate
+from sgms_observer.discrepancy.model import Model
+from sgms_observer.discrepancy.name import CONTENDS, POLISH, Candidate, alternatives, candidate_of
+from sgms_observer.discrepancy.structure import excess, frequencies
+from sgms_observer.settings.axis import EffectSettings
+
+Kept = Callable[[Sequence[EffectSettings]], list[tuple[int, int]]]
+
+
+def renamed(
+    judged: Judged,
+    nominal: Model,
+    tolerance: float,
+    current: Refit,
+    rounds: Sequence[Round],
+    gate: Gate,
+    kept: Kept,
+    limit: float | None,
+    workers: int,
+) -> tuple[Refit, list[Round]]:
+    """Return the fit and the rounds with each name decided anew beside all the other effects.
+
+    In each round the effects that came near to the one that was taken stand in for it. One of them takes its place
+    where the recordings are fitted better with it and the gap on those to judge on is no wider.
+
+    Args:
+        judged: recordings to learn from.
+        nominal: the given model.
+        tolerance: of its parameters.
+        current: fit with every accepted effect.
+        rounds: passes through the loop.
+        gate: recordings to judge on.
+        kept: gives the parameters of effects that are never fitted.
+        limit: of the friction parameters, see ``refit``.
+        workers: threads.
+    """
+    left = list(rounds)
+    accepted = [number for number, item in enumerate(left) if item.accepted]
+    own = len(current.effects) - len(accepted)
+    if len(accepted) < 2:
+        return current, left
+    for place, number in enumerate(accepted, start=own):
+        first = left[number].listed[0]
+        held = {item.name for item in current.effects}
+        rivals = [
+            item.refit.effects[-1]
+            for item in left[number].listed[1:]
+            if item.taken > CONTENDS * first.taken and item.name not in held and not item.at_bound
+        ]
+        known = tuple(name for name in left[number].alternatives if name not in held)
+        left[number] = replace(left[number], alternatives=known)  # what is in the model as well is no alternative
+        if not rivals:
+            continue
+        base = current  # bound for the threads
+        others = (*base.effects[:place], *base.effects[place + 1 :])
+        without = refit(judged, nominal, tolerance, others, base.logs, kept(others), POLISH, None, limit)
+
+        def beside(
+            settings: EffectSettings, place: int = place, base: Refit = base, without: Refit = without
+        ) -> Candidate:
+            effects = (*base.effects[:place], settings, *base.effects[place + 1 :])
+            found = refit(judged, nominal, tolerance, effects, base.logs, kept(effects), POLISH, None, limit)
+            return candidate_of(judged, nominal, tolerance, without, found, place)
+
+        with ThreadPoolExecutor(max_workers=workers) as pool:
+            tried = list(pool.map(beside, [base.effects[place], *rivals]))
+        best = max(tried, key=lambda item: item.taken)
+        if best.at_bound or gate.gap(best.refit.model) > gate.gap(tried[0].refit.model):
+            best = tried[0]
+        order = [best, *sorted((item for item in tried if item is not best), key=lambda item: -item.taken)]
+        after = excess(best.refit.residual, frequencies(judged))
+        left[number] = replace(
+            left[number], listed=tuple(order), alternatives=alternatives(order, float(after.sum()))
+        )
+        current = best.refit
+    return current, left
