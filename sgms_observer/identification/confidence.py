@@ -90,7 +90,8 @@ def judge(
     systematic = np.full(len(value), np.nan)
     systematic[chosen] = np.sum(np.abs(steps), axis=0)
     together = np.array([float(index >= ELEMENTS + parameters.count) for index in chosen])
-    variance = max(float(together @ covariance @ together) for covariance in covariances)
+    with np.errstate(invalid="ignore"):  # what is not shown at all has an infinite variance
+        variance = max(float(together @ covariance @ together) for covariance in covariances)
     coulomb = _QUANTILE * np.sqrt(variance) + sum(abs(float(together @ step)) for step in steps)
     coulomb = float(coulomb) if np.isfinite(coulomb) else np.inf
     half_width = _QUANTILE * std_error + systematic
