@@ -18,7 +18,7 @@ from sgms_observer.discrepancy.decide import (
     judge,
     verdict_of,
 )
-from sgms_observer.discrepancy.fit import ELEMENT_SLACK, UNITS, Judged, Refit, refit
+from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, refit
 from sgms_observer.discrepancy.gate import Gate, floor_of
 from sgms_observer.discrepancy.lateness import late_effort
 from sgms_observer.discrepancy.model import KNEE, VISCOUS, Model, largest_reach, predict
@@ -280,8 +280,7 @@ def _is_beyond_belief(found: Refit, nominal: Model, tolerance: float) -> bool:
     deviation = named_deviation(nominal, found, tolerance)
     common = -np.log(deviation.value) if deviation is not None and deviation.name == "actuator_gain" else 0.0
     moved = found.logs[VISCOUS : KNEE + 1] - common * np.array([1.0, 1.0, 1.0, 0.0])
-    elements = found.logs[KNEE + 1 :] / ELEMENT_SLACK
-    return bool(max(np.max(np.abs(moved)), np.max(np.abs(elements))) > BEYOND_BELIEF * tolerance)
+    return bool(np.max(np.abs(moved)) > BEYOND_BELIEF * tolerance)
 
 
 def axis_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:
