@@ -18,7 +18,7 @@ from sgms_observer.discrepancy.decide import (
     judge,
     verdict_of,
 )
-from sgms_observer.discrepancy.fit import UNITS, Judged, Refit, refit
+from sgms_observer.discrepancy.fit import ELEMENT_SLACK, UNITS, Judged, Refit, refit
 from sgms_observer.discrepancy.gate import Gate, floor_of
 from sgms_observer.discrepancy.lateness import late_effort
 from sgms_observer.discrepancy.model import KNEE, VISCOUS, Model, largest_reach, predict
@@ -48,6 +48,8 @@ RETIMED = 0.01
 """The effort's timing is read again once an effect is found, if it moves by this many samples."""
 HARD = 1.2
 """Hard limit of parameters that have swallowed an effect, in tolerances."""
+NAMING = ("effect_found", "ambiguous")
+"""Verdicts that carry a name."""
 BEYOND_BELIEF = 2.5
 """A refit that moves a friction parameter by this many tolerances has swallowed an effect: the tolerance is then kept
 hard while effects are named."""
@@ -93,6 +95,7 @@ class Diagnosis:
         notes: sentences of the audit.
         limit: how far parameters were let go, or None.
         gate: recordings to judge on with their floor.
+        has_bent: whether nothing kept the refit from moving elements beyond belief.
     """
 
     verdict: str
@@ -110,6 +113,7 @@ class Diagnosis:
     notes: tuple[str, ...] = field(default=())
     limit: float | None = None
     gate: Gate | None = None
+    has_bent: bool = False
 
 
 def judged_with(motions: Sequence[Motion], model: Model) -> Judged:
@@ -134,6 +138,9 @@ def diagnose(
 ) -> Diagnosis:
     """Find what the model of an axis misses.
 
+    Where no effect explains what is left, and the refit had moved elements beyond belief, they may have swallowed what
+    is searched for: then the search is made once more with a hard limit, and counts if it finds a name.
+
     Args:
         records: recordings to learn from.
         holdouts: recordings to judge on; a part of the first ones if empty.
@@ -144,6 +151,22 @@ def diagnose(
     Raises:
         DataError: the recordings cannot be judged at all.
     """
+    found = _searched(records, holdouts, axis, options, report, is_limited=False)
+    if found.verdict == "unknown_effect" and found.has_bent:
+        again = _searched(records, holdouts, axis, options, report, is_limited=True)
+        found = again if again.verdict in NAMING else found
+    return found
+
+
+def _searched(
+    records: Sequence[Record],
+    holdouts: Sequence[Record],
+    axis: AxisSettings,
+    options: Options,
+    report: Report,
+    is_limited: bool,
+) -> Diagnosis:
+    """Run the workflow once; arguments as ``diagnose``, and whether the refit is limited from the beginning."""
     tolerance, workers = options.tolerance, options.workers
     report("audit", 0.0)
     lag = told = HELD if axis.filter.effort_is_held else 0.0
@@ -175,7 +198,9 @@ def diagnose(
     judged = judged_with(motions, found.model)
     found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 4)
     limit = None
-    if _is_beyond_belief(found, fine, tolerance):
+    is_hard = is_limited or _is_beyond_belief(found, fine, tolerance)
+    has_bent = not is_hard and np.max(np.abs(found.logs[KNEE + 1 :])) > BEYOND_BELIEF * tolerance * ELEMENT_SLACK
+    if is_hard:
         limit = HARD * tolerance
         judged = judged_with(motions, fine.with_effects(own))
         for _ in range(2):
@@ -271,7 +296,7 @@ def diagnose(
     verdict = verdict_of(rounds, current, deviation, resolution, is_poor, gate, found)
     return Diagnosis(
         verdict, nominal, own, before, after, tuple(rounds), calibration, deviation, resolution, judged, motions,
-        held_out, tuple(notes), limit, gate,
+        held_out, tuple(notes), limit, gate, bool(has_bent),
     )  # fmt: skip
 
 
