@@ -12,7 +12,7 @@ from sgms_observer.bench.scene import write_config
 
 _SGMS = (
     "-c",
-    f"import sys; from sgms_observer.cli.main import main; code = main(sys.argv[1:]); {TELL_PEAK}; sys.exit(code)",
+    f"import sys; from sgms_observer.__main__ import main; code = main(); {TELL_PEAK}; sys.exit(code)",
 )
 _FIRST_ESTIMATE = """
 import sys
