@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import repeat
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sgms_observer.discrepancy.decide import Round
 from sgms_observer.discrepancy.fit import Judged, Refit, refit
 from sgms_observer.discrepancy.gate import Gate
 from sgms_observer.discrepancy.model import Model
-from sgms_observer.discrepancy.name import CONTENDS, POLISH, Candidate, alternatives, candidate_of
+from sgms_observer.discrepancy.name import CONTENDS, POLISH, alternatives, candidate_of
 from sgms_observer.discrepancy.structure import excess, frequencies
 from sgms_observer.settings.axis import EffectSettings
 
+Floats = NDArray[np.float64]
 Kept = Callable[[Sequence[EffectSettings]], list[tuple[int, int]]]
 
 
@@ -49,6 +54,10 @@ def renamed(
     own = len(current.effects) - len(accepted)
     if len(accepted) < 2:
         return current, left
+
+    def fit(effects: tuple[EffectSettings, ...], start: Floats) -> Refit:
+        return refit(judged, nominal, tolerance, effects, start, kept(effects), POLISH, None, limit)
+
     for place, number in enumerate(accepted, start=own):
         first = left[number].listed[0]
         held = {item.name for item in current.effects}
@@ -61,26 +70,17 @@ def renamed(
         left[number] = replace(left[number], alternatives=known)  # what is in the model as well is no alternative
         if not rivals:
             continue
-        base = current  # bound for the threads
-        others = (*base.effects[:place], *base.effects[place + 1 :])
-        without = refit(judged, nominal, tolerance, others, base.logs, kept(others), POLISH, None, limit)
-
-        def beside(
-            settings: EffectSettings, place: int = place, base: Refit = base, without: Refit = without
-        ) -> Candidate:
-            effects = (*base.effects[:place], settings, *base.effects[place + 1 :])
-            found = refit(judged, nominal, tolerance, effects, base.logs, kept(effects), POLISH, None, limit)
-            return candidate_of(judged, nominal, tolerance, without, found, place)
-
+        others = (*current.effects[:place], *current.effects[place + 1 :])
+        without = fit(others, current.logs)
+        stood_in = [(*others[:place], one, *others[place:]) for one in (current.effects[place], *rivals)]
         with ThreadPoolExecutor(max_workers=workers) as pool:
-            tried = list(pool.map(beside, [base.effects[place], *rivals]))
+            fits = pool.map(fit, stood_in, repeat(current.logs))
+            tried = [candidate_of(judged, nominal, tolerance, without, found, place) for found in fits]
         best = max(tried, key=lambda item: item.taken)
         if best.at_bound or gate.gap(best.refit.model) > gate.gap(tried[0].refit.model):
             best = tried[0]
         order = [best, *sorted((item for item in tried if item is not best), key=lambda item: -item.taken)]
         after = excess(best.refit.residual, frequencies(judged))
-        left[number] = replace(
-            left[number], listed=tuple(order), alternatives=alternatives(order, float(after.sum()))
-        )
+        left[number] = replace(left[number], listed=tuple(order), alternatives=alternatives(order, float(after.sum())))
         current = best.refit
     return current, left
