@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from sgms_observer.observer.samples import Estimates, Samples
 
 Given = TypeVar("Given")
-_WAITING = 2  # blocks between two threads
+_READ_AHEAD = 64  # blocks that are read before they are asked for, some 7 MB: reading begins while kernels are fetched
+_WAITING = 2  # blocks of estimates that wait to be written
 _LOOK = 0.01  # s between two looks at a thread that is to end
 _TURN = 5e-4  # s that a thread may keep Python's lock while another one wants it
 
@@ -116,25 +117,27 @@ def replay_bag(
     """
     from sgms_observer.bags.reader import BagSamples
     from sgms_observer.bags.writer import BagWriter
-    from sgms_observer.observer.axis_observer import AxisObserver
-    from sgms_observer.observer.outgoing import Outgoing
     from sgms_observer.settings.load import load_settings
 
     settings = load_settings(config)
     names = [axis.name for axis in settings.axes]
-    observers = [AxisObserver(axis, settings.sample_period) for axis in settings.axes]
     source = BagSamples(bag, names, settings.sample_period, topics=topics)
     first, last = source.span_ns
-    outgoing = Outgoing(settings)
     tallies = {name: Tally() for name in names}
-    with BagWriter(out, storage) as written, _short_turns():
-        samples = _beside(_blocks_of_all_axes(source, names))
-        for estimates in _beside(_observe(observers, block) for block in samples):
-            for number, estimate in estimates.items():
-                tallies[names[number]].add(estimate)
-            _write(written, outgoing, estimates)
-            latest = max(int(estimate.stamp_ns[-1]) for estimate in estimates.values())
-            show((latest - first) / max(1, last - first))
+    with _short_turns(), _beside(_blocks_of_all_axes(source, names), _READ_AHEAD) as samples:
+        from sgms_observer.observer.axis_observer import AxisObserver
+        from sgms_observer.observer.outgoing import Outgoing
+
+        observers = [AxisObserver(axis, settings.sample_period) for axis in settings.axes]
+        outgoing = Outgoing(settings)
+        observed = (_observe(observers, block) for block in samples)
+        with BagWriter(out, storage) as written, _beside(observed, _WAITING) as blocks:
+            for estimates in blocks:
+                for number, estimate in estimates.items():
+                    tallies[names[number]].add(estimate)
+                _write(written, outgoing, estimates)
+                latest = max(int(estimate.stamp_ns[-1]) for estimate in estimates.values())
+                show((latest - first) / max(1, last - first))
     return Replayed(tallies, tuple(source.warnings), sum(written.counts.values()), (last - first) * 1e-9)
 
 
@@ -180,16 +183,21 @@ def _short_turns() -> Iterator[None]:
         sys.setswitchinterval(usual)
 
 
-def _beside(given: Iterable[Given]) -> Iterator[Given]:
-    """Yield the items, in order, each made in a thread of its own while the caller deals with the ones before.
+@contextmanager
+def _beside(given: Iterable[Given], most: int) -> Iterator[Iterator[Given]]:
+    """Yield the items, in order, each made in a thread of its own that begins at once and ends with the block.
 
     The kernels, numpy and the files leave Python's lock alone, so that reading, estimating and writing share the cores.
-    At most two items wait: memory stays as it is however long the bag. What goes wrong in the thread is raised here.
+    Memory stays as it is however long the bag. What goes wrong in the thread is raised where its items are taken.
+
+    Args:
+        given: makes the items.
+        most: items that wait at most.
     """
     from queue import Queue
     from threading import Event, Thread
 
-    waiting: Queue[tuple[Given | None, BaseException | None]] = Queue(_WAITING)
+    waiting: Queue[tuple[Given | None, BaseException | None]] = Queue(most)
     is_over = Event()
 
     def make() -> None:
@@ -203,16 +211,19 @@ def _beside(given: Iterable[Given]) -> Iterator[Given]:
         else:
             waiting.put((None, None))
 
-    thread = Thread(target=make, name="replay", daemon=True)
-    thread.start()
-    try:
+    def made() -> Iterator[Given]:
         while True:
             item, error = waiting.get()
             if error is not None:
                 raise error
             if item is None:
-                break
+                return
             yield item
+
+    thread = Thread(target=make, name="replay", daemon=True)
+    thread.start()
+    try:
+        yield made()
     finally:
         is_over.set()
         while thread.is_alive():
