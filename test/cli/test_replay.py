@@ -23,7 +23,8 @@ _CONFIG = """/**:
 
 def test_items_come_in_order_and_the_thread_ends() -> None:
     before = threading.active_count()
-    assert list(_beside(range(50))) == list(range(50))
+    with _beside(range(50), 2) as taken:
+        assert list(taken) == list(range(50))
     assert threading.active_count() == before
 
 
@@ -33,25 +34,27 @@ def test_an_error_in_the_thread_is_raised_behind_the_items_before_it() -> None:
         raise OSError("gone")
 
     found = []
-    with pytest.raises(OSError, match="gone"):
-        found += [*_beside(items())]
-    taken = _beside(items())
-    assert next(taken) == 1
-    taken.close()
+    with _beside(items(), 2) as taken, pytest.raises(OSError, match="gone"):
+        for item in taken:
+            found.append(item)
+    assert found == [1]
+    with _beside(items(), 2) as taken:
+        assert next(taken) == 1  # the error behind it is nobody's any more
 
 
-def test_a_consumer_that_stops_early_stops_the_thread() -> None:
-    made = []
+def test_the_thread_begins_before_it_is_asked_and_stops_with_its_consumer() -> None:
+    made, has_begun = [], threading.Event()
 
     def items():
         for number in range(10**6):
             made.append(number)
+            has_begun.set()
             yield number
 
     before = threading.active_count()
-    taken = _beside(items())
-    assert next(taken) == 0
-    taken.close()
+    with _beside(items(), 2) as taken:
+        assert has_begun.wait(10.0)
+        assert next(taken) == 0
     assert threading.active_count() == before
     assert len(made) < 10
 
