@@ -17,7 +17,7 @@ _MAX_ITERATIONS = 80
 
 @njit_bare
 def _tanh(x: float) -> float:
-    """Hyperbolic tangent, right to the rounding error of 1, in a quarter of the time of one that is exact near 0 too."""
+    """Hyperbolic tangent, right to the rounding error of 1; one that is exact near 0 too takes four times as long."""
     return 1.0 - 2.0 / (math.exp(2.0 * x) + 1.0)
 
 
