@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +22,7 @@ Ints = NDArray[np.int64]
 
 _CHUNK = 2**20  # bytes of one chunk
 _PENDING = 8 * _CHUNK  # bytes that wait to be put in order of time
+_KEPT = 4 * _PENDING  # bytes written last that the operating system keeps in memory
 _OVERHEAD = RECORD_HEAD.size + MESSAGE_HEAD
 _MESSAGE = struct.Struct("<BQHIQQ")
 _TIMES = np.array([15, 23])  # first bytes of log time and publish time in a message record
@@ -122,6 +125,7 @@ class McapWriter:
                 rows = slice(first, last)
                 self._put_chunk(data[int(start[first]) : end], channel[rows], log_ns[rows], start[rows] - start[first])
         self._file.flush()
+        self._let_go()
 
     def close(self, metadata: str) -> None:
         """Write what waits, the index and the end.
@@ -159,6 +163,16 @@ class McapWriter:
     def abort(self) -> None:
         """Close the file as it is."""
         self._file.close()
+
+    def _let_go(self) -> None:
+        """Tell the operating system that nobody reads what was written before: that memory then serves what comes next.
+
+        A long recording then pushes nothing else out of memory, and goes to the disk steadily instead of in bursts.
+        """
+        advise = getattr(os, "posix_fadvise", None)
+        if advise is not None and self._offset > _KEPT:
+            with suppress(OSError):  # a file system that knows no advice
+                advise(self._file.fileno(), 0, self._offset - _KEPT, os.POSIX_FADV_DONTNEED)
 
     def _put(self, data: bytes | memoryview) -> None:
         self._file.write(data)

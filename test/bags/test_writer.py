@@ -122,6 +122,25 @@ def test_what_is_written_is_read_back(tmp_path: Path, storage: str) -> None:
     assert read_joint_states(tmp_path / "bag", "silent").stamp_ns.size == 0
 
 
+def test_a_long_recording_is_whole_whatever_the_system_makes_of_advice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was written 32 MB before is let go from memory; a file system may refuse the advice."""
+    stamps = START + STEP * np.arange(400_000, dtype=np.int64)
+    advice = []
+
+    def refuse(_file: int, first: int, length: int, _what: int) -> None:
+        advice.append((first, length))
+        raise OSError("no advice here")
+
+    monkeypatch.setattr(os, "posix_fadvise", refuse, raising=False)
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write_joint_states("position", stamps, ("x",), position=1e-9 * np.arange(stamps.size))
+    size = next((tmp_path / "bag").glob("*.mcap")).stat().st_size
+    assert advice and all(first == 0 and 0 < length < size - 30_000_000 for first, length in advice)
+    assert np.array_equal(read_joint_states(tmp_path / "bag", "position").stamp_ns, stamps)
+
+
 def test_nothing_is_overwritten(tmp_path: Path) -> None:
     write_table(tmp_path / "bag", count=10)
     before = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
