@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from sgms_observer.discrepancy.advice import Named, detectable, next_experiment
-from sgms_observer.discrepancy.decide import Round
+from sgms_observer.discrepancy.decide import NAMING, Round
 from sgms_observer.discrepancy.fit import Refit, refit
 from sgms_observer.discrepancy.gap import Gap, measure
 from sgms_observer.discrepancy.locate import Located, locate
@@ -95,7 +95,7 @@ def _stage(model: Model, found: Diagnosis, count: int) -> Model:
 def _extra(found: Diagnosis) -> list[Named]:
     """Return effects that were not found by the residual: mass, gain, encoder grid."""
     listed = []
-    if found.deviation is not None and found.verdict in ("effect_found", "ambiguous"):
+    if found.deviation is not None and found.verdict in NAMING:
         item = found.deviation
         settings = EffectSettings(item.name, (item.value,))
         listed.append(Named(settings, (item.std_error,), 0.9, item.alternatives, 0.0, 0.0))

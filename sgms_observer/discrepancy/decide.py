@@ -19,6 +19,8 @@ from sgms_observer.effects.catalogue import effect
 
 Floats = NDArray[np.float64]
 
+NAMING = ("effect_found", "ambiguous")
+"""Verdicts that carry a name."""
 ALARM = 20.0
 """Standardised gain that counts as an alarm, if the twins' own largest is below."""
 STRUCTURAL_ALARM = {

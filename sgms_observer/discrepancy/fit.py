@@ -236,6 +236,44 @@ def refit(
     return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free)
 
 
+def kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+    """Return the parameters that are never fitted: units of others, an absent second harmonic."""
+    kept = [(i, j) for i, item in enumerate(effects) for j in UNITS.get(item.name, ())]
+    for i, item in enumerate(effects):
+        if item.name == "cogging" and item.values[3] == 0.0:
+            kept += [(i, 3), (i, 4)]
+    return kept
+
+
+@dataclass(frozen=True)
+class Refits:
+    """Refits to the same recordings that differ in their effects.
+
+    Attributes:
+        judged: recordings to learn from.
+        nominal: the given model.
+        tolerance: of its parameters.
+        limit: of the friction parameters, see ``refit``.
+    """
+
+    judged: Judged
+    nominal: Model
+    tolerance: float
+    limit: float | None
+
+    def of(self, effects: Sequence[EffectSettings], start: Floats, steps: int) -> Refit:
+        """Fit with these effects.
+
+        Args:
+            effects: at their start values.
+            start: logarithms of the nominal parameters to start from.
+            steps: largest number of steps.
+        """
+        return refit(
+            self.judged, self.nominal, self.tolerance, effects, start, kept(effects), steps, None, self.limit
+        )
+
+
 def told(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Floats:
     """Return the logarithms as their owner would see them: what a part of the level takes, he measured with it."""
     parts = [item for item in effects if item.name in PARTS_OF_THE_LEVEL]

@@ -16,6 +16,7 @@ from sgms_observer.discrepancy.fit import (
     Judged,
     Refit,
     believable,
+    kept,
     refit,
     told,
     told_start,
@@ -152,9 +153,7 @@ def polished(
     Args: as ``fitted``; ``item`` is where it starts.
     """
     found = item.refit
-    fixed = [(i, j) for i, e in enumerate(found.effects) for j in UNITS.get(e.name, ())]
-    fixed += [(i, j) for i, e in enumerate(found.effects) if e.name == "cogging" and e.values[3] == 0.0 for j in (3, 4)]
-    again = refit(judged, nominal, tolerance, found.effects, found.logs, fixed, POLISH, None, limit)
+    again = refit(judged, nominal, tolerance, found.effects, found.logs, kept(found.effects), POLISH, None, limit)
     return candidate_of(judged, nominal, tolerance, before, again) if again.cost < found.cost else item
 
 

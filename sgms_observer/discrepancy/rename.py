@@ -2,35 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import repeat
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sgms_observer.discrepancy.decide import Round
-from sgms_observer.discrepancy.fit import Judged, Refit, refit
+from sgms_observer.discrepancy.fit import Refit, Refits
 from sgms_observer.discrepancy.gate import Gate
-from sgms_observer.discrepancy.model import Model
 from sgms_observer.discrepancy.name import CONTENDS, POLISH, alternatives, candidate_of
 from sgms_observer.discrepancy.structure import excess, frequencies
-from sgms_observer.settings.axis import EffectSettings
-
-Floats = NDArray[np.float64]
-Kept = Callable[[Sequence[EffectSettings]], list[tuple[int, int]]]
 
 
 def renamed(
-    judged: Judged,
-    nominal: Model,
-    tolerance: float,
+    refits: Refits,
     current: Refit,
     rounds: Sequence[Round],
     gate: Gate,
-    kept: Kept,
-    limit: float | None,
     workers: int,
 ) -> tuple[Refit, list[Round]]:
     """Return the fit and the rounds with each name decided anew beside all the other effects.
@@ -39,14 +27,10 @@ def renamed(
     where the recordings are fitted better with it and the gap on those to judge on is no wider.
 
     Args:
-        judged: recordings to learn from.
-        nominal: the given model.
-        tolerance: of its parameters.
+        refits: to the recordings to learn from.
         current: fit with every accepted effect.
         rounds: passes through the loop.
         gate: recordings to judge on.
-        kept: gives the parameters of effects that are never fitted.
-        limit: of the friction parameters, see ``refit``.
         workers: threads.
     """
     left = list(rounds)
@@ -54,9 +38,6 @@ def renamed(
     own = len(current.effects) - len(accepted)
     if len(accepted) < 2:
         return current, left
-
-    def fit(effects: tuple[EffectSettings, ...], start: Floats) -> Refit:
-        return refit(judged, nominal, tolerance, effects, start, kept(effects), POLISH, None, limit)
 
     for place, number in enumerate(accepted, start=own):
         first = left[number].listed[0]
@@ -71,16 +52,18 @@ def renamed(
         if not rivals:
             continue
         others = (*current.effects[:place], *current.effects[place + 1 :])
-        without = fit(others, current.logs)
+        without = refits.of(others, current.logs, POLISH)
         stood_in = [(*others[:place], one, *others[place:]) for one in (current.effects[place], *rivals)]
         with ThreadPoolExecutor(max_workers=workers) as pool:
-            fits = pool.map(fit, stood_in, repeat(current.logs))
-            tried = [candidate_of(judged, nominal, tolerance, without, found, place) for found in fits]
+            fits = pool.map(refits.of, stood_in, repeat(current.logs), repeat(POLISH))
+            tried = [
+                candidate_of(refits.judged, refits.nominal, refits.tolerance, without, found, place) for found in fits
+            ]
         best = max(tried, key=lambda item: item.taken)
         if best.at_bound or gate.gap(best.refit.model) > gate.gap(tried[0].refit.model):
             best = tried[0]
         order = [best, *sorted((item for item in tried if item is not best), key=lambda item: -item.taken)]
-        after = excess(best.refit.residual, frequencies(judged))
+        after = excess(best.refit.residual, frequencies(refits.judged))
         left[number] = replace(left[number], listed=tuple(order), alternatives=alternatives(order, float(after.sum())))
         current = best.refit
     return current, left

@@ -13,12 +13,13 @@ from sgms_observer.discrepancy.decide import (
     ALARM_GAIN,
     COARSE_ALARM,
     LOUD,
+    NAMING,
     Round,
     alarm_threshold,
     judge,
     verdict_of,
 )
-from sgms_observer.discrepancy.fit import ELEMENT_SLACK, UNITS, Judged, Refit, refit
+from sgms_observer.discrepancy.fit import ELEMENT_SLACK, Judged, Refit, Refits, kept, refit
 from sgms_observer.discrepancy.gate import Gate, floor_of
 from sgms_observer.discrepancy.lateness import late_effort
 from sgms_observer.discrepancy.model import KNEE, VISCOUS, Model, largest_reach, predict
@@ -48,8 +49,6 @@ RETIMED = 0.01
 """The effort's timing is read again once an effect is found, if it moves by this many samples."""
 HARD = 1.2
 """Hard limit of parameters that have swallowed an effect, in tolerances."""
-NAMING = ("effect_found", "ambiguous")
-"""Verdicts that carry a name."""
 BEYOND_BELIEF = 2.5
 """A refit that moves a friction parameter by this many tolerances has swallowed an effect: the tolerance is then kept
 hard while effects are named."""
@@ -265,8 +264,9 @@ def _searched(
         gate = replace(gate, floor=min(gate.floor, floor_of(gate.motions, current.model, judged.noise, options.seed)))
         names = [name for name in names if name != step.listed[0].name]
     assert calibration is not None
-    current, rounds = pruned(judged, fine, tolerance, current, rounds, gate, kept, limit)
-    current, rounds = renamed(judged, fine, tolerance, current, rounds, gate, kept, limit, workers)
+    refits = Refits(judged, fine, tolerance, limit)
+    current, rounds = pruned(refits, current, rounds, gate)
+    current, rounds = renamed(refits, current, rounds, gate, workers)
     late = late_effort(fine, current, rounds, calibration, gate, limit)
     if late is not None:
         rounds.insert(len(rounds) - 1, late)  # the last one is the look in which it was seen
@@ -311,12 +311,3 @@ def _is_beyond_belief(found: Refit, nominal: Model, tolerance: float) -> bool:
 def axis_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:
     """Return the effects an axis already has, with all their values."""
     return tuple(EffectSettings(item.name, item.values or effect(item.name).defaults) for item in axis.effects)
-
-
-def kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
-    """Return the parameters that are never fitted: units of others, an absent second harmonic."""
-    kept = [(i, j) for i, item in enumerate(effects) for j in UNITS.get(item.name, ())]
-    for i, item in enumerate(effects):
-        if item.name == "cogging" and item.values[3] == 0.0:
-            kept += [(i, 3), (i, 4)]
-    return kept

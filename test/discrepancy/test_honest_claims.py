@@ -8,7 +8,7 @@ import pytest
 from workflow_case import AXIS, PERIOD, record
 
 from sgms_observer.discrepancy.decide import Round, is_kin, power
-from sgms_observer.discrepancy.fit import refit, told_start
+from sgms_observer.discrepancy.fit import Refits, refit, told_start
 from sgms_observer.discrepancy.gate import SURE, Gate, floor_of, sureness
 from sgms_observer.discrepancy.model import COULOMB, STATIC, Model, predict
 from sgms_observer.discrepancy.motion import HELD, motion_of
@@ -19,7 +19,7 @@ from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.discrepancy.sharp import sharpened
 from sgms_observer.discrepancy.timing import timing
 from sgms_observer.discrepancy.uncertainty import between_variance, deviations, in_time
-from sgms_observer.discrepancy.workflow import judged_with, kept
+from sgms_observer.discrepancy.workflow import judged_with
 from sgms_observer.settings.axis import EffectSettings
 
 MODEL = Model.of(AXIS)
@@ -100,7 +100,7 @@ def test_an_effect_that_a_later_one_made_needless_is_taken_out() -> None:
     rounds = [
         Round(screen, {}, (Candidate(item.name, some, 1000.0, ()),), nothing, nothing, True, ()) for item in effects
     ]
-    after, left = pruned(judged, MODEL, 0.05, current, rounds, gate, kept, None)
+    after, left = pruned(Refits(judged, MODEL, 0.05, None), current, rounds, gate)
     assert [item.name for item in after.effects] == ["offset"]
     assert [item.accepted for item in left] == [False, True]
 

@@ -9,7 +9,7 @@ from workflow_case import AXIS, FRICTION, PERIOD, record
 
 from sgms_observer.discrepancy.contact import element_friction
 from sgms_observer.discrepancy.decide import Round, _is_acceptable
-from sgms_observer.discrepancy.fit import believable, refit, told, told_start
+from sgms_observer.discrepancy.fit import Refits, believable, kept, refit, told, told_start
 from sgms_observer.discrepancy.gate import Gate, floor_of, gap_of
 from sgms_observer.discrepancy.model import COULOMB, KNEE, STATIC, Model, held_over_steps, predict
 from sgms_observer.discrepancy.motion import HELD, fast_length, later, motion_of
@@ -18,7 +18,7 @@ from sgms_observer.discrepancy.record import Record
 from sgms_observer.discrepancy.rename import renamed
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.discrepancy.timing import timing
-from sgms_observer.discrepancy.workflow import judged_with, kept
+from sgms_observer.discrepancy.workflow import judged_with
 from sgms_observer.formulas.effects_force import flexible_mode_next
 from sgms_observer.settings.axis import EffectSettings
 
@@ -204,12 +204,12 @@ def test_a_name_is_decided_again_beside_what_was_still_hidden() -> None:
         Round(screen, {}, (second,), none, none, True, ()),
     ]
     gate = Gate((motion,), floor_of((motion,), wrong.model, judged.noise, 1))
-    current, left = renamed(judged, MODEL, 0.05, wrong, rounds, gate, kept, None, 1)
+    current, left = renamed(Refits(judged, MODEL, 0.05, None), wrong, rounds, gate, 1)
     assert [item.name for item in current.effects] == ["asymmetric_coulomb", "cogging"]
     assert [item.name for item in left[0].listed] == ["asymmetric_coulomb", "offset"]
     assert "cogging" not in left[0].alternatives and left[1].listed is rounds[1].listed
     assert current.effects[0].values[0] == pytest.approx(0.12, rel=0.05)
-    assert renamed(judged, MODEL, 0.05, wrong, [rounds[1]], gate, kept, None, 1)[0] is wrong
+    assert renamed(Refits(judged, MODEL, 0.05, None), wrong, [rounds[1]], gate, 1)[0] is wrong
 
 
 def test_a_missing_element_is_found_where_the_others_have_bent_to_stand_in_for_it() -> None:
