@@ -13,7 +13,7 @@ import numpy as np
 
 from sgms_observer.discrepancy.advice import Named, detectable, next_experiment
 from sgms_observer.discrepancy.decide import NAMING, Round
-from sgms_observer.discrepancy.fit import Refit, refit
+from sgms_observer.discrepancy.fit import Refit, Refits
 from sgms_observer.discrepancy.gap import Gap, measure
 from sgms_observer.discrepancy.locate import Located, locate
 from sgms_observer.discrepancy.model import MASS, STATIC, Model
@@ -120,8 +120,7 @@ def _with_deviation(found: Diagnosis, options: Options) -> tuple[Model, Model]:
     else:
         start[: STATIC + 1] += math.log(item.value)
     fixed = [(i, j) for i, one in enumerate(effects) for j in range(len(one.values))]
-    after: Refit = refit(found.judged, found.nominal, options.tolerance, effects, start, fixed, 4)
-    return before, after.model
+    return before, Refits(found.judged, found.nominal, options.tolerance).of(effects, start, 4, fixed).model
 
 
 def _named(after: Refit, accepted: Sequence[Round], gap: Gap, found: Diagnosis, tolerance: float) -> list[Named]:
@@ -129,9 +128,9 @@ def _named(after: Refit, accepted: Sequence[Round], gap: Gap, found: Diagnosis, 
     if not accepted:
         return []
     fixed = [(i, j) for i, e in enumerate(after.effects) for j in range(len(e.values)) if (i, j) not in after.free]
-    judged, limit = found.judged, found.limit
-    fresh = refit(judged, found.nominal, tolerance, after.effects, after.logs, fixed, 1, None, limit)  # its derivatives
-    deviations = with_shape(fresh, judged, found.nominal, tolerance, found.held_out, limit)
+    refits = Refits(found.judged, found.nominal, tolerance, found.limit)
+    fresh = refits.of(after.effects, after.logs, 1, fixed)  # its derivatives
+    deviations = with_shape(refits, fresh, found.held_out)
     errors: dict[tuple[int, int], float] = dict(zip(fresh.free, deviations.tolist(), strict=True))
     listed = []
     for i, step in enumerate(accepted):

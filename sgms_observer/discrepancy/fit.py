@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.discrepancy.model import COULOMB, KNEE, STATIC, Model, largest_reach, predict
 from sgms_observer.discrepancy.motion import Motion
-from sgms_observer.discrepancy.noise import Noise
+from sgms_observer.discrepancy.noise import Noise, fit_noise
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
@@ -47,6 +47,8 @@ MISSING_ELEMENT = "presliding"
 LOAD_BEHIND_PLAY = "backlash"
 PARTS_OF_THE_LEVEL = (MISSING_ELEMENT, LOAD_BEHIND_PLAY)
 """Effects whose force the owner's Coulomb and static force already contain."""
+LEAST_NOISE = 1.0e-3
+"""Least rms noise of a measured force, as a share of the effort."""
 _MAX_ITERATIONS = 12
 
 
@@ -80,6 +82,19 @@ class Judged:
     def count(self) -> int:
         """Number of whitened residuals."""
         return len(self.whitened([np.zeros(len(motion.time)) for motion in self.motions]))
+
+
+def judged_with(motions: Sequence[Motion], model: Model) -> Judged:
+    """Return motions with the noise that the model's residual has."""
+    noises, weights = [], []
+    for motion in motions:
+        prediction = predict(model, motion)
+        doubt = motion.thinned(prediction.doubt)
+        least = LEAST_NOISE * float(np.std(motion.effort))
+        noise = fit_noise(motion.low_pass(prediction.residual), doubt, motion.residual_period, least)
+        noises.append(noise)
+        weights.append(noise.weights(doubt))
+    return Judged(tuple(motions), tuple(noises), tuple(weights))
 
 
 def prior_widths(model: Model, tolerance: float) -> Floats:
@@ -259,19 +274,27 @@ class Refits:
     judged: Judged
     nominal: Model
     tolerance: float
-    limit: float | None
+    limit: float | None = None
 
-    def of(self, effects: Sequence[EffectSettings], start: Floats, steps: int) -> Refit:
+    def of(
+        self,
+        effects: Sequence[EffectSettings],
+        start: Floats | None,
+        steps: int,
+        fixed: Sequence[tuple[int, int]] | None = None,
+        columns: Floats | None = None,
+    ) -> Refit:
         """Fit with these effects.
 
         Args:
             effects: at their start values.
-            start: logarithms of the nominal parameters to start from.
+            start: logarithms of the nominal parameters to start from; zero if None.
             steps: largest number of steps.
+            fixed: parameters that keep their value, see ``refit``; those that are never fitted if None.
+            columns: derivatives by the nominal parameters where they are known, see ``refit``.
         """
-        return refit(
-            self.judged, self.nominal, self.tolerance, effects, start, kept(effects), steps, None, self.limit
-        )
+        still = kept(effects) if fixed is None else fixed
+        return refit(self.judged, self.nominal, self.tolerance, effects, start, still, steps, columns, self.limit)
 
 
 def told(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Floats:

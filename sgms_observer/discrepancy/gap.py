@@ -8,10 +8,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.fit import refit
+from sgms_observer.discrepancy.fit import Refits, judged_with
 from sgms_observer.discrepancy.model import Model, predict
 from sgms_observer.discrepancy.motion import Motion
-from sgms_observer.discrepancy.workflow import Diagnosis, judged_with, kept
+from sgms_observer.discrepancy.workflow import Diagnosis
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
@@ -119,9 +119,8 @@ def _crossed(
     parts: list[Floats] = [np.zeros(0)] * len(motions)
     for side in (0, 1):
         learn = tuple(motions[i] for i in range(len(motions)) if i % 2 == side)
-        judged = judged_with(learn, start)
-        model = Model(start.mass, start.friction)
-        again = refit(judged, model, CROSS_TOLERANCE, effects, None, kept(effects), 4)
+        refits = Refits(judged_with(learn, start), Model(start.mass, start.friction), CROSS_TOLERANCE)
+        again = refits.of(effects, None, 4)
         for i in range(len(motions)):
             if i % 2 != side:
                 parts[i] = residuals(again.model, (motions[i],))[0]

@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sgms_observer.discrepancy.decide import ALARM_GAIN, Round, alarm_threshold
-from sgms_observer.discrepancy.fit import Refit
+from sgms_observer.discrepancy.fit import Refit, Refits
 from sgms_observer.discrepancy.gate import SURE, Gate, sureness
-from sgms_observer.discrepancy.model import Model
 from sgms_observer.discrepancy.name import fitted, polished
 from sgms_observer.discrepancy.timing import NOBODYS
 from sgms_observer.discrepancy.twins import Calibration
@@ -22,12 +21,7 @@ CLEAR = 2.0
 
 
 def late_effort(
-    nominal: Model,
-    current: Refit,
-    rounds: Sequence[Round],
-    calibration: Calibration,
-    gate: Gate,
-    limit: float | None = None,
+    refits: Refits, current: Refit, rounds: Sequence[Round], calibration: Calibration, gate: Gate
 ) -> Round | None:
     """Return a round that adds a delay to what was found, or None where there is none to be sure of.
 
@@ -35,12 +29,11 @@ def late_effort(
     residual of the recordings to judge on for sure.
 
     Args:
-        nominal: the given model.
+        refits: to the recordings to learn from.
         current: fit with the effects so far.
         rounds: passes so far; the last one is the look at the residual of ``current``.
         calibration: twins of the nominal model.
         gate: recordings to judge on.
-        limit: of the friction parameters, see ``refit``.
     """
     last = rounds[-1]
     if last.accepted or not any(item.accepted for item in rounds) or DELAY not in last.scores:
@@ -52,10 +45,9 @@ def late_effort(
     column = screen.gains()[DELAY][1]
     if column is None:
         return None
-    judged, tolerance, start = screen.judged, screen.tolerance, column.start(screen.left_over())
-    found = fitted(judged, nominal, tolerance, current, start, screen.nominal_columns, limit)
-    found = polished(judged, nominal, tolerance, current, found, limit)
-    sample = max(motion.period / motion.step for motion in judged.motions)
+    found = fitted(refits, current, column.start(screen.left_over()), screen.nominal_columns)
+    found = polished(refits, current, found)
+    sample = max(motion.period / motion.step for motion in refits.judged.motions)
     is_long = found.refit.effects[-1].values[0] > NOBODYS * sample
     is_sure = sureness(current.model, found.refit.model, gate.motions) > SURE
     if found.taken <= ALARM_GAIN or found.at_bound or not is_long or not is_sure:

@@ -13,15 +13,13 @@ from numpy.typing import NDArray
 from sgms_observer.discrepancy.fit import (
     PARTS_OF_THE_LEVEL,
     UNITS,
-    Judged,
     Refit,
+    Refits,
     believable,
-    kept,
-    refit,
     told,
     told_start,
 )
-from sgms_observer.discrepancy.model import KNEE, STATIC, VISCOUS, Model
+from sgms_observer.discrepancy.model import KNEE, STATIC, VISCOUS
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
@@ -41,7 +39,9 @@ BELIEVED = 2.5
 DISBELIEF = 0.1
 """loses this share of what it takes: its owner knows better than that."""
 POLISH = 12
-"""Steps of that fit."""
+"""Steps of that fit,"""
+FIRST_STEPS = 8
+"""and of the first one."""
 AT_END = 1.0e-6
 """A parameter lies at the end of its range when it is this near, relative to the end."""
 WEAK = 0.1
@@ -77,89 +77,72 @@ class Candidate:
     at_bound: tuple[str, ...]
 
 
-def fitted(
-    judged: Judged,
-    nominal: Model,
-    tolerance: float,
-    before: Refit,
-    start: EffectSettings,
-    columns: Floats,
-    limit: float | None = None,
-) -> Candidate:
+def fitted(refits: Refits, before: Refit, start: EffectSettings, columns: Floats) -> Candidate:
     """Fit one effect next to those already there.
 
     Args:
-        judged: recordings.
-        nominal: the given model.
-        tolerance: of its parameters.
+        refits: to the recordings to learn from.
         before: fit without the effect.
         start: the effect at its start.
         columns: derivatives by the nominal parameters.
-        limit: of the friction parameters, see ``refit``.
     """
+    nominal = refits.nominal
     effects = (*before.effects, start)
     fixed = [(len(effects) - 1, j) for j in FIXED_SHAPES.get(start.name, ())]
     fixed += [(i, j) for i, e in enumerate(before.effects) for j in UNITS.get(e.name, ())]
-    found = refit(
-        judged, nominal, tolerance, effects, told_start(before.logs, nominal, start), fixed, 8, columns, limit
-    )
+    found = refits.of(effects, told_start(before.logs, nominal, start), FIRST_STEPS, fixed, columns)
     if found.cost > before.cost:  # a column reaches only so far: start again near nothing
         weak = tuple(
             WEAK * value if parameter.is_strength else value
             for parameter, value in zip(effect(start.name).parameters, start.values, strict=True)
         )
         effects = (*before.effects, replace(start, values=weak))
-        again = refit(judged, nominal, tolerance, effects, before.logs, fixed, 8, columns, limit)
+        again = refits.of(effects, before.logs, FIRST_STEPS, fixed, columns)
         found = again if again.cost < found.cost else found
     if start.name in PARTS_OF_THE_LEVEL:  # the elements may have bent to stand in for it: start from the owner's
         home = before.logs.copy()
         home[KNEE + 1 :] = 0.0
         at_home = told_start(home, nominal, start)
-        again = refit(judged, nominal, tolerance, (*before.effects, start), at_home, fixed, POLISH, None, limit)
+        again = refits.of((*before.effects, start), at_home, POLISH, fixed)
         found = again if again.cost < found.cost else found
     if start.name == "cogging":
-        found = _with_second_harmonic(judged, nominal, tolerance, found, columns, limit)
-    return candidate_of(judged, nominal, tolerance, before, found)
+        found = _with_second_harmonic(refits, found, columns)
+    return candidate_of(refits, before, found)
 
 
-def candidate_of(
-    judged: Judged, nominal: Model, tolerance: float, before: Refit, found: Refit, place: int = -1
-) -> Candidate:
+def candidate_of(refits: Refits, before: Refit, found: Refit, place: int = -1) -> Candidate:
     """Return a fit of one more effect with what that takes.
 
     Args:
-        judged: recordings.
-        nominal: the given model.
-        tolerance: of its parameters.
+        refits: to the recordings to learn from.
         before: fit without the effect.
         found: fit with it.
         place: of the effect among the fit's.
     """
     added = found.effects[place]
     taken = 2.0 * (before.cost - found.cost) - math.log(len(found.residual)) * len(added.values)
-    moved = told(found.logs, nominal, found.effects)[VISCOUS : STATIC + 1]
-    if taken > 0.0 and np.max(np.abs(moved)) > BELIEVED * tolerance:
+    moved = told(found.logs, refits.nominal, found.effects)[VISCOUS : STATIC + 1]
+    if taken > 0.0 and np.max(np.abs(moved)) > BELIEVED * refits.tolerance:
         taken *= 1.0 - DISBELIEF
-    return Candidate(added.name, found, taken, _at_bound(added, judged, nominal))
+    return Candidate(added.name, found, taken, _at_bound(added, refits))
 
 
-def polished(
-    judged: Judged, nominal: Model, tolerance: float, before: Refit, item: Candidate, limit: float | None
-) -> Candidate:
+def polished(refits: Refits, before: Refit, item: Candidate) -> Candidate:
     """Return a candidate fitted to the end, with derivatives of its own.
 
     The nominal parameters that had made up for the missing effect now go home; only then do two effects compare.
 
-    Args: as ``fitted``; ``item`` is where it starts.
+    Args:
+        refits: to the recordings to learn from.
+        before: fit without the effect.
+        item: where it starts.
     """
     found = item.refit
-    again = refit(judged, nominal, tolerance, found.effects, found.logs, kept(found.effects), POLISH, None, limit)
-    return candidate_of(judged, nominal, tolerance, before, again) if again.cost < found.cost else item
+    again = refits.of(found.effects, found.logs, POLISH)
+    return candidate_of(refits, before, again) if again.cost < found.cost else item
 
 
-def _with_second_harmonic(
-    judged: Judged, nominal: Model, tolerance: float, found: Refit, columns: Floats, limit: float | None
-) -> Refit:
+def _with_second_harmonic(refits: Refits, found: Refit, columns: Floats) -> Refit:
     """Return the fit of a cogging with its second harmonic, if that is worth its two parameters."""
     best = found
     for phase in (0.0, 2.1, -2.1):
@@ -167,37 +150,34 @@ def _with_second_harmonic(
         values = (*last.values[:3], 0.1 * abs(last.values[0]), phase)
         effects = (*found.effects[:-1], replace(last, values=values))
         units = [(i, j) for i, e in enumerate(effects) for j in UNITS.get(e.name, ())]
-        other = refit(judged, nominal, tolerance, effects, found.logs, units, 4, columns, limit)
+        other = refits.of(effects, found.logs, 4, units, columns)
         if other.cost < best.cost - 15.0:
             best = other
             break
     return best
 
 
-def _at_bound(settings: EffectSettings, judged: Judged, nominal: Model) -> tuple[str, ...]:
+def _at_bound(settings: EffectSettings, refits: Refits) -> tuple[str, ...]:
     """Return the names of parameters at the end of their physical or believable range."""
     found = []
     for parameter, value in zip(effect(settings.name).parameters, settings.values, strict=True):
         if parameter.name in WHOLE_RANGE or parameter.unit == "rad" or value == parameter.default:
             continue
-        limits = believable(settings.name, parameter.name, judged.motions, nominal)
+        limits = believable(settings.name, parameter.name, refits.judged.motions, refits.nominal)
         ends = [end for end in (parameter.minimum, parameter.maximum, *limits) if math.isfinite(end)]
         if any(abs(value - end) <= AT_END * abs(end) for end in ends):
             found.append(parameter.name)
     return tuple(found)
 
 
-def candidates(
-    screen: Screen, nominal: Model, before: Refit, workers: int, limit: float | None = None
-) -> list[Candidate]:
+def candidates(refits: Refits, screen: Screen, before: Refit, workers: int) -> list[Candidate]:
     """Fit the effects that the first look does not exclude.
 
     Args:
+        refits: to the recordings to learn from.
         screen: first look at the residual of ``before``.
-        nominal: the given model.
         before: fit without the effect.
         workers: threads.
-        limit: of the friction parameters, see ``refit``.
 
     Returns:
         Candidates, the best first.
@@ -215,7 +195,7 @@ def candidates(
             jobs += screen.other_starts(name, left)
 
     def one(start: EffectSettings) -> Candidate:
-        return fitted(screen.judged, nominal, screen.tolerance, before, start, screen.nominal_columns, limit)
+        return fitted(refits, before, start, screen.nominal_columns)
 
     with ThreadPoolExecutor(max_workers=workers) as pool:
         done = list(pool.map(one, jobs))
@@ -227,7 +207,7 @@ def candidates(
     near = [item for item in listed if item.taken > CONTENDS * listed[0].taken][:CONTENDERS]
 
     def to_the_end(item: Candidate) -> Candidate:
-        return polished(screen.judged, nominal, screen.tolerance, before, item, limit)
+        return polished(refits, before, item)
 
     with ThreadPoolExecutor(max_workers=workers) as pool:
         ended = list(pool.map(to_the_end, near))

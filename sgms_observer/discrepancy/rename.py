@@ -56,9 +56,7 @@ def renamed(
         stood_in = [(*others[:place], one, *others[place:]) for one in (current.effects[place], *rivals)]
         with ThreadPoolExecutor(max_workers=workers) as pool:
             fits = pool.map(refits.of, stood_in, repeat(current.logs), repeat(POLISH))
-            tried = [
-                candidate_of(refits.judged, refits.nominal, refits.tolerance, without, found, place) for found in fits
-            ]
+            tried = [candidate_of(refits, without, found, place) for found in fits]
         best = max(tried, key=lambda item: item.taken)
         if best.at_bound or gate.gap(best.refit.model) > gate.gap(tried[0].refit.model):
             best = tried[0]

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from sgms_observer.discrepancy.fit import Refit, prior_widths
-from sgms_observer.discrepancy.model import COULOMB, MASS, STATIC, VISCOUS, Model
+from sgms_observer.discrepancy.model import COULOMB, KNEE, MASS, STATIC, VISCOUS, Model
 
 OUTSIDE = 1.1
 """A mass this many tolerances off is an error of its own."""
 GAIN_TAKES = 12.0
 """What a common factor has to explain of the parameters' deviations, in squared standard deviations."""
+BEYOND_BELIEF = 2.5
+"""A refit that moves a friction parameter by this many tolerances has swallowed an effect: the tolerance is then kept
+hard while effects are named."""
 
 
 @dataclass(frozen=True)
@@ -59,3 +62,17 @@ def named_deviation(nominal: Model, found: Refit, tolerance: float) -> Deviation
         alternatives = ("actuator_gain",) if by_gain > GAIN_TAKES and by_gain > by_mass - 4.0 else ()
         return Deviation("mass_error", mass, 0.5 * tolerance * nominal.mass, alternatives)
     return None
+
+
+def is_beyond_belief(found: Refit, nominal: Model, tolerance: float) -> bool:
+    """Return whether the refit moved friction parameters so far that it must have swallowed an effect.
+
+    Args:
+        found: a refit.
+        nominal: the given model.
+        tolerance: largest relative error its owner expects.
+    """
+    deviation = named_deviation(nominal, found, tolerance)
+    common = -np.log(deviation.value) if deviation is not None and deviation.name == "actuator_gain" else 0.0
+    moved = found.logs[VISCOUS : KNEE + 1] - common * np.array([1.0, 1.0, 1.0, 0.0])
+    return bool(np.max(np.abs(moved)) > BEYOND_BELIEF * tolerance)

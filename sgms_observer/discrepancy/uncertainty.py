@@ -10,14 +10,13 @@ error.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.fit import Judged, Refit, refit
-from sgms_observer.discrepancy.model import Model
+from sgms_observer.discrepancy.fit import Judged, Refit, Refits, judged_with
 from sgms_observer.discrepancy.motion import BAND, Motion
-from sgms_observer.discrepancy.workflow import judged_with
 from sgms_observer.effects.catalogue import effect
 
 Floats = NDArray[np.float64]
@@ -87,22 +86,17 @@ def deviations(found: Refit, judged: Judged) -> Floats:
     return np.asarray(errors, dtype=np.float64)
 
 
-def with_shape(
-    found: Refit, judged: Judged, nominal: Model, tolerance: float, others: Sequence[Motion], limit: float | None
-) -> Floats:
+def with_shape(refits: Refits, found: Refit, others: Sequence[Motion]) -> Floats:
     """Return the standard deviation of each free effect parameter with what recordings differ by, SI units.
 
     Args:
-        found: a fit with derivatives at its solution.
-        judged: the recordings it was fitted to.
-        nominal: the given model.
-        tolerance: of its parameters.
+        refits: to the recordings to learn from.
+        found: one of them, with derivatives at its solution.
         others: recordings of another kind.
-        limit: of the friction parameters, see ``refit``.
 
     Source: DerSimonian and Laird 1986, Controlled Clinical Trials 7(3): variance between studies from their scatter.
     """
-    own = deviations(found, judged)
+    own = deviations(found, refits.judged)
     if not others or not found.free:
         return own
     free = set(found.free)
@@ -110,10 +104,10 @@ def with_shape(
     values = [[found.effects[i].values[j] for i, j in found.free]]
     errors = [own]
     for motion in others:
-        alone = judged_with((motion,), found.model)
-        fit = refit(alone, nominal, tolerance, found.effects, found.logs, fixed, STEPS, None, limit)
+        alone = replace(refits, judged=judged_with((motion,), found.model))
+        fit = alone.of(found.effects, found.logs, STEPS, fixed)
         values.append([fit.effects[i].values[j] for i, j in fit.free])
-        errors.append(deviations(fit, alone))
+        errors.append(deviations(fit, alone.judged))
     between = [between_variance(*pair) for pair in zip(np.array(values).T, np.array(errors).T, strict=True)]
     return np.asarray(np.sqrt(own**2 + np.array(between)), dtype=np.float64)
 

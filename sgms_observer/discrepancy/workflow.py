@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sgms_observer.discrepancy import audit
 from sgms_observer.discrepancy.decide import (
@@ -19,39 +18,30 @@ from sgms_observer.discrepancy.decide import (
     judge,
     verdict_of,
 )
-from sgms_observer.discrepancy.fit import ELEMENT_SLACK, Judged, Refit, Refits, kept, refit
-from sgms_observer.discrepancy.gate import Gate, floor_of
+from sgms_observer.discrepancy.fit import ELEMENT_SLACK, Judged, Refit, Refits
+from sgms_observer.discrepancy.gate import Gate
 from sgms_observer.discrepancy.lateness import late_effort
-from sgms_observer.discrepancy.model import KNEE, VISCOUS, Model, largest_reach, predict
-from sgms_observer.discrepancy.motion import HELD, Motion, motion_of
+from sgms_observer.discrepancy.model import KNEE, Model, largest_reach
+from sgms_observer.discrepancy.motion import HELD, Motion
 from sgms_observer.discrepancy.name import candidates
-from sgms_observer.discrepancy.noise import fit_noise
 from sgms_observer.discrepancy.prune import pruned
 from sgms_observer.discrepancy.record import Record
 from sgms_observer.discrepancy.rename import renamed
 from sgms_observer.discrepancy.screen import Screen
-from sgms_observer.discrepancy.sharp import sharpened
+from sgms_observer.discrepancy.state import STEPS, Recordings, State, started
 from sgms_observer.discrepancy.structure import excess, frequencies
-from sgms_observer.discrepancy.timing import NOT_HELD, timing
-from sgms_observer.discrepancy.tolerance import Deviation, named_deviation
+from sgms_observer.discrepancy.timing import NOT_HELD
+from sgms_observer.discrepancy.tolerance import BEYOND_BELIEF, Deviation, is_beyond_belief, named_deviation
 from sgms_observer.discrepancy.twins import Calibration, calibrate
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
-Floats = NDArray[np.float64]
 Report = Callable[[str, float], None]
 
 MOST_EFFECTS = 3
-LEAST_NOISE = 1.0e-3
-"""Least rms noise of a measured force, as a share of the effort."""
-RETIMED = 0.01
-"""The effort's timing is read again once an effect is found, if it moves by this many samples."""
 HARD = 1.2
 """Hard limit of parameters that have swallowed an effect, in tolerances."""
-BEYOND_BELIEF = 2.5
-"""A refit that moves a friction parameter by this many tolerances has swallowed an effect: the tolerance is then kept
-hard while effects are named."""
 BLIND = 0.1
 """An encoder whose grid is coarser than told, and this share of the contact's largest reach, does not show the motion
 that the contact felt: nothing else is named until its resolution is set right."""
@@ -115,19 +105,6 @@ class Diagnosis:
     has_bent: bool = False
 
 
-def judged_with(motions: Sequence[Motion], model: Model) -> Judged:
-    """Return motions with the noise that the model's residual has."""
-    noises, weights = [], []
-    for motion in motions:
-        prediction = predict(model, motion)
-        doubt = motion.thinned(prediction.doubt)
-        least = LEAST_NOISE * float(np.std(motion.effort))
-        noise = fit_noise(motion.low_pass(prediction.residual), doubt, motion.residual_period, least)
-        noises.append(noise)
-        weights.append(noise.weights(doubt))
-    return Judged(tuple(motions), tuple(noises), tuple(weights))
-
-
 def diagnose(
     records: Sequence[Record],
     holdouts: Sequence[Record],
@@ -166,146 +143,124 @@ def _searched(
     is_limited: bool,
 ) -> Diagnosis:
     """Run the workflow once; arguments as ``diagnose``, and whether the refit is limited from the beginning."""
-    tolerance, workers = options.tolerance, options.workers
     report("audit", 0.0)
-    lag = told = HELD if axis.filter.effort_is_held else 0.0
-    motions = tuple(motion_of(record, lag) for record in records)
-    notes, is_poor = audit.findings(motions, axis)
-    resolution = audit.coarser_grid(motions, axis.stage.encoder.resolution)
+    told = HELD if axis.filter.effort_is_held else 0.0
+    recordings = Recordings(tuple(records), tuple(holdouts), told, told)
+    notes, is_poor = audit.findings(recordings.motions, axis)
+    resolution = audit.coarser_grid(recordings.motions, axis.stage.encoder.resolution)
     nominal, own = replace(Model.of(axis), effects=()), axis_effects(axis)
-    fine = nominal.refined()
     report("refit of the nominal model", 0.03)
-    judged = judged_with(motions, fine.with_effects(own))
-    found = refit(judged, fine, tolerance, own, None, kept(own), 6)
-    unseen = tuple(motion_of(record, lag) for record in holdouts)
-    sharp = sharpened(judged, fine, tolerance, found, kept(own), None, unseen)
-    if sharp is not None:
-        fine, nominal = replace(fine, is_sharp=True), replace(nominal, is_sharp=True)
-        judged = judged_with(motions, sharp.model)
-        found = refit(judged, fine, tolerance, own, sharp.logs, kept(own), 4)
-    for _ in range(2):
-        moved = timing(judged, found, lag, told)
-        if moved == lag:
-            break
-        lag = moved
-        motions = tuple(motion_of(record, lag) for record in records)
-        judged = judged_with(motions, found.model)
-        found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 3)
-    held_out = tuple(motion_of(record, lag) for record in holdouts)
-    if axis.filter.effort_is_held and lag < NOT_HELD:
+    state = started(recordings, nominal, own, options.tolerance, options.seed)
+    if axis.filter.effort_is_held and state.recordings.lag < NOT_HELD:
         notes.append("the effort acts at its stamp, not until the next one: set filter.effort_is_held to false")
-    judged = judged_with(motions, found.model)
-    found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 4)
-    limit = None
-    is_hard = is_limited or _is_beyond_belief(found, fine, tolerance)
-    has_bent = not is_hard and np.max(np.abs(found.logs[KNEE + 1 :])) > BEYOND_BELIEF * tolerance * ELEMENT_SLACK
+    is_hard = is_limited or is_beyond_belief(state.found, state.refits.nominal, options.tolerance)
+    moved = np.max(np.abs(state.found.logs[KNEE + 1 :]))
+    has_bent = not is_hard and moved > BEYOND_BELIEF * options.tolerance * ELEMENT_SLACK
     if is_hard:
-        limit = HARD * tolerance
-        judged = judged_with(motions, fine.with_effects(own))
-        for _ in range(2):
-            found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 9, None, limit)
-            judged = judged_with(motions, found.model)
-    floor = floor_of(held_out or motions, found.model, judged.noise, options.seed)
-    gate = Gate(held_out or motions, floor, bool(held_out))
+        state = state.limited(HARD * options.tolerance)
+    state = state.with_floor()
     names = [name for name in catalogue_names() if name not in NEVER_SEARCHED]
     names = [name for name in names if name not in {item.name for item in own}]
-    rounds: list[Round] = []
-    calibration: Calibration | None = None
-    current = found
     if is_poor or (resolution is not None and resolution > BLIND * largest_reach(nominal.friction)):
         names = []
-    for number in range(MOST_EFFECTS + 1):
-        report(f"first look at {len(names)} effects", 0.15 + 0.2 * number)
-        screen = Screen(judged, current, tolerance, names)
-        if calibration is None:
-            calibration = calibrate(
-                screen, options.seed, workers, lambda share: report("null twins", 0.2 + 0.1 * share)
-            )
-        gains = screen.gains()
-        scores = {name: calibration.standardised(name, gains[name][0]) for name in names}
-        frequency = frequencies(judged)
-        now = excess(current.residual, frequency)
-        raised = COARSE_ALARM if resolution is not None else 1.0
-        strong = [
-            name
-            for name in names
-            if scores[name] > raised * alarm_threshold(name, calibration) and gains[name][0] > ALARM_GAIN
-        ]
-        is_loud = now.sum() > 0.0 and resolution is None and bool(names)
-        is_loud = is_loud and gate.gap(current.model) > LOUD * gate.floor
-        if not (strong or is_loud) or number == MOST_EFFECTS:
-            rounds.append(Round(screen, scores, (), now, now, False, ()))
-            break
-        report("full refits", 0.32 + 0.2 * number)
-        listed = candidates(screen, fine, current, workers, limit)
-        step = judge(screen, scores, listed, now, current, rounds, strong, gate)
-        rounds.append(step)
-        if not step.accepted:
-            break
-        best = step.listed[0].refit
-        judged = judged_with(motions, best.model)
-        current = refit(judged, fine, tolerance, best.effects, best.logs, kept(best.effects), 6, None, limit)
-        moved = timing(judged, current, lag, told)
-        if abs(moved - lag) > RETIMED:
-            lag = moved
-            motions = tuple(motion_of(record, lag) for record in records)
-            held_out = tuple(motion_of(record, lag) for record in holdouts)
-            gate = replace(gate, motions=held_out or motions)
-            judged = judged_with(motions, current.model)
-            current = refit(
-                judged, fine, tolerance, current.effects, current.logs, kept(current.effects), 4, None, limit
-            )
-        sharp = sharpened(judged, fine, tolerance, current, kept(current.effects), limit, gate.motions)
-        if sharp is not None:
-            fine, nominal = replace(fine, is_sharp=True), replace(nominal, is_sharp=True)
-            judged = judged_with(motions, sharp.model)
-            current = refit(judged, fine, tolerance, sharp.effects, sharp.logs, kept(sharp.effects), 6, None, limit)
-            found = refit(judged, fine, tolerance, found.effects, found.logs, kept(own), 6, None, limit)
-        gate = replace(gate, floor=min(gate.floor, floor_of(gate.motions, current.model, judged.noise, options.seed)))
-        names = [name for name in names if name != step.listed[0].name]
-    assert calibration is not None
-    refits = Refits(judged, fine, tolerance, limit)
-    current, rounds = pruned(refits, current, rounds, gate)
-    current, rounds = renamed(refits, current, rounds, gate, workers)
-    late = late_effort(fine, current, rounds, calibration, gate, limit)
-    if late is not None:
-        rounds.insert(len(rounds) - 1, late)  # the last one is the look in which it was seen
-        best = late.listed[0].refit
-        current = refit(judged, fine, tolerance, best.effects, best.logs, kept(best.effects), 6, None, limit)
+    state, rounds, calibration = _looked(state, names, resolution is not None, options, report)
+    state, rounds = _reconsidered(state, rounds, calibration, options.workers)
     report("refit of the model as it is", 0.9)
-    before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 12)
-    after = before
-    if len(current.effects) > len(own):
-        after = refit(judged, nominal, tolerance, current.effects, None, kept(current.effects), 16)
-    if limit is not None and _is_beyond_belief(after, nominal, tolerance):
-        before = refit(judged, nominal, tolerance, found.effects, None, kept(own), 9, None, limit)
-        after = before
-        if len(current.effects) > len(own):
-            after = refit(judged, nominal, tolerance, current.effects, None, kept(current.effects), 16, None, limit)
-    else:
-        limit = None
-    if nominal.is_sharp:
+    before, after, limit = _as_it_is(state, own)
+    if state.nominal.is_sharp:
         notes.append(
             "the contact sticks and slips more sharply than S-GMS lets it, and was judged so:"
             " model: gms with a high attraction_rate may fit better"
         )
     if rounds[-1].listed and any(item.accepted for item in rounds):
         notes.append("something still stands out of the noise that no effect explains well enough to be named")
-    is_clear = len(current.effects) == len(own) and resolution is None
-    deviation = None if not is_clear else named_deviation(nominal, after, tolerance)
-    verdict = verdict_of(rounds, current, deviation, resolution, is_poor, gate, found)
+    is_clear = len(state.current.effects) == len(own) and resolution is None
+    deviation = None if not is_clear else named_deviation(state.nominal, after, options.tolerance)
+    verdict = verdict_of(rounds, state.current, deviation, resolution, is_poor, state.gate, state.found)
     return Diagnosis(
-        verdict, nominal, own, before, after, tuple(rounds), calibration, deviation, resolution, judged, motions,
-        held_out, tuple(notes), limit, gate, bool(has_bent),
+        verdict, state.nominal, own, before, after, tuple(rounds), calibration, deviation, resolution,
+        state.refits.judged, state.recordings.motions, state.recordings.held_out, tuple(notes), limit, state.gate,
+        bool(has_bent),
     )  # fmt: skip
 
 
-def _is_beyond_belief(found: Refit, nominal: Model, tolerance: float) -> bool:
-    """Return whether the refit moved friction parameters so far that it must have swallowed an effect."""
-    deviation = named_deviation(nominal, found, tolerance)
-    common = -np.log(deviation.value) if deviation is not None and deviation.name == "actuator_gain" else 0.0
-    moved = found.logs[VISCOUS : KNEE + 1] - common * np.array([1.0, 1.0, 1.0, 0.0])
-    return bool(np.max(np.abs(moved)) > BEYOND_BELIEF * tolerance)
+def _looked(
+    state: State, names: Sequence[str], is_coarse: bool, options: Options, report: Report
+) -> tuple[State, list[Round], Calibration]:
+    """Look for one effect after another, until nothing stands out or the best candidate is refused.
+
+    Args:
+        state: with the nominal refit.
+        names: effects to look for.
+        is_coarse: whether the encoder is coarser than told.
+        options: how to run.
+        report: called with what is being done and the share that is done.
+    """
+    rounds: list[Round] = []
+    calibration: Calibration | None = None
+    for number in range(MOST_EFFECTS + 1):
+        report(f"first look at {len(names)} effects", 0.15 + 0.2 * number)
+        judged, current, gate = state.refits.judged, state.current, state.gate
+        screen = Screen(judged, current, options.tolerance, names)
+        if calibration is None:
+            calibration = calibrate(
+                screen, options.seed, options.workers, lambda share: report("null twins", 0.2 + 0.1 * share)
+            )
+        gains = screen.gains()
+        scores = {name: calibration.standardised(name, gains[name][0]) for name in names}
+        now = excess(current.residual, frequencies(judged))
+        raised = COARSE_ALARM if is_coarse else 1.0
+        strong = [
+            name
+            for name in names
+            if scores[name] > raised * alarm_threshold(name, calibration) and gains[name][0] > ALARM_GAIN
+        ]
+        is_loud = now.sum() > 0.0 and not is_coarse and bool(names)
+        is_loud = is_loud and gate.gap(current.model) > LOUD * gate.floor
+        if not (strong or is_loud) or number == MOST_EFFECTS:
+            rounds.append(Round(screen, scores, (), now, now, False, ()))
+            break
+        report("full refits", 0.32 + 0.2 * number)
+        listed = candidates(state.refits, screen, current, options.workers)
+        step = judge(screen, scores, listed, now, current, rounds, strong, gate)
+        rounds.append(step)
+        if not step.accepted:
+            break
+        state = state.with_effect(step.listed[0].refit)
+        names = [name for name in names if name != step.listed[0].name]
+    assert calibration is not None
+    return state, rounds, calibration
+
+
+def _reconsidered(
+    state: State, rounds: list[Round], calibration: Calibration, workers: int
+) -> tuple[State, list[Round]]:
+    """Return the state and the rounds after every name was weighed again beside all the others, time last of all."""
+    current, rounds = pruned(state.refits, state.current, rounds, state.gate)
+    current, rounds = renamed(state.refits, current, rounds, state.gate, workers)
+    late = late_effort(state.refits, current, rounds, calibration, state.gate)
+    if late is not None:
+        rounds.insert(len(rounds) - 1, late)  # the last one is the look in which it was seen
+        best = late.listed[0].refit
+        current = state.refits.of(best.effects, best.logs, STEPS)
+    return replace(state, current=current), rounds
+
+
+def _as_it_is(state: State, own: Sequence[EffectSettings]) -> tuple[Refit, Refit, float | None]:
+    """Return the refits with the owner's own elements, without and with the effects, and their limit if any."""
+
+    def both(refits: Refits, steps: int, steps_after: int) -> tuple[Refit, Refit]:
+        before = refits.of(state.found.effects, None, steps)
+        if len(state.current.effects) == len(own):
+            return before, before
+        return before, refits.of(state.current.effects, None, steps_after)
+
+    limited = replace(state.refits, nominal=state.nominal)
+    free = replace(limited, limit=None)
+    before, after = both(free, 12, 16)
+    if limited.limit is None or not is_beyond_belief(after, state.nominal, limited.tolerance):
+        return before, after, None
+    return *both(limited, 9, 16), limited.limit
 
 
 def axis_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:

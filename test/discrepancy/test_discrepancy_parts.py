@@ -5,7 +5,7 @@ import pytest
 from workflow_case import AXIS, FRICTION, PERIOD, record
 
 from sgms_observer.discrepancy.contact import element_friction
-from sgms_observer.discrepancy.fit import refit
+from sgms_observer.discrepancy.fit import judged_with, refit
 from sgms_observer.discrepancy.model import Model, predict
 from sgms_observer.discrepancy.motion import grid_of, motion_of, without_flicker
 from sgms_observer.discrepancy.name import Candidate, alternatives
@@ -14,7 +14,6 @@ from sgms_observer.discrepancy.record import Record
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.discrepancy.tolerance import named_deviation
 from sgms_observer.discrepancy.twins import calibrate, coloured
-from sgms_observer.discrepancy.workflow import judged_with
 from sgms_observer.errors import DataError
 from sgms_observer.settings.axis import EffectSettings
 

@@ -8,7 +8,7 @@ import pytest
 from workflow_case import AXIS, PERIOD, record
 
 from sgms_observer.discrepancy.decide import Round, is_kin, power
-from sgms_observer.discrepancy.fit import Refits, refit, told_start
+from sgms_observer.discrepancy.fit import Refits, judged_with, refit, told_start
 from sgms_observer.discrepancy.gate import SURE, Gate, floor_of, sureness
 from sgms_observer.discrepancy.model import COULOMB, STATIC, Model, predict
 from sgms_observer.discrepancy.motion import HELD, motion_of
@@ -19,7 +19,6 @@ from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.discrepancy.sharp import sharpened
 from sgms_observer.discrepancy.timing import timing
 from sgms_observer.discrepancy.uncertainty import between_variance, deviations, in_time
-from sgms_observer.discrepancy.workflow import judged_with
 from sgms_observer.settings.axis import EffectSettings
 
 MODEL = Model.of(AXIS)
@@ -32,7 +31,7 @@ def test_the_contact_is_read_off_the_recording_with_what_was_found_in_the_model(
     motion = motion_of(record(effects, is_sharp=is_sharp))
     judged = judged_with((motion,), MODEL)
     found = refit(judged, MODEL, 0.05, effects, iterations=4)
-    sharp = sharpened(judged, MODEL, 0.05, found, (), None, ())
+    sharp = sharpened(Refits(judged, MODEL, 0.05), found, ())
     assert (sharp is not None) == is_sharp
 
 
@@ -62,7 +61,7 @@ def test_a_fit_from_far_too_strong_a_start_does_not_end_worse_than_without_the_e
     judged = judged_with((motion,), MODEL)
     before = refit(judged, MODEL, 0.05, iterations=4)
     columns = Screen(judged, before, 0.05, ()).nominal_columns
-    far = fitted(judged, MODEL, 0.05, before, EffectSettings("stribeck", (2.9, 8e-3)), columns)
+    far = fitted(Refits(judged, MODEL, 0.05), before, EffectSettings("stribeck", (2.9, 8e-3)), columns)
     assert far.refit.cost < 1.05 * before.cost
 
 

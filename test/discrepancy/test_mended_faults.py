@@ -9,7 +9,7 @@ from workflow_case import AXIS, FRICTION, PERIOD, record
 
 from sgms_observer.discrepancy.contact import element_friction
 from sgms_observer.discrepancy.decide import Round, _is_acceptable
-from sgms_observer.discrepancy.fit import Refits, believable, kept, refit, told, told_start
+from sgms_observer.discrepancy.fit import Refits, believable, judged_with, kept, refit, told, told_start
 from sgms_observer.discrepancy.gate import Gate, floor_of, gap_of
 from sgms_observer.discrepancy.model import COULOMB, KNEE, STATIC, Model, held_over_steps, predict
 from sgms_observer.discrepancy.motion import HELD, fast_length, later, motion_of
@@ -18,7 +18,6 @@ from sgms_observer.discrepancy.record import Record
 from sgms_observer.discrepancy.rename import renamed
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.discrepancy.timing import timing
-from sgms_observer.discrepancy.workflow import judged_with
 from sgms_observer.formulas.effects_force import flexible_mode_next
 from sgms_observer.settings.axis import EffectSettings
 
@@ -73,10 +72,11 @@ def test_offset_and_asymmetric_coulomb_are_told_apart_after_the_full_refit() -> 
         judged = judged_with((motion,), MODEL)
         before = refit(judged, MODEL, 0.05, iterations=5)
         columns = Screen(judged, before, 0.05, ()).nominal_columns
+        refits = Refits(judged, MODEL, 0.05)
         taken = {}
         for start in (EffectSettings("offset", (0.5,)), EffectSettings("asymmetric_coulomb", (0.1,))):
-            first: Candidate = fitted(judged, MODEL, 0.05, before, start, columns)
-            taken[start.name] = polished(judged, MODEL, 0.05, before, first, None)
+            first: Candidate = fitted(refits, before, start, columns)
+            taken[start.name] = polished(refits, before, first)
         best = max(taken.values(), key=lambda item: item.taken)
         assert best.name == name
         assert best.refit.effects[0].values[0] == pytest.approx(value, rel=0.05)
@@ -90,7 +90,7 @@ def test_a_small_value_of_a_parameter_with_a_wide_range_is_not_at_its_end() -> N
     before = refit(judged, MODEL, 0.05, iterations=2)
     columns = Screen(judged, before, 0.05, ()).nominal_columns
     assert 0.02 * travel < 1e-9 * 1e7  # the width lies within a billionth of its range from zero
-    assert "width" not in fitted(judged, MODEL, 0.05, before, wear, columns).at_bound
+    assert "width" not in fitted(Refits(judged, MODEL, 0.05), before, wear, columns).at_bound
 
 
 def test_a_spring_does_not_rest_far_outside_the_stroke() -> None:
@@ -192,7 +192,7 @@ def test_a_name_is_decided_again_beside_what_was_still_hidden() -> None:
     alone = refit(judged, MODEL, 0.05, iterations=4)
     columns = Screen(judged, alone, 0.05, ()).nominal_columns
     starts = (EffectSettings("offset", (0.4,)), EffectSettings("asymmetric_coulomb", (0.1,)))
-    firsts = [fitted(judged, MODEL, 0.05, alone, start, columns) for start in starts]
+    firsts = [fitted(Refits(judged, MODEL, 0.05), alone, start, columns) for start in starts]
     none = np.zeros(1)
     misled = replace(firsts[1], taken=0.9 * firsts[0].taken)  # as a hidden third may make it
     effects = (*firsts[0].refit.effects, hidden[1])
@@ -219,5 +219,6 @@ def test_a_missing_element_is_found_where_the_others_have_bent_to_stand_in_for_i
     judged = judged_with((motion,), bent.model)
     assert np.abs(bent.logs[KNEE + 1 :]).max() > 0.5
     columns = Screen(judged, bent, 0.05, ()).nominal_columns
-    found = fitted(judged, fine, 0.05, bent, EffectSettings("presliding", (0.6, 2e-4)), columns, 0.06)
+    refits = Refits(judged, fine, 0.05, 0.06)
+    found = fitted(refits, bent, EffectSettings("presliding", (0.6, 2e-4)), columns)
     assert found.refit.effects[0].values == pytest.approx((1.6, 3e-5), rel=0.25)
