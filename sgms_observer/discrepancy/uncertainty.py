@@ -1,10 +1,10 @@
 """Standard errors that hold where the residual is not the noise it was taken for.
 
 The errors of least squares are right where the whitened residual is white. What a catalogue's shape leaves of the
-machine's own shape is not: it comes back in every block of the same motion. So the gradient of each block is summed,
-and the blocks' scatter takes the place of the noise (the sandwich of Huber and White over blocks of time). And a wrong
-shape gives other parameters in another kind of motion: what recordings differ by, beyond their errors, belongs to the
-error.
+machine's own shape is not: it comes back in every block of the same motion. So each block of time is left out once, and
+what the solution moves by takes the place of the noise (the jackknife over blocks). And a wrong shape gives other
+parameters in another kind of motion: what recordings differ by, beyond their errors, belongs to the error; so few of
+them tell it that Student's distribution has to be allowed for.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from sgms_observer.discrepancy.fit import Judged, Refit, Refits, judged_with
 from sgms_observer.discrepancy.motion import BAND, Motion
@@ -29,6 +30,8 @@ TIMES = ("delay",)
 """Parameters that compare the two stamps."""
 STEPS = 6
 """Steps of the fit to another recording; it starts at the solution."""
+SINGULAR = 1.0e-10
+"""What a block alone tells, below this share of the best known direction, is not left out."""
 ALONE = 1.0e-9
 """Where all other recordings hold no more than this share of the weight, they say nothing beside the one."""
 
@@ -61,9 +64,10 @@ def deviations(found: Refit, judged: Judged) -> Floats:
         judged: the recordings it was fitted to.
 
     Returns:
-        The larger one of what the noise alone and the scatter of blocks give.
+        The larger one of what the noise alone and the blocks give.
 
-    Source: White 1980, Econometrica 48(4); Newey and West 1987, Econometrica 55(3), for dependent samples.
+    Source: Efron and Stein 1981, Annals of Statistics 9(3); Bell and McCaffrey 2002, Survey Methodology 28(2), for few
+    blocks, whose plain scatter (White 1980, Econometrica 48(4)) is too small: the fit has followed each of them.
     """
     count = len(found.free)
     if count == 0:
@@ -71,19 +75,34 @@ def deviations(found: Refit, judged: Judged) -> Floats:
     rows = len(found.residual)
     prior = found.jacobian[rows:]
     inverse = np.linalg.pinv(found.jacobian.T @ found.jacobian)
-    scores = []
+    parts: list[Floats] = []
     columns = np.column_stack([found.jacobian[:rows], found.residual])
     for motion, series in zip(judged.motions, in_time(columns, judged), strict=True):
         blocks = max(2, int(len(motion.time) * motion.period / BLOCK))
-        scores += [part[:, :-1].T @ part[:, -1] for part in np.array_split(series, blocks)]
-    scatter = np.array(scores)
-    middle = scatter.T @ scatter + prior.T @ prior
-    variance = np.maximum(np.diag(inverse @ middle @ inverse), np.diag(inverse))[-count:]
+        parts += np.array_split(series, blocks)
+    moved = left_out(parts, found.jacobian.T @ found.jacobian)
+    scatter = (1.0 - 1.0 / len(parts)) * moved.T @ moved + inverse @ prior.T @ prior @ inverse
+    variance = np.maximum(np.diag(scatter), np.diag(inverse))[-count:]
     errors = np.sqrt(np.maximum(variance, 0.0)) * found.scales
     for k, (i, j) in enumerate(found.free):
         if effect(found.effects[i].name).parameters[j].name in TIMES:
             errors[k] = np.hypot(errors[k], STAMPS * judged.motions[0].period / judged.motions[0].step)
     return np.asarray(errors, dtype=np.float64)
+
+
+def left_out(parts: Sequence[Floats], normal: Floats) -> Floats:
+    """Return what the solution of a linear least-squares problem moves by without each of its parts, shape (parts, k).
+
+    Args:
+        parts: columns and residual side by side, each of shape (n, k + 1).
+        normal: normal matrix of the whole, with its prior if any, shape (k, k).
+    """
+    moved = []
+    for part in parts:
+        columns, residual = part[:, :-1], part[:, -1]
+        rest = np.linalg.pinv(normal - columns.T @ columns, SINGULAR, hermitian=True)
+        moved.append(rest @ (columns.T @ residual))
+    return np.array(moved)
 
 
 def with_shape(refits: Refits, found: Refit, others: Sequence[Motion]) -> Floats:
@@ -108,8 +127,31 @@ def with_shape(refits: Refits, found: Refit, others: Sequence[Motion]) -> Floats
         fit = alone.of(found.effects, found.logs, STEPS, fixed)
         values.append([fit.effects[i].values[j] for i, j in fit.free])
         errors.append(deviations(fit, alone.judged))
-    between = [between_variance(*pair) for pair in zip(np.array(values).T, np.array(errors).T, strict=True)]
-    return np.asarray(np.sqrt(own**2 + np.array(between)), dtype=np.float64)
+    between = [between_deviation(*pair) for pair in zip(np.array(values).T, np.array(errors).T, strict=True)]
+    return np.asarray(np.hypot(own, between), dtype=np.float64)
+
+
+def between_deviation(values: Floats, errors: Floats) -> float:
+    """Return the standard deviation between recordings of one parameter beyond its errors.
+
+    Args:
+        values: estimate from each recording, the first one the one that is reported.
+        errors: standard deviation of each; 0 where a recording says nothing about the parameter.
+
+    Returns:
+        As large as makes the normal distribution's 90 % interval that of Student's, for as few recordings as there are.
+
+    Source: Hartung and Knapp 2001, Statistics in Medicine 20(24).
+    """
+    degrees = int(np.sum(_tells(values, errors))) - 1
+    if degrees < 1:
+        return 0.0
+    return float(np.sqrt(between_variance(values, errors)) * stats.t.ppf(0.95, degrees) / stats.norm.ppf(0.95))
+
+
+def _tells(values: Floats, errors: Floats) -> NDArray[np.bool_]:
+    """Return which recordings tell anything about a parameter."""
+    return np.asarray((errors > 0.0) & np.isfinite(errors) & (errors < max(abs(float(values[0])), 1e-300)))
 
 
 def between_variance(values: Floats, errors: Floats) -> float:
@@ -119,7 +161,7 @@ def between_variance(values: Floats, errors: Floats) -> float:
         values: estimate from each recording, the first one the one that is reported.
         errors: standard deviation of each; 0 where a recording says nothing about the parameter.
     """
-    tells = (errors > 0.0) & np.isfinite(errors) & (errors < max(abs(float(values[0])), 1e-300))
+    tells = _tells(values, errors)
     values, weights = values[tells], 1.0 / errors[tells] ** 2
     if len(values) < 2:
         return 0.0

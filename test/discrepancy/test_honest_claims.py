@@ -18,8 +18,9 @@ from sgms_observer.discrepancy.record import Record
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.discrepancy.sharp import sharpened
 from sgms_observer.discrepancy.timing import timing
-from sgms_observer.discrepancy.uncertainty import between_variance, deviations, in_time
+from sgms_observer.discrepancy.uncertainty import between_deviation, between_variance, deviations, in_time, left_out
 from sgms_observer.settings.axis import EffectSettings
+from sim_plant.blind.comparison import NINETY_PERCENT
 
 MODEL = Model.of(AXIS)
 OFFSET = EffectSettings("offset", (0.6,))
@@ -129,6 +130,28 @@ def test_what_recordings_differ_by_belongs_to_the_error() -> None:
     assert between_variance(np.array([1.0, 2.0]), np.array([1.0e-12, 0.5])) == 0.0, "one holds all the weight"
     silent = between_variance(np.array([1.0, 9.0, 1.02]), np.array([0.1, 0.0, 0.1]))
     assert silent == 0.0  # a recording that never reaches the limit says nothing about it
+
+
+def test_leaving_out_a_part_moves_the_solution_as_solving_without_it_does() -> None:
+    rng = np.random.default_rng(5)
+    columns, target = rng.normal(size=(40, 3)), rng.normal(size=40)
+    solution = np.linalg.lstsq(columns, target)[0]
+    parts = np.array_split(np.column_stack([columns, columns @ solution - target]), 8)
+    for place, moved in enumerate(left_out(parts, columns.T @ columns)):
+        kept = np.arange(40) // 5 != place
+        assert solution + moved == pytest.approx(np.linalg.lstsq(columns[kept], target[kept])[0], rel=1e-9)
+
+
+def test_an_interval_from_three_recordings_that_differ_holds_the_truth() -> None:
+    rng = np.random.default_rng(11)
+    error, spread, draws = 0.05, 0.3, 2000
+    errors, held, held_without = np.full(3, error), 0, 0
+    for _ in range(draws):
+        values = 10.0 + spread * rng.normal(size=3) + error * rng.normal(size=3)
+        off = abs(values[0] - 10.0) / NINETY_PERCENT
+        held += off < np.hypot(error, between_deviation(values, errors))
+        held_without += off < np.hypot(error, np.sqrt(between_variance(values, errors)))
+    assert held_without < 0.85 * draws < held < 0.95 * draws
 
 
 def test_what_the_catalogue_confuses_is_kin_and_hidden_pairs_are_not() -> None:
