@@ -29,8 +29,8 @@ ROS_WHEELS = [
 DOCUMENTATION = [
     "mkdocs>=1.6,<2",
 ]
-# Peers that ``sgms bench`` times beside our own estimators, where they are installed.
-BENCHMARKS = ["do-mpc>=4.6,<6"]
+# Peers that ``sgms bench`` and ``benchmarks/blind/baselines.py`` put beside our own, where they are installed.
+BENCHMARKS = ["do-mpc>=4.6,<6", "pysindy>=2,<3"]
 # Many recordings at once on a Dask cluster: --scheduler.
 FLEET = ["distributed>=2023.5"]
 DEVELOPMENT = [

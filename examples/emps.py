@@ -30,6 +30,7 @@ from sgms_observer.bags.estimate_topics import write_estimates
 from sgms_observer.bags.reader import read_joint_states, read_samples
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main as sgms
+from sgms_observer.discrepancy.homing import moved, pitch_of, place_of
 from sgms_observer.discrepancy.model import Model, predict
 from sgms_observer.discrepancy.motion import Motion, motion_of
 from sgms_observer.discrepancy.record import read_records
@@ -56,10 +57,8 @@ DECIMATION = 10
 """The published force errors are at 100 Hz."""
 BORDER = 49
 """Samples at the start where the filters settle."""
-FIRST_STROKE = 350
-"""Rows at 100 Hz, 3.5 s, of the first stroke."""
-PLACES = 100
-"""Places on the screw that are tried."""
+FIRST_STROKE = 3.5
+"""Length of the pulses record's first stroke [s]; it tells where on the screw the record counts from."""
 PUBLISHED = {"mass": 95.1089, "viscous_coefficient": 203.5034, "coulomb_force": 20.3935, "offset": -3.1648}
 PUBLISHED_ERROR = {"train": 4.08, "pulses": 5.98, "train, asymmetric": 3.11}
 
@@ -199,12 +198,11 @@ def diagnose(out: Path) -> list[str]:
     for name, motion in motions.items():
         before, after = (force_error(model, motion) for model in models)
         lines.append(f"  relative force error, {name}: {before:.2f} % -> {after:.2f} %")
-    pitches = [item.values[1] for item in models[1].effects if item.name == "cogging"]
-    if pitches:
-        place = homed(models[1], motions["pulses"], pitches[0])
-        rest = slice(FIRST_STROKE, None)
+    if pitch_of(models[1]) is not None:
+        place = place_of(models[1], motions["pulses"], FIRST_STROKE)
+        rest = slice(round(FIRST_STROKE / PERIOD / DECIMATION), None)
         before = force_error(models[0], motions["pulses"], rest)
-        after, there = (force_error(models[1], _moved(motions["pulses"], by), rest) for by in (0.0, place))
+        after, there = (force_error(models[1], moved(motions["pulses"], by), rest) for by in (0.0, place))
         lines.append(
             f"  pulses, homed by the first stroke ({1e3 * place:.2f} mm along the screw from where the train record"
             f" counts): the rest {before:.2f} % -> {after:.2f} % unhomed, {there:.2f} % homed"
@@ -223,27 +221,6 @@ def force_error(model: Model, motion: Motion, span: slice = slice(None)) -> floa
     residual = predict(model, motion).residual
     rows = decimate_from_end(np.column_stack([residual, motion.effort])[BORDER:], DECIMATION)[span]
     return float(100.0 * np.linalg.norm(rows[:, 0]) / np.linalg.norm(rows[:, 1]))
-
-
-def homed(model: Model, motion: Motion, pitch: float) -> float:
-    """Return where on the screw a record counts its position from, as its first stroke tells [m].
-
-    The encoder counts from where each record began, and the ripple goes with the screw: from one record to the next
-    its phase is unknown, as on every axis that is not homed.
-
-    Args:
-        model: friction and effects.
-        motion: of the record.
-        pitch: of the ripple [m].
-    """
-    places = np.linspace(0.0, pitch, PLACES, endpoint=False)
-    errors = [force_error(model, _moved(motion, place), slice(FIRST_STROKE)) for place in places]
-    return float(places[int(np.argmin(errors))])
-
-
-def _moved(motion: Motion, place: float) -> Motion:
-    """Return a motion that counts its position from another place on the screw."""
-    return replace(motion, position=motion.position + place)
 
 
 def live(out: Path) -> str:

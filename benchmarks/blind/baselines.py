@@ -2,7 +2,7 @@
 
     python benchmarks/blind/baselines.py --seeds report --amount full --workers 2 --out out/blind
 
-pysindy is optional (``pip install pysindy``); without it only the other baseline runs. The results of
+pysindy is optional (``pip install '.[bench]'``); without it only the other baseline runs. The results of
 ``benchmarks/blind/run.py`` in the same folder are printed beside them.
 """
 

@@ -6,11 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sgms_observer.discrepancy.model import Model, predict
 from sgms_observer.discrepancy.motion import Motion
 from sgms_observer.discrepancy.noise import Noise
 from sgms_observer.discrepancy.twins import twin_of
+
+Floats = NDArray[np.float64]
 
 WHOLE = 0.5
 """Share of the closable gap that all effects together have to close for any of them to be named."""
@@ -87,11 +90,23 @@ def sureness(before: Model, after: Model, motions: Sequence[Motion]) -> float:
     The product is chance; its scatter over blocks is the error. Where an effect acts is no chance: a few hard reversals
     may hold all of it.
     """
+    return sureness_of(
+        [
+            (*(motion.low_pass(predict(model, motion).residual) for model in (before, after)), motion.residual_period)
+            for motion in motions
+        ]
+    )
+
+
+def sureness_of(pairs: Sequence[tuple[Floats, Floats, float]]) -> float:
+    """Return the same of residuals.
+
+    Args:
+        pairs: of each recording the residual before and after, shape (n,) each [N], and its period [s].
+    """
     falls, products = [], []
-    for motion in motions:
-        one, other = (motion.low_pass(predict(model, motion).residual) for model in (before, after))
-        length = max(1, int(BLOCK / motion.residual_period))
-        starts = np.arange(0, len(one), length)
+    for one, other, period in pairs:
+        starts = np.arange(0, len(one), max(1, int(BLOCK / period)))
         falls.append(np.add.reduceat(one * one - other * other, starts))
         products.append(np.add.reduceat(2.0 * other * (one - other), starts))
     error = float(np.sqrt(np.sum(np.concatenate(products) ** 2)))

@@ -20,6 +20,7 @@ from sgms_observer.discrepancy.decide import (
 )
 from sgms_observer.discrepancy.fit import ELEMENT_SLACK, Judged, Refit, Refits
 from sgms_observer.discrepancy.gate import Gate
+from sgms_observer.discrepancy.homing import unhomed
 from sgms_observer.discrepancy.lateness import late_effort
 from sgms_observer.discrepancy.model import KNEE, Model, largest_reach
 from sgms_observer.discrepancy.motion import HELD, Motion
@@ -174,6 +175,7 @@ def _searched(
         )
     if rounds[-1].listed and any(item.accepted for item in rounds):
         notes.append("something still stands out of the noise that no effect explains well enough to be named")
+    notes += unhomed([item.listed[0].refit.model for item in rounds if item.listed], state.gate)
     is_clear = len(state.current.effects) == len(own) and resolution is None
     deviation = None if not is_clear else named_deviation(state.nominal, after, options.tolerance)
     verdict = verdict_of(rounds, state.current, deviation, resolution, is_poor, state.gate, state.found)
