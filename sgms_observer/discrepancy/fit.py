@@ -8,32 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.model import COULOMB, KNEE, STATIC, Model, largest_reach, predict
+from sgms_observer.discrepancy.level import PARTS_OF_THE_LEVEL, told
+from sgms_observer.discrepancy.model import COULOMB, KNEE, STATIC, Model, predict
 from sgms_observer.discrepancy.motion import Motion
 from sgms_observer.discrepancy.noise import Noise, fit_noise
+from sgms_observer.discrepancy.ranges import believable, unit_of
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
 ELEMENT_SLACK = 15.0
+"""How much further than the tolerance elements may be off: few of them stand for a continuous contact."""
 STEP = 1.0e-4
-SHORTEST = 0.75
-"""Shortest distance of a memory, as a share of the contact's largest reach: less is the contact's own business."""
-SHORTEST_PLAY = 0.3
-"""Shortest play, as a share of the same: a wall is felt within a few micrometres, however long the contact's reach."""
-SHORTEST_STOP = 0.01
-"""Shortest give of a wall, as a share of the same: less no recording tells."""
-WIDEST_STEP = 0.08
-"""Widest step of wear, as a share of the travel."""
-SHORTEST_DRIFT, LONGEST_DRIFT = 0.05, 5.0
-"""Time constants of a drift, as shares of the recording's length."""
-SLOWEST_LAG = 0.2
-"""Slowest attraction, in Coulomb forces per second."""
-LONGEST_ELEMENT = 1.0e-3
-"""Longest distance over which a contact's missing element builds up [m]."""
-LONGEST_PITCH = 0.7
-"""Longest period in position, as a share of the stroke."""
+"""Step of numerical derivatives, in units of the parameters."""
 UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,)}
 """Parameters that are a unit of others and never fitted: (effect, indices)."""
 REFRESH = 3
@@ -43,10 +31,6 @@ BY_RATIO = (
     "peak_velocity",
 )  # fmt: skip
 """Positive parameters that may be off by a factor: they are moved by their logarithm."""
-MISSING_ELEMENT = "presliding"
-LOAD_BEHIND_PLAY = "backlash"
-PARTS_OF_THE_LEVEL = (MISSING_ELEMENT, LOAD_BEHIND_PLAY)
-"""Effects whose force the owner's Coulomb and static force already contain."""
 LEAST_NOISE = 1.0e-3
 """Least rms noise of a measured force, as a share of the effort."""
 _MAX_ITERATIONS = 12
@@ -181,7 +165,7 @@ def refit(
         low_limit, high_limit = believable(effects[i].name, catalogue[i].parameters[j].name, judged.motions, nominal)
         minimum[k], maximum[k] = max(minimum[k], low_limit), min(maximum[k], high_limit)
     values = np.array([effects[i].values[j] for i, j in free])
-    scales = np.array([_scale(effects[i], j, nominal) for i, j in free])
+    scales = np.array([unit_of(effects[i], j, nominal) for i, j in free])
     n = len(widths)
     ratio = np.array([catalogue[i].parameters[j].name in BY_RATIO for i, j in free], dtype=bool)
 
@@ -295,90 +279,3 @@ class Refits:
         """
         still = kept(effects) if fixed is None else fixed
         return refit(self.judged, self.nominal, self.tolerance, effects, start, still, steps, columns, self.limit)
-
-
-def told(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Floats:
-    """Return the logarithms as their owner would see them: what a part of the level takes, he measured with it."""
-    parts = [item for item in effects if item.name in PARTS_OF_THE_LEVEL]
-    if not parts:
-        return logs
-    seen = logs.copy()
-    for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):
-        level = np.exp(logs[row])
-        own = sum(taken(item.name, item.values, force, level) for item in parts)
-        seen[row] = np.log(max(level + own, 1.0e-3))
-    return seen
-
-
-def told_start(logs: Floats, nominal: Model, start: EffectSettings) -> Floats:
-    """Return where a fit with one more effect starts: a part of the level leaves the level as it is."""
-    moved = logs.copy()
-    for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):
-        if start.name == MISSING_ELEMENT:
-            moved[row] = np.log(max(np.exp(logs[row]) - start.values[0] / force, 0.1))
-        elif start.name == LOAD_BEHIND_PLAY:
-            moved[row] = logs[row] + np.log(1.0 - start.values[1])
-    return moved
-
-
-def taken(name: str, values: Sequence[float], force: float, level: float) -> float:
-    """Return what a part of the level takes, as a share of the owner's force.
-
-    Args:
-        name: of an effect in ``PARTS_OF_THE_LEVEL``.
-        values: its values.
-        force: the level that the owner measured [N].
-        level: what is left of it beside the part, as a share [-].
-    """
-    return values[0] / force if name == MISSING_ELEMENT else level * values[1] / (1.0 - values[1])
-
-
-def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Model) -> tuple[float, float]:
-    """Return the range in which a parameter gives its effect the shape of its name in these recordings.
-
-    A ripple longer than the stroke is a slope, a spring whose rest lies far away is an offset, a step wider than the
-    travel is a drift, a memory shorter than the contact's reach is the contact's own business.
-    """
-    position = np.concatenate([motion.position for motion in motions])
-    stroke = float(np.ptp(position))
-    if parameter == "pitch":
-        return 0.0, LONGEST_PITCH * stroke
-    if parameter == "rest_position":
-        return float(position.min()) - 0.5 * stroke, float(position.max()) + 0.5 * stroke
-    if name == "wear_step" and parameter == "width":
-        return 0.0, WIDEST_STEP * max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
-    if name == "thermal_drift" and parameter == "time_constant":
-        length = max(float(motion.time[-1]) for motion in motions)
-        return SHORTEST_DRIFT * length, LONGEST_DRIFT * length
-    if name == "stribeck" and parameter == "velocity":  # slower is the nominal curve itself
-        return 2.5 * nominal.friction.stribeck_velocity, np.inf
-    if name == "frictional_lag" and parameter == "distance":
-        return 0.05 * largest_reach(nominal.friction), np.inf
-    if parameter == "attraction_rate":  # slower than a recording can tell
-        return SLOWEST_LAG * nominal.friction.coulomb_force, np.inf
-    if name == MISSING_ELEMENT and parameter == "distance":  # what gives over millimetres is no contact
-        return SHORTEST * largest_reach(nominal.friction), LONGEST_ELEMENT
-    if parameter == "stop":  # softer is a missing element, not a wall
-        return SHORTEST_STOP * largest_reach(nominal.friction), 0.5 * largest_reach(nominal.friction)
-    if parameter == "gap":
-        return SHORTEST_PLAY * largest_reach(nominal.friction), np.inf
-    if parameter in ("memory_distance", "distance"):
-        return SHORTEST * largest_reach(nominal.friction), np.inf
-    return -np.inf, np.inf
-
-
-def _scale(settings: EffectSettings, index: int, nominal: Model) -> float:
-    """Return the unit in which an effect's parameter is moved."""
-    parameter = effect(settings.name).parameters[index]
-    if parameter.unit == "N":
-        return nominal.friction.coulomb_force
-    if parameter.unit == "rad" or (parameter.unit == "-" and parameter.is_strength):
-        return 1.0
-    if parameter.unit == "kg":
-        return nominal.mass
-    if parameter.unit == "N s/m":
-        return max(nominal.friction.viscous_coefficient, abs(settings.values[index]), 1e-9)
-    value = abs(settings.values[index])
-    if parameter.name in ("center", "rest_position"):
-        return 1.0e-2
-    return value if value > 0.0 else 1.0

@@ -10,16 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.fit import (
-    PARTS_OF_THE_LEVEL,
-    UNITS,
-    Refit,
-    Refits,
-    believable,
-    told,
-    told_start,
-)
+from sgms_observer.discrepancy.fit import UNITS, Refit, Refits
+from sgms_observer.discrepancy.level import PARTS_OF_THE_LEVEL, told, told_start
 from sgms_observer.discrepancy.model import KNEE, STATIC, VISCOUS
+from sgms_observer.discrepancy.ranges import believable
 from sgms_observer.discrepancy.screen import Screen
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings

@@ -10,15 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.discrepancy import search
-from sgms_observer.discrepancy.fit import (
-    LOAD_BEHIND_PLAY,
-    PARTS_OF_THE_LEVEL,
-    STEP,
-    Judged,
-    Refit,
-    prior_widths,
-    taken,
-)
+from sgms_observer.discrepancy.fit import STEP, Judged, Refit, prior_widths
+from sgms_observer.discrepancy.level import LOAD_BEHIND_PLAY, PARTS_OF_THE_LEVEL, taken
 from sgms_observer.discrepancy.model import predict, stribeck
 from sgms_observer.discrepancy.motion import BAND
 from sgms_observer.effects.catalogue import effect, is_built_in

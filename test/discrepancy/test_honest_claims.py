@@ -8,8 +8,9 @@ import pytest
 from workflow_case import AXIS, PERIOD, record
 
 from sgms_observer.discrepancy.decide import Round, is_kin, power
-from sgms_observer.discrepancy.fit import Refits, judged_with, refit, told_start
+from sgms_observer.discrepancy.fit import Refits, judged_with, refit
 from sgms_observer.discrepancy.gate import SURE, Gate, floor_of, sureness
+from sgms_observer.discrepancy.level import told_start
 from sgms_observer.discrepancy.model import COULOMB, STATIC, Model, predict
 from sgms_observer.discrepancy.motion import HELD, motion_of
 from sgms_observer.discrepancy.name import Candidate, fitted

@@ -9,11 +9,13 @@ from workflow_case import AXIS, FRICTION, PERIOD, record
 
 from sgms_observer.discrepancy.contact import element_friction
 from sgms_observer.discrepancy.decide import Round, _is_acceptable
-from sgms_observer.discrepancy.fit import Refits, believable, judged_with, kept, refit, told, told_start
+from sgms_observer.discrepancy.fit import Refits, judged_with, kept, refit
 from sgms_observer.discrepancy.gate import Gate, floor_of, gap_of
+from sgms_observer.discrepancy.level import told, told_start
 from sgms_observer.discrepancy.model import COULOMB, KNEE, STATIC, Model, held_over_steps, predict
 from sgms_observer.discrepancy.motion import HELD, fast_length, later, motion_of
 from sgms_observer.discrepancy.name import Candidate, fitted, polished
+from sgms_observer.discrepancy.ranges import believable
 from sgms_observer.discrepancy.record import Record
 from sgms_observer.discrepancy.rename import renamed
 from sgms_observer.discrepancy.screen import Screen
