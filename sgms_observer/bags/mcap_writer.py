@@ -217,7 +217,7 @@ class McapWriter:
         return data, channel[order], log_ns[order], start_in_order
 
     def _put_chunk(self, data: Bytes, channel: NDArray[np.intp], log_ns: Ints, start: Ints) -> None:
-        content = memoryview(data)
+        content = data.data
         first, last = int(log_ns.min()), int(log_ns.max())
         self._span = (min(self._span[0], first), max(self._span[1], last))
         chunk_start = self._offset

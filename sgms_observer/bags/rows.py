@@ -30,7 +30,7 @@ class MessageRows:
     numbers: Words
 
     def __len__(self) -> int:
-        return self.numbers.shape[1]
+        return int(self.numbers.shape[1])
 
     @property
     def size(self) -> int:

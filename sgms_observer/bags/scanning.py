@@ -56,7 +56,7 @@ def find_messages(data: Bytes, index_of: Ints, topic: Ints, log_ns: Ints, start:
                 start[count] = at + 31
                 length[count] = content - 22
                 count += 1
-        at += 9 + content
+        at += 9 + int(content)
     return count
 
 

@@ -111,7 +111,7 @@ def machine() -> str:
         numba = f"numba {library.__version__}"
     return (
         f"{processor}, {os.cpu_count()} cores{load}, {platform.system()}, Python {platform.python_version()},"
-        f" numpy {np.__version__}, {numba}, casadi {casadi.__version__}"
+        f" numpy {np.__version__}, {numba}, casadi {casadi.CasadiMeta.version()}"
     )
 
 

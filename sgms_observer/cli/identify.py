@@ -77,7 +77,8 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigurationError([f"--cutoff {args.cutoff:g} Hz must be positive; leave it out for the default"])
     try_folder(Path(args.out).parent)
     hashes = [bag_hash(bag) for bag in args.bags]
-    changes, remarks, summary = {}, {}, []
+    changes, remarks = {}, {}
+    summary: list[str] = []
     for axis in (axis for axis in settings.axes if axis.name in wanted):
         pieces = _recordings(args.bags, hashes, axis.name, settings.sample_period)
         with Progress(f"identify {axis.name}", 1.0) as progress:

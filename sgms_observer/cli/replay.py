@@ -154,7 +154,7 @@ def _renamed(arguments: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _blocks_of_all_axes(source: Iterator[tuple[str, Samples]], names: Sequence[str]) -> Iterator[dict[int, Samples]]:
+def _blocks_of_all_axes(source: Iterable[tuple[str, Samples]], names: Sequence[str]) -> Iterator[dict[int, Samples]]:
     """Gather blocks of the axes that came together, so that axes with the same stamps share their messages."""
     gathered: dict[int, Samples] = {}
     for name, samples in source:
@@ -239,7 +239,10 @@ def _write(bag: BagWriter, outgoing: Outgoing, estimates: dict[int, Estimates]) 
     from sgms_observer.observer.outgoing import PARAMETERS
 
     for block in outgoing.blocks(estimates):
-        bag.write_joint_states(block.topic, block.stamp_ns, block.names, **block.values)
+        position, velocity, effort = (block.values.get(field) for field in ("position", "velocity", "effort"))
+        bag.write_joint_states(
+            block.topic, block.stamp_ns, block.names, position=position, velocity=velocity, effort=effort
+        )
     for report in outgoing.reports(estimates):
         message = encode_diagnostics(report.stamp_ns, [parameter_entry(report)])
         bag.write(PARAMETERS, "diagnostic_msgs/msg/DiagnosticArray", report.stamp_ns, message)

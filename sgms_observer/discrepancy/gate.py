@@ -90,12 +90,11 @@ def sureness(before: Model, after: Model, motions: Sequence[Motion]) -> float:
     The product is chance; its scatter over blocks is the error. Where an effect acts is no chance: a few hard reversals
     may hold all of it.
     """
-    return sureness_of(
-        [
-            (*(motion.low_pass(predict(model, motion).residual) for model in (before, after)), motion.residual_period)
-            for motion in motions
-        ]
-    )
+    pairs = []
+    for motion in motions:
+        one, other = (motion.low_pass(predict(model, motion).residual) for model in (before, after))
+        pairs.append((one, other, motion.residual_period))
+    return sureness_of(pairs)
 
 
 def sureness_of(pairs: Sequence[tuple[Floats, Floats, float]]) -> float:

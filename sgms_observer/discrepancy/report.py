@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sgms_observer.discrepancy.answer import Answer, Named
+from sgms_observer.discrepancy.advice import Named
+from sgms_observer.discrepancy.answer import Answer
 from sgms_observer.discrepancy.closing import Closing
 from sgms_observer.discrepancy.decide import CLOSES
 from sgms_observer.discrepancy.locate import Located

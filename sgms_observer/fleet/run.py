@@ -103,8 +103,8 @@ def _on_cluster(jobs: Sequence[Job], scheduler: str, show: Show) -> list[Outcome
         show(0)
         for future in done(list(running)):
             number = running[future]
-            error = future.exception()
-            found[number] = Outcome(jobs[number].name, _lost(error)) if error is not None else future.result()
+            lost = future.exception()
+            found[number] = Outcome(jobs[number].name, _lost(lost)) if lost is not None else future.result()
             show(len(found))
     return [found[number] for number in range(len(jobs))]
 

@@ -45,7 +45,7 @@ def listen(topic: str, out: Path) -> None:
     subscribe(node, topic, take)
     executor = make_executor()
     executor.add_node(node)
-    never: Future[None] = Future()
+    never: Future = Future()
     try:
         while rclpy.ok():
             executor.spin_until_future_complete(never, timeout_sec=3600.0)

@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.clock import ROSClock
 from rclpy.executors import Executor
 from rclpy.subscription import Subscription
 
@@ -140,7 +141,8 @@ class StageNode(ManagedNode):
             if pace is not None:
                 elapsed, before = time.monotonic() - before, time.monotonic()
                 made_up = _HURRY * min(max(elapsed, turn), max(turn, _LONGEST_TURN))
-                most = None if clock.ros_time_is_active else math.ceil(made_up / self.settings.sample_period)
+                is_simulated = isinstance(clock, ROSClock) and clock.ros_time_is_active
+                most = None if is_simulated else math.ceil(made_up / self.settings.sample_period)
                 count = pace.due(now_ns, most)
                 for first in range(pace.done - count, pace.done, _LARGEST_BLOCK):
                     last = min(first + _LARGEST_BLOCK, pace.done)

@@ -66,7 +66,7 @@ class RecorderNode(Node):
 
     def __init__(self, writer: BagWriter, topics: Sequence[str]) -> None:
         super().__init__("sgms_record")
-        self.done: Future[None] = Future()
+        self.done: Future = Future()
         self.fault: RecordingError | None = None
         self._writer = writer
         self._subscriptions_by_topic: dict[str, Subscription] = {}

@@ -70,7 +70,7 @@ def run_node(make_node: Callable[[Executor], ManagedNode], arguments: list[str])
         executor = make_executor()
         node = make_node(executor)
         executor.add_node(node)
-        never: Future[None] = Future()
+        never: Future = Future()
         while rclpy.ok() and not is_told() and node.fault is None:
             executor.spin_until_future_complete(never, timeout_sec=_SPIN_AT_ONCE)
     except ExternalShutdownException:

@@ -154,7 +154,7 @@ class Growth:
         if before is None:
             return counts
         names = [field.name for field in fields(counts)]
-        return type(counts)(**{name: getattr(counts, name) - getattr(before, name) for name in names})
+        return replace(counts, **{name: getattr(counts, name) - getattr(before, name) for name in names})
 
 
 class Sentences:

@@ -38,7 +38,7 @@ SLIP_DISTANCE = EIGHT.element_fraction[0] * EIGHT.static_force / EIGHT.element_s
 """All eight elements of the caption slip at this deflection [m]: nu_i / kappa_i is the same for each."""
 
 _STEP = 1.0e-4  # s
-_level = njit(formulas.stribeck_level)
+_level: Any = njit(formulas.stribeck_level)
 
 
 @njit
@@ -178,7 +178,7 @@ def figure_two(folder: Path) -> None:
 
 def figure_three(folder: Path) -> None:
     """Write Figures 3 a-d: lambda, gamma and zeta at the closing of a minor loop, and where that lies."""
-    variants: dict[str, tuple[str, list[tuple[str, dict[str, float]]]]] = {
+    variants: dict[str, tuple[str, list[tuple[str, dict[str, Any]]]]] = {
         "a": ("lambda", [(f"lambda = {x:g}", {"smoothing_lambda": x}) for x in (1000.0, 100.0, 30.0)]),
         "b": ("gamma", [(f"gamma = {x:g}", {"smoothing_gamma": x}) for x in (10.0, 1.0, 0.3)]),
         "c": ("zeta", [(f"zeta = {x:g}", {"smoothing_zeta": x}) for x in (0.99, 0.95, 0.9)]),

@@ -6,6 +6,7 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib
 
@@ -18,7 +19,7 @@ from matplotlib.figure import Figure
 from sgms_observer.report.page import Picture
 
 TRUTH, ESTIMATE, MEASURED, REFERENCE = "#1c2430", "#d1495b", "#0b6e99", "#8a94a3"
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "figure.dpi": 110,
     "font.size": 9.5,
     "axes.grid": True,
@@ -44,7 +45,7 @@ class Sheet:
 
 @contextmanager
 def sheet(
-    name: str, caption: str, rows: int = 1, columns: int = 1, height: float = 3.2, **share: bool
+    name: str, caption: str, rows: int = 1, columns: int = 1, height: float = 3.2, **share: Any
 ) -> Iterator[Sheet]:
     """Draw a picture.
 
