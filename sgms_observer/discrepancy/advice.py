@@ -68,6 +68,8 @@ def next_experiment(verdict: str, named: Sequence[Named], told: Sequence[Located
             if item.alternatives:
                 names = ", ".join(item.alternatives)
                 return f"To tell {item.settings.name} from {names}, record: {effect(item.settings.name).excitation}."
+    if verdict == "unknown_effect" and found.unhomed:
+        return f"{found.unhomed[0]}."
     if verdict == "unknown_effect" and told:
         where = told[0]
         return (

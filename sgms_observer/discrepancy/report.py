@@ -36,8 +36,8 @@ def write_report(
         names: recordings.
     """
     sections = [
-        _what(answer),
         _where(answer),
+        _what(answer),
         _before_and_after(answer, closings),
         _not_shown(answer),
         _next(answer),
@@ -51,15 +51,18 @@ def sentence(answer: Answer) -> str:
     """Return the verdict in one sentence."""
     gap = answer.gap
     shrink = f"the gap on {gap.held_out} data falls from {gap.before:.3g} % to {gap.after:.3g} % of the rms effort"
-    names = " and ".join(item.settings.name.replace("_", " ") for item in answer.effects)
+    names = _listed(answer)
     match answer.verdict:
         case "effect_found":
-            return f"The model misses {names}: with it, {shrink}."
+            those = "it" if len(answer.effects) == 1 else "them"
+            return f"The model misses {names}: with {those}, {shrink}."
         case "ambiguous":
-            others = ", ".join(sorted({o.replace("_", " ") for item in answer.effects for o in item.alternatives}))
-            return (
-                f"The model misses something like {names}, but these recordings cannot tell it from {others}; {shrink}."
+            doubts = " and ".join(
+                f"{item.settings.name} from {' or '.join(item.alternatives)}".replace("_", " ")
+                for item in answer.effects
+                if item.alternatives
             )
+            return f"The model misses something like {names}, but these recordings cannot tell {doubts}; {shrink}."
         case "unknown_effect":
             where = f", most visibly over {answer.located[0].coordinate}" if answer.located else ""
             return f"The model misses something that is not in the catalogue{where}; nothing was added."
@@ -69,6 +72,12 @@ def sentence(answer: Answer) -> str:
             return (
                 f"Nothing is missing that these recordings could show; the gap is {gap.before:.3g} % of the rms effort."
             )
+
+
+def _listed(answer: Answer) -> str:
+    """Return the effects' names as a person would list them."""
+    names = [item.settings.name.replace("_", " ") for item in answer.effects]
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def _what(answer: Answer) -> Section:
@@ -183,7 +192,7 @@ def _before_and_after(answer: Answer, closings: Sequence[Closing]) -> Section:
 
 def _map_before_and_after(answer: Answer) -> Picture:
     """Draw the residual over the coordinates that showed it most, without and with what was added."""
-    names = " and ".join(item.settings.name.replace("_", " ") for item in answer.effects)
+    names = _listed(answer)
     caption = f"Mean residual per bin on {answer.gap.held_out} data, as the model was and with {names}."
     pairs = list(zip(answer.located, answer.located_after, strict=True))
     with sheet("where_after", caption, rows=(len(pairs) + 1) // 2, columns=2, height=2.6) as drawn:
@@ -206,11 +215,11 @@ def _residuals(answer: Answer) -> Picture:
     with sheet("before_and_after", f"Residual on {gap.held_out} data.", rows=2, height=2.4, sharex=True) as drawn:
         start = 0.0
         for motion, one, other in zip(gap.motions, gap.residual_before, gap.residual_after, strict=True):
-            time = start + motion.thinned(motion.time)
+            time = start + motion.thinned(motion.time) - float(motion.time[0])
             drawn.axes[0].plot(time, one, color=REFERENCE, lw=0.7, label="before" if start == 0.0 else None)
             drawn.axes[0].plot(time, other, color=ESTIMATE, lw=0.7, label="after" if start == 0.0 else None)
             drawn.axes[1].plot(time, motion.thinned(motion.velocity), color=MEASURED, lw=0.8)
-            start += float(motion.time[-1])
+            start += float(motion.time[-1] - motion.time[0])
         drawn.axes[0].set_ylabel("residual [N]")
         drawn.axes[0].legend(loc="upper right")
         drawn.axes[1].set_ylabel("velocity [m/s]")

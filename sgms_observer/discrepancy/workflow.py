@@ -86,6 +86,7 @@ class Diagnosis:
         limit: how far parameters were let go, or None.
         gate: recordings to judge on with their floor.
         has_bent: whether nothing kept the refit from moving elements beyond belief.
+        unhomed: a sentence for each recording to judge on that counts its position from elsewhere.
     """
 
     verdict: str
@@ -104,6 +105,7 @@ class Diagnosis:
     limit: float | None = None
     gate: Gate | None = None
     has_bent: bool = False
+    unhomed: tuple[str, ...] = ()
 
 
 def diagnose(
@@ -175,14 +177,14 @@ def _searched(
         )
     if rounds[-1].listed and any(item.accepted for item in rounds):
         notes.append("something still stands out of the noise that no effect explains well enough to be named")
-    notes += unhomed([item.listed[0].refit.model for item in rounds if item.listed], state.gate)
+    elsewhere = unhomed([item.listed[0].refit.model for item in rounds if item.listed], state.gate)
     is_clear = len(state.current.effects) == len(own) and resolution is None
     deviation = None if not is_clear else named_deviation(state.nominal, after, options.tolerance)
     verdict = verdict_of(rounds, state.current, deviation, resolution, is_poor, state.gate, state.found)
     return Diagnosis(
         verdict, state.nominal, own, before, after, tuple(rounds), calibration, deviation, resolution,
-        state.refits.judged, state.recordings.motions, state.recordings.held_out, tuple(notes), limit, state.gate,
-        bool(has_bent),
+        state.refits.judged, state.recordings.motions, state.recordings.held_out, (*notes, *elsewhere), limit,
+        state.gate, bool(has_bent), tuple(elsewhere),
     )  # fmt: skip
 
 

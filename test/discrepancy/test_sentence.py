@@ -1,0 +1,29 @@
+"""The verdict in one sentence, as a machine builder reads it first."""
+
+from types import SimpleNamespace
+from typing import Any
+
+from sgms_observer.discrepancy.report import sentence
+from sgms_observer.settings.axis import EffectSettings
+
+
+def answer(verdict: str, **alternatives: tuple[str, ...]) -> Any:
+    """Return what the sentence needs of an answer."""
+    gap = SimpleNamespace(held_out="held-out", before=4.0, after=2.0)
+    effects = [
+        SimpleNamespace(settings=EffectSettings(name), alternatives=others) for name, others in alternatives.items()
+    ]
+    return SimpleNamespace(verdict=verdict, gap=gap, effects=effects, located=())
+
+
+def test_names_are_listed_as_a_person_lists_them() -> None:
+    one = sentence(answer("effect_found", cogging=()))
+    assert one.startswith("The model misses cogging: with it, the gap on held-out data falls from 4 % to 2 %")
+    three = sentence(answer("effect_found", cogging=(), actuator_delay=(), spring=()))
+    assert three.startswith("The model misses cogging, actuator delay and spring: with them")
+
+
+def test_what_cannot_be_told_is_said_of_the_effect_that_it_is_about() -> None:
+    doubtful = sentence(answer("ambiguous", cogging=(), stribeck=("eddy_current", "quadratic_drag")))
+    assert "something like cogging and stribeck, but" in doubtful
+    assert "cannot tell stribeck from eddy current or quadratic drag; the gap" in doubtful
