@@ -180,7 +180,9 @@ def _searched(
     elsewhere = unhomed([item.listed[0].refit.model for item in rounds if item.listed], state.gate)
     is_clear = len(state.current.effects) == len(own) and resolution is None
     deviation = None if not is_clear else named_deviation(state.nominal, after, options.tolerance)
-    verdict = verdict_of(rounds, state.current, deviation, resolution, is_poor, state.gate, state.found)
+    verdict = verdict_of(
+        rounds, state.current, deviation, resolution, is_poor, state.gate, state.found, (before, after)
+    )
     return Diagnosis(
         verdict, state.nominal, own, before, after, tuple(rounds), calibration, deviation, resolution,
         state.refits.judged, state.recordings.motions, state.recordings.held_out, (*notes, *elsewhere), limit,
@@ -257,7 +259,8 @@ def _as_it_is(state: State, own: Sequence[EffectSettings]) -> tuple[Refit, Refit
         before = refits.of(state.found.effects, None, steps)
         if len(state.current.effects) == len(own):
             return before, before
-        return before, refits.of(state.current.effects, None, steps_after)
+        tried = [refits.of(state.current.effects, start, steps_after) for start in (None, before.logs)]
+        return before, min(tried, key=lambda fit: fit.cost)
 
     limited = replace(state.refits, nominal=state.nominal)
     free = replace(limited, limit=None)
