@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sgms_observer.discrepancy.decide import ALARM_GAIN, Round
+from sgms_observer.discrepancy.decide import ALARM_GAIN, BOLD, Round
 from sgms_observer.discrepancy.fit import Refit, Refits
 from sgms_observer.discrepancy.gate import SURE, Gate, sureness
 
@@ -19,6 +19,8 @@ def pruned(
     gate: Gate,
 ) -> tuple[Refit, list[Round]]:
     """Return the fit and the rounds without effects that no longer take anything, here or on held-out data.
+
+    As when it was named, one that takes much here need only help there.
 
     Args:
         refits: to the recordings to learn from.
@@ -36,8 +38,9 @@ def pruned(
             break
         fewer = (*current.effects[:place], *current.effects[place + 1 :])
         without = refits.of(fewer, current.logs, STEPS)
-        is_needed = 2.0 * (without.cost - current.cost) > ALARM_GAIN
-        if is_needed and sureness(without.model, current.model, gate.motions) > SURE:
+        takes = 2.0 * (without.cost - current.cost)
+        needed = 0.0 if takes > BOLD else SURE
+        if takes > ALARM_GAIN and sureness(without.model, current.model, gate.motions) > needed:
             place += 1
             continue
         current, left[number] = without, replace(item, accepted=False)

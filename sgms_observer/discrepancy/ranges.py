@@ -53,6 +53,8 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
         return 0.05 * largest_reach(nominal.friction), np.inf
     if parameter == "attraction_rate":  # slower than a recording can tell
         return SLOWEST_LAG * nominal.friction.coulomb_force, np.inf
+    if name == MISSING_ELEMENT and parameter == "force":  # an element too many is the elements' own business
+        return 0.0, np.inf
     if name == MISSING_ELEMENT and parameter == "distance":  # what gives over millimetres is no contact
         return SHORTEST * largest_reach(nominal.friction), LONGEST_ELEMENT
     if parameter == "stop":  # softer is a missing element, not a wall
