@@ -35,6 +35,9 @@ STRUCTURAL_ALARM = {
 }
 """The same for effects that look like what few elements and an encoder's grid leave behind, which no twin of the
 nominal model has; half as much again as the largest seen on the tuning seeds with nothing hidden."""
+STRUCTURAL_LENGTH = 30.0
+"""Length of those recordings [s]. In a longer one, what returns in every second takes more in proportion; chance does
+not."""
 COARSE_ALARM = 10.0
 """Alarms count from this many times the threshold where the encoder itself is coarser than told."""
 ALARM_GAIN = 40.0
@@ -97,7 +100,8 @@ class Round:
 
 def alarm_threshold(name: str, calibration: Calibration) -> float:
     """Return the standardised gain from which an effect counts as an alarm."""
-    return max(STRUCTURAL_ALARM.get(name, ALARM), float(calibration.largest.max()))
+    structural = STRUCTURAL_ALARM.get(name, 0.0) * max(1.0, calibration.seconds / STRUCTURAL_LENGTH)
+    return max(structural, ALARM, float(calibration.largest.max()))
 
 
 def judge(

@@ -32,11 +32,13 @@ class Calibration:
         mean: of each effect's gain over the scale twins.
         spread: its standard deviation.
         largest: largest standardised gain of each threshold twin.
+        seconds: length of the recordings together [s].
     """
 
     mean: dict[str, float]
     spread: dict[str, float]
     largest: Floats
+    seconds: float
 
     def standardised(self, name: str, gain: float) -> float:
         """Return a gain in standard deviations above its mean by chance."""
@@ -99,7 +101,8 @@ def calibrate(screen: Screen, seed: int, workers: int, report: Callable[[float],
     mean = table[:SCALE_TWINS].mean(axis=0)
     spread = np.maximum(table[:SCALE_TWINS].std(axis=0, ddof=1), 1.0)
     largest = ((table[SCALE_TWINS:] - mean) / spread).max(axis=1) if names else np.zeros(THRESHOLD_TWINS)
-    return Calibration(dict(zip(names, mean, strict=True)), dict(zip(names, spread, strict=True)), largest)
+    seconds = sum(len(motion.time) * motion.period for motion in screen.judged.motions)
+    return Calibration(dict(zip(names, mean, strict=True)), dict(zip(names, spread, strict=True)), largest, seconds)
 
 
 def twin_residual(screen: Screen, rng: np.random.Generator) -> Floats:

@@ -8,13 +8,14 @@ import pytest
 from workflow_case import AXIS, FRICTION, record
 
 from sgms_observer.discrepancy import prune
-from sgms_observer.discrepancy.decide import BOLD, FAR, Round, verdict_of
+from sgms_observer.discrepancy.decide import ALARM, BOLD, FAR, STRUCTURAL_ALARM, Round, alarm_threshold, verdict_of
 from sgms_observer.discrepancy.fit import Refits, judged_with, refit
 from sgms_observer.discrepancy.gate import Gate
 from sgms_observer.discrepancy.model import Model
 from sgms_observer.discrepancy.motion import motion_of
 from sgms_observer.discrepancy.name import Candidate
 from sgms_observer.discrepancy.ranges import believable
+from sgms_observer.discrepancy.twins import Calibration
 from sgms_observer.discrepancy.workflow import Options, diagnose
 from sgms_observer.settings.axis import EffectSettings
 
@@ -62,6 +63,15 @@ def test_a_missing_element_may_close_the_gap_with_the_owners_elements() -> None:
 def test_a_gap_far_above_the_floor_is_not_nothing() -> None:
     for times, verdict in ((0.9, "no_effect"), (1.1, "unknown_effect")):
         assert said(dict.fromkeys((1.0, 2.0, 3.0, 4.0), times * FAR), None) == verdict
+
+
+def test_what_returns_every_second_may_take_more_in_a_longer_recording() -> None:
+    def threshold(name: str, seconds: float) -> float:
+        return alarm_threshold(name, Calibration({}, {}, np.array([7.0]), seconds))
+
+    assert threshold("presliding", 12.0) == threshold("presliding", 30.0) == STRUCTURAL_ALARM["presliding"]
+    assert threshold("presliding", 60.0) == 2.0 * STRUCTURAL_ALARM["presliding"]
+    assert threshold("cogging", 60.0) == ALARM  # nothing that a contact leaves behind looks like it
 
 
 def test_a_missing_element_is_one_too_few_never_one_too_many() -> None:
