@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -47,6 +48,8 @@ from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.settings.load import load_settings
+
+Floats = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parents[1]
 START = ROOT / "config" / "emps.yaml"
@@ -196,29 +199,49 @@ def diagnose(out: Path) -> list[str]:
     models = [Model.of(load_settings(config).axes[0]) for config in (START, augmented)]
     motions = {name: motion_of(read_records(out / name, "x")[0]) for name in FILES}
     for name, motion in motions.items():
-        before, after = (force_error(model, motion) for model in models)
+        before, after = (force_error(predict(model, motion).residual, motion) for model in models)
         lines.append(f"  relative force error, {name}: {before:.2f} % -> {after:.2f} %")
     if pitch_of(models[1]) is not None:
-        place = place_of(models[1], motions["pulses"], FIRST_STROKE)
-        rest = slice(round(FIRST_STROKE / PERIOD / DECIMATION), None)
-        before = force_error(models[0], motions["pulses"], rest)
-        after, there = (force_error(models[1], moved(motions["pulses"], by), rest) for by in (0.0, place))
-        lines.append(
-            f"  pulses, homed by the first stroke ({1e3 * place:.2f} mm along the screw from where the train record"
-            f" counts): the rest {before:.2f} % -> {after:.2f} % unhomed, {there:.2f} % homed"
-        )
+        lines.append(homed(models[0], models[1], motions["pulses"]))
     return lines
 
 
-def force_error(model: Model, motion: Motion, span: slice = slice(None)) -> float:
-    """Return the force error of a model in the published measure: filtered forwards and backwards, decimated [%].
+def homed(given: Model, augmented: Model, motion: Motion) -> str:
+    """Return what the augmented model leaves on a record whose place on the screw its first stroke tells.
+
+    Until that is over the place is not known, and the model does without its ripple: nothing is told ahead of time.
 
     Args:
-        model: friction and effects.
+        given: model as it was.
+        augmented: model with its ripple.
+        motion: of the record.
+    """
+    place = place_of(augmented, motion, FIRST_STROKE)
+    steady = [
+        item for item in augmented.effects if pitch_of(Model(augmented.mass, augmented.friction, (item,))) is None
+    ]
+    plain = replace(augmented, effects=tuple(steady))
+    there = predict(augmented, moved(motion, place)).residual
+    whole = np.where(motion.time < FIRST_STROKE, predict(plain, motion).residual, there)
+    rest = slice(round(FIRST_STROKE / PERIOD / DECIMATION), None)
+    as_given, as_is = (predict(model, motion).residual for model in (given, augmented))
+    later = [force_error(residual, motion, rest) for residual in (as_given, as_is, there)]
+    both = [force_error(residual, motion) for residual in (as_given, whole)]
+    return (
+        f"  pulses, homed by the first stroke ({1e3 * place:.2f} mm along the screw from where the train record"
+        f" counts): the rest {later[0]:.2f} % -> {later[1]:.2f} % unhomed, {later[2]:.2f} % homed; the whole, without"
+        f" ripple until the first stroke is over, {both[0]:.2f} % -> {both[1]:.2f} %"
+    )
+
+
+def force_error(residual: Floats, motion: Motion, span: slice = slice(None)) -> float:
+    """Return a force error in the published measure: filtered forwards and backwards, decimated [%].
+
+    Args:
+        residual: force that a model leaves unexplained, shape (n,) [N].
         motion: of the record.
         span: rows at 100 Hz to count.
     """
-    residual = predict(model, motion).residual
     rows = decimate_from_end(np.column_stack([residual, motion.effort])[BORDER:], DECIMATION)[span]
     return float(100.0 * np.linalg.norm(rows[:, 0]) / np.linalg.norm(rows[:, 1]))
 
