@@ -201,7 +201,7 @@ def diagnose(out: Path) -> list[str]:
     for name, motion in motions.items():
         before, after = (force_error(predict(model, motion).residual, motion) for model in models)
         lines.append(f"  relative force error, {name}: {before:.2f} % -> {after:.2f} %")
-    if pitch_of(models[1]) is not None:
+    if pitch_of(models[1].effects) is not None:
         lines.append(homed(models[0], models[1], motions["pulses"]))
     return lines
 
@@ -217,10 +217,7 @@ def homed(given: Model, augmented: Model, motion: Motion) -> str:
         motion: of the record.
     """
     place = place_of(augmented, motion, FIRST_STROKE)
-    steady = [
-        item for item in augmented.effects if pitch_of(Model(augmented.mass, augmented.friction, (item,))) is None
-    ]
-    plain = replace(augmented, effects=tuple(steady))
+    plain = replace(augmented, effects=tuple(item for item in augmented.effects if pitch_of([item]) is None))
     there = predict(augmented, moved(motion, place)).residual
     whole = np.where(motion.time < FIRST_STROKE, predict(plain, motion).residual, there)
     rest = slice(round(FIRST_STROKE / PERIOD / DECIMATION), None)

@@ -235,13 +235,15 @@ def refit(
     return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free)
 
 
+def units(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+    """Return the parameters that are a unit of others, (effect, parameter)."""
+    return [(i, j) for i, item in enumerate(effects) for j in UNITS.get(item.name, ())]
+
+
 def kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
     """Return the parameters that are never fitted: units of others, an absent second harmonic."""
-    kept = [(i, j) for i, item in enumerate(effects) for j in UNITS.get(item.name, ())]
-    for i, item in enumerate(effects):
-        if item.name == "cogging" and item.values[3] == 0.0:
-            kept += [(i, 3), (i, 4)]
-    return kept
+    absent = [i for i, item in enumerate(effects) if item.name == "cogging" and item.values[3] == 0.0]
+    return units(effects) + [(i, j) for i in absent for j in (3, 4)]
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from sgms_observer.discrepancy.gate import SURE, Gate, sureness_of
+from sgms_observer.discrepancy.gate import CLOSABLE, SURE, Gate, sureness_of
 from sgms_observer.discrepancy.model import Model, predict
 from sgms_observer.discrepancy.motion import Motion
 from sgms_observer.effects.catalogue import effect
+from sgms_observer.settings.axis import EffectSettings
 
 PITCH = "pitch"
 PLACES = 60
@@ -19,11 +20,11 @@ CLOSES = 0.5
 """A recording counts from elsewhere when another place closes this share of its closable squared residual."""
 
 
-def pitch_of(model: Model) -> float | None:
+def pitch_of(effects: Sequence[EffectSettings]) -> float | None:
     """Return the longest pitch of the effects that return with the position [m], or None where there is none."""
     pitches = [
         value
-        for item in model.effects
+        for item in effects
         for parameter, value in zip(effect(item.name).parameters, item.values, strict=True)
         if parameter.name == PITCH
     ]
@@ -51,7 +52,7 @@ def place_of(model: Model, motion: Motion, seconds: float | None = None) -> floa
     Raises:
         ValueError: no effect of the model returns with the position.
     """
-    pitch = pitch_of(model)
+    pitch = pitch_of(model.effects)
     if pitch is None:
         raise ValueError("no effect of the model returns with the position, so nothing tells the place")
     count = None if seconds is None else round(seconds / motion.residual_period)
@@ -71,18 +72,21 @@ def unhomed(models: Sequence[Model], gate: Gate) -> list[str]:
         models: the fits that were best in some round.
         gate: recordings to judge on.
     """
-    rippled = [model for model in models if pitch_of(model) is not None]
+    rippled = [model for model in models if pitch_of(model.effects) is not None]
     if not rippled or not gate.is_unseen:
         return []
     model = rippled[-1]
     said = []
     for motion in gate.motions:
+        before = motion.low_pass(predict(model, motion).residual)
+        closable = np.mean(before**2) - gate.floor**2
+        if closable < (CLOSABLE**2 - 1.0) * gate.floor**2:
+            continue
         place = place_of(model, motion)
         there = moved(motion, place)
-        before, after = (one.low_pass(predict(model, one).residual) for one in (motion, there))
-        here, elsewhere, floor = np.mean(before**2), np.mean(after**2), gate.floor**2
+        after = there.low_pass(predict(model, there).residual)
         is_sure = sureness_of([(before, after, motion.residual_period)]) > SURE
-        if is_sure and here - elsewhere > CLOSES * (here - floor):
+        if is_sure and np.mean(before**2) - np.mean(after**2) > CLOSES * closable:
             said.append(
                 f"{motion.name} fits if it counts its position from {1e3 * place:.3g} mm further along: home the axis"
                 " before each recording, or no effect that is bound to a place can be judged on it"

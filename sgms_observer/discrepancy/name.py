@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.discrepancy.fit import UNITS, Refit, Refits
+from sgms_observer.discrepancy.fit import UNITS, Refit, Refits, units
 from sgms_observer.discrepancy.level import PARTS_OF_THE_LEVEL, told, told_start
 from sgms_observer.discrepancy.model import KNEE, STATIC, VISCOUS
 from sgms_observer.discrepancy.ranges import believable
@@ -82,8 +82,7 @@ def fitted(refits: Refits, before: Refit, start: EffectSettings, columns: Floats
     """
     nominal = refits.nominal
     effects = (*before.effects, start)
-    fixed = [(len(effects) - 1, j) for j in FIXED_SHAPES.get(start.name, ())]
-    fixed += [(i, j) for i, e in enumerate(before.effects) for j in UNITS.get(e.name, ())]
+    fixed = [(len(effects) - 1, j) for j in FIXED_SHAPES.get(start.name, ())] + units(before.effects)
     found = refits.of(effects, told_start(before.logs, nominal, start), FIRST_STEPS, fixed, columns)
     if found.cost > before.cost:  # a column reaches only so far: start again near nothing
         weak = tuple(
@@ -143,8 +142,7 @@ def _with_second_harmonic(refits: Refits, found: Refit, columns: Floats) -> Refi
         last = found.effects[-1]
         values = (*last.values[:3], 0.1 * abs(last.values[0]), phase)
         effects = (*found.effects[:-1], replace(last, values=values))
-        units = [(i, j) for i, e in enumerate(effects) for j in UNITS.get(e.name, ())]
-        other = refits.of(effects, found.logs, 4, units, columns)
+        other = refits.of(effects, found.logs, 4, units(effects), columns)
         if other.cost < best.cost - 15.0:
             best = other
             break

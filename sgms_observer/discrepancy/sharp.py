@@ -15,6 +15,7 @@ from sgms_observer.discrepancy.gate import SURE, sureness
 from sgms_observer.discrepancy.motion import Motion
 
 STEPS = 6
+"""Steps of the fit with the sharp contact; it starts at the other one's solution."""
 
 
 def sharpened(refits: Refits, found: Refit, unseen: Sequence[Motion]) -> Refit | None:

@@ -74,13 +74,14 @@ def deviations(found: Refit, judged: Judged) -> Floats:
         return np.zeros(0)
     rows = len(found.residual)
     prior = found.jacobian[rows:]
-    inverse = np.linalg.pinv(found.jacobian.T @ found.jacobian)
+    normal = found.jacobian.T @ found.jacobian
+    inverse = np.linalg.pinv(normal)
     parts: list[Floats] = []
     columns = np.column_stack([found.jacobian[:rows], found.residual])
     for motion, series in zip(judged.motions, in_time(columns, judged), strict=True):
         blocks = max(2, int(len(motion.time) * motion.period / BLOCK))
         parts += np.array_split(series, blocks)
-    moved = left_out(parts, found.jacobian.T @ found.jacobian)
+    moved = left_out(parts, normal)
     scatter = (1.0 - 1.0 / len(parts)) * moved.T @ moved + inverse @ prior.T @ prior @ inverse
     variance = np.maximum(np.diag(scatter), np.diag(inverse))[-count:]
     errors = np.sqrt(np.maximum(variance, 0.0)) * found.scales

@@ -24,12 +24,12 @@ from sgms_observer.discrepancy.homing import unhomed
 from sgms_observer.discrepancy.lateness import late_effort
 from sgms_observer.discrepancy.model import KNEE, Model, largest_reach
 from sgms_observer.discrepancy.motion import HELD, Motion
-from sgms_observer.discrepancy.name import candidates
+from sgms_observer.discrepancy.name import POLISH, candidates
 from sgms_observer.discrepancy.prune import pruned
 from sgms_observer.discrepancy.record import Record
 from sgms_observer.discrepancy.rename import renamed
 from sgms_observer.discrepancy.screen import Screen
-from sgms_observer.discrepancy.state import STEPS, Recordings, State, started
+from sgms_observer.discrepancy.state import LIMITED, STEPS, Recordings, State, started
 from sgms_observer.discrepancy.structure import excess, frequencies
 from sgms_observer.discrepancy.timing import NOT_HELD
 from sgms_observer.discrepancy.tolerance import BEYOND_BELIEF, Deviation, is_beyond_belief, named_deviation
@@ -41,6 +41,8 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings
 Report = Callable[[str, float], None]
 
 MOST_EFFECTS = 3
+WITH_EFFECTS = 16
+"""Steps of the last fit, with the owner's own elements and the effects."""
 HARD = 1.2
 """Hard limit of parameters that have swallowed an effect, in tolerances."""
 BLIND = 0.1
@@ -255,19 +257,19 @@ def _reconsidered(
 def _as_it_is(state: State, own: Sequence[EffectSettings]) -> tuple[Refit, Refit, float | None]:
     """Return the refits with the owner's own elements, without and with the effects, and their limit if any."""
 
-    def both(refits: Refits, steps: int, steps_after: int) -> tuple[Refit, Refit]:
+    def both(refits: Refits, steps: int) -> tuple[Refit, Refit]:
         before = refits.of(state.found.effects, None, steps)
         if len(state.current.effects) == len(own):
             return before, before
-        tried = [refits.of(state.current.effects, start, steps_after) for start in (None, before.logs)]
+        tried = [refits.of(state.current.effects, start, WITH_EFFECTS) for start in (None, before.logs)]
         return before, min(tried, key=lambda fit: fit.cost)
 
     limited = replace(state.refits, nominal=state.nominal)
     free = replace(limited, limit=None)
-    before, after = both(free, 12, 16)
+    before, after = both(free, POLISH)
     if limited.limit is None or not is_beyond_belief(after, state.nominal, limited.tolerance):
         return before, after, None
-    return *both(limited, 9, 16), limited.limit
+    return *both(limited, LIMITED), limited.limit
 
 
 def axis_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:

@@ -45,5 +45,5 @@ def test_a_recording_that_counts_from_elsewhere_is_told_and_a_homed_one_is_not()
 
 def test_the_longest_pitch_counts() -> None:
     fine = EffectSettings("encoder_interpolation_error", (1e-8, 2.0e-5, 0.0))
-    assert pitch_of(RIPPLED.with_effects([fine])) == PITCH
-    assert pitch_of(Model.of(AXIS)) is None
+    assert pitch_of([COGGING, fine]) == PITCH
+    assert pitch_of([OFFSET]) is None
