@@ -286,12 +286,14 @@ class Refits:
         nominal: the given model.
         tolerance: of its parameters.
         freedom: nominal parameters that may move beyond the tolerance.
+        held: effects of the owner's file that keep their values.
     """
 
     judged: Judged
     nominal: Model
     tolerance: float
     freedom: Freedom = Freedom()
+    held: frozenset[str] = frozenset()
 
     def of(
         self,
@@ -310,5 +312,9 @@ class Refits:
             fixed: parameters that keep their value, see ``refit``; those that are never fitted if None.
             columns: derivatives by the nominal parameters where they are known, see ``refit``.
         """
-        still = kept(effects) if fixed is None else fixed
+        still = [*(kept(effects) if fixed is None else fixed), *self.held_parameters(effects)]
         return refit(self.judged, self.nominal, self.tolerance, effects, start, still, steps, columns, self.freedom)
+
+    def held_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+        """Return the parameters of effects that keep the values of the owner's file, (effect, parameter)."""
+        return [(i, j) for i, item in enumerate(effects) if item.name in self.held for j in range(len(item.values))]

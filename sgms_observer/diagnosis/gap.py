@@ -1,4 +1,4 @@
-"""The gap between simulation and measurement on recordings that were not used to fit."""
+"""The gap: measured minus predicted effort, on one band, over the rms measured effort of the same recordings."""
 
 from __future__ import annotations
 
@@ -8,50 +8,60 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.fit import Refits, judged_with
+from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.fit import Judged
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.workflow import Diagnosis
-from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.diagnosis.noise import Noise
+from sgms_observer.diagnosis.replicates import replicate_of
 
 Floats = NDArray[np.float64]
 
-BLOCK = 0.5
-"""Length of the bootstrap's blocks [s]."""
 DRAWS = 400
-CROSS_TOLERANCE = 0.05
-"""How far parameters may move from the fit of the whole when only one half is fitted."""
+"""Bootstrap draws of an interval."""
+FLOOR_REPLICATES = 3
+"""Simulated recordings with nothing hidden that the floor of noise and encoder is taken from."""
 
 
 @dataclass(frozen=True)
 class Gap:
-    """Gaps in per cent of the rms effort below the band.
+    """Gaps in per cent of the rms measured effort below the band.
 
     Attributes:
-        before: of the nominal model, refitted.
-        after: with the effects that were found.
-        floor: of the noise.
-        interval_after: 90 % interval by moving blocks.
+        given: of the file as it is.
+        before: of the file refitted within its tolerance.
+        after: with what was found.
+        floor: what no predictor removes.
+        interval_before, interval_after: 90 % intervals by moving blocks.
         held_out: which data: ``held-out`` recordings, or ``cross-validated`` halves of the recordings themselves.
-        steps: gap after each effect, the first entry before any.
-        residual_before, residual_after: residuals they are made of, one per motion [N].
-        motions: the motions they belong to.
+        band: residuals are judged below this frequency [Hz].
+        min_over_floor: below this multiple of the floor nothing is closable.
     """
 
+    given: float
     before: float
     after: float
     floor: float
+    interval_before: tuple[float, float]
     interval_after: tuple[float, float]
     held_out: str
-    steps: tuple[float, ...]
-    residual_before: tuple[Floats, ...]
-    residual_after: tuple[Floats, ...]
-    motions: tuple[Motion, ...]
+    band: float
+    min_over_floor: float
+
+    @property
+    def named(self) -> float:
+        """Return the part that what was found closes: named^2 = before^2 - after^2 [%]."""
+        return float(np.sqrt(max(0.0, self.before**2 - self.after**2)))
+
+    @property
+    def predictable(self) -> float:
+        """Return the part that could be predicted and has no name: predictable^2 = after^2 - floor^2 [%]."""
+        return float(np.sqrt(max(0.0, self.after**2 - self.floor**2)))
 
     @property
     def closure(self) -> float | None:
-        """Share of the closable gap that was closed, or None where there is nothing to close."""
-        if self.before <= 1.02 * self.floor:
+        """Return (before - after) / (before - floor), or None where there is nothing to close."""
+        if self.before <= self.min_over_floor * self.floor:
             return None
         return (self.before - self.after) / (self.before - self.floor)
 
@@ -61,46 +71,59 @@ def residuals(model: Model, motions: Sequence[Motion]) -> tuple[Floats, ...]:
     return tuple(motion.low_pass(predict(model, motion).residual) for motion in motions)
 
 
-def relative(parts: Sequence[Floats], motions: Sequence[Motion]) -> float:
-    """Return rms residual over rms effort [%]."""
-    effort = np.concatenate([motion.low_pass(motion.effort) for motion in motions])
-    return 100.0 * float(np.sqrt(np.mean(np.concatenate(parts) ** 2) / np.mean(effort**2)))
+def effort_rms(motions: Sequence[Motion]) -> float:
+    """Return the rms measured effort below the band [N]."""
+    return rms([motion.low_pass(motion.effort) for motion in motions])
 
 
-def measure(found: Diagnosis, before: Model, after: Model, stages: Sequence[Model], seed: int) -> Gap:
-    """Measure the gap before and after.
+def rms(parts: Sequence[Floats]) -> float:
+    """Return the root of the mean square of all parts."""
+    return float(np.sqrt(np.mean(np.square(np.concatenate(list(parts))))))
+
+
+def interval(parts: Sequence[Floats], motions: Sequence[Motion], criteria: Criteria, seed: int) -> tuple[float, float]:
+    """Return the 90 % interval of the rms residual by moving blocks [%].
 
     Args:
-        found: the diagnosis.
-        before: nominal model, refitted.
-        after: model with the effects.
-        stages: models after each effect but the last.
+        parts: residual of each motion [N].
+        motions: the motions.
+        criteria: length of a block.
         seed: of the bootstrap.
+
+    Source: Kuensch 1989, Annals of Statistics 17(3).
     """
-    if found.held_out:
-        motions: tuple[Motion, ...] = found.held_out
-        one, other = residuals(before, motions), residuals(after, motions)
-        steps = [relative(one, motions), *(relative(residuals(m, motions), motions) for m in stages)]
-        label = "held-out"
-    else:
-        motions = tuple(half for motion in found.motions for half in halves(motion))
-        one = _crossed(found, motions, before, before.effects)
-        other = _crossed(found, motions, after, after.effects)
-        steps = [relative(one, motions)] * (1 + len(stages))
-        label = "cross-validated"
-    noise = max(item.rms for item in found.judged.noise)
-    effort = np.concatenate([motion.low_pass(motion.effort) for motion in motions])
-    gap_after = relative(other, motions)
-    floor = min(100.0 * noise / float(np.sqrt(np.mean(effort**2))), gap_after)
-    return Gap(
-        relative(one, motions), gap_after, floor, _interval(other, motions, seed), label, (*steps, gap_after), one,
-        other,
-        motions,
-    )  # fmt: skip
+    rng = np.random.default_rng([seed, 77])
+    squares = np.concatenate([part**2 for part in parts])
+    length = max(1, int(criteria.block / motions[0].residual_period))
+    count = max(1, len(squares) // length)
+    sums = np.concatenate(([0.0], np.cumsum(squares)))
+    starts = rng.integers(0, max(1, len(squares) - length), size=(DRAWS, count))
+    means = (sums[starts + length] - sums[starts]).sum(axis=1) / (count * length)
+    low, high = np.quantile(100.0 * np.sqrt(means) / effort_rms(motions), [0.05, 0.95])
+    return float(low), float(high)
+
+
+def noise_floor(motions: Sequence[Motion], model: Model, noise: Sequence[Noise], seed: int) -> float:
+    """Return the rms residual that noise and the encoder's grid alone leave to a perfect model [N].
+
+    Args:
+        motions: recordings.
+        model: any model of about the right friction.
+        noise: of the recordings to learn from; the loudest counts.
+        seed: of all chance.
+    """
+    loudest = max(noise, key=lambda item: item.rms)
+    parts = []
+    for number in range(FLOOR_REPLICATES):
+        rng = np.random.default_rng([seed, 79, number])
+        for motion in motions:
+            simulated = replicate_of(motion, model, loudest, rng)
+            parts.append(simulated.low_pass(predict(model, simulated).residual))
+    return rms(parts)
 
 
 def halves(motion: Motion) -> tuple[Motion, Motion]:
-    """Return the two halves of a motion; effects in time and travel start anew in the second."""
+    """Return the two halves of a motion; effects in travel start anew in the second."""
     middle = len(motion.time) // 2
     cuts = (slice(0, middle), slice(middle, None))
     listed = [(field.name, getattr(motion, field.name)) for field in fields(motion)]
@@ -112,30 +135,6 @@ def halves(motion: Motion) -> tuple[Motion, Motion]:
     return first, second
 
 
-def _crossed(
-    found: Diagnosis, motions: Sequence[Motion], start: Model, effects: Sequence[EffectSettings]
-) -> tuple[Floats, ...]:
-    """Return the residual of each half with parameters fitted on the other halves."""
-    parts: list[Floats] = [np.zeros(0)] * len(motions)
-    for side in (0, 1):
-        learn = tuple(motions[i] for i in range(len(motions)) if i % 2 == side)
-        refits = Refits(judged_with(learn, start), Model(start.mass, start.friction), CROSS_TOLERANCE)
-        again = refits.of(effects, None, 4)
-        for i in range(len(motions)):
-            if i % 2 != side:
-                parts[i] = residuals(again.model, (motions[i],))[0]
-    return tuple(parts)
-
-
-def _interval(parts: Sequence[Floats], motions: Sequence[Motion], seed: int) -> tuple[float, float]:
-    """Return the 90 % interval of the gap by moving blocks."""
-    rng = np.random.default_rng([seed, 77])
-    squares = np.concatenate([part**2 for part in parts])
-    effort = np.concatenate([motion.low_pass(motion.effort) for motion in motions])
-    length = max(1, int(BLOCK / motions[0].residual_period))
-    count = max(1, len(squares) // length)
-    sums = np.concatenate(([0.0], np.cumsum(squares)))
-    starts = rng.integers(0, max(1, len(squares) - length), size=(DRAWS, count))
-    means = (sums[starts + length] - sums[starts]).sum(axis=1) / (count * length)
-    low, high = np.quantile(100.0 * np.sqrt(means / np.mean(effort**2)), [0.05, 0.95])
-    return float(low), float(high)
+def loudest_rms(judged: Judged) -> float:
+    """Return the rms of the loudest noise [N]."""
+    return max(item.rms for item in judged.noise)

@@ -1,55 +1,46 @@
-"""The workflow: refit the nominal model, calibrate on null twins, name, refit fully, repeat, judge on held-out data."""
+"""The workflow: refit the file, add the hypothesis that predicts best what it was not fitted to, repeat, judge the whole."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
 
 from sgms_observer.diagnosis import audit
-from sgms_observer.diagnosis.decide import (
-    ALARM_GAIN,
-    COARSE_ALARM,
-    LOUD,
-    NAMING,
-    Round,
-    alarm_threshold,
-    judge,
-    verdict_of,
+from sgms_observer.diagnosis.candidates import LAST_STEPS, Candidate, effect_candidates, to_the_end
+from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
+from sgms_observer.diagnosis.decision import (
+    CHANGED,
+    Court,
+    Decision,
+    alternatives,
+    changed_refits,
+    decide,
+    evidence_of,
+    held_judged,
 )
-from sgms_observer.diagnosis.fit import ELEMENT_SLACK, Judged, Refit, Refits
-from sgms_observer.diagnosis.gate import Gate
-from sgms_observer.diagnosis.homing import unhomed
-from sgms_observer.diagnosis.lateness import late_effort
-from sgms_observer.diagnosis.model import KNEE, Model, largest_reach
-from sgms_observer.diagnosis.motion import HELD, Motion
-from sgms_observer.diagnosis.name import POLISH, candidates
-from sgms_observer.diagnosis.prune import pruned
+from sgms_observer.diagnosis.evidence import improvement
+from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import BAND, HELD, Motion, motion_of
 from sgms_observer.diagnosis.record import Record
-from sgms_observer.diagnosis.rename import renamed
-from sgms_observer.diagnosis.screen import Screen
-from sgms_observer.diagnosis.state import LIMITED, STEPS, Recordings, State, started
-from sgms_observer.diagnosis.structure import excess, frequencies
-from sgms_observer.diagnosis.timing import NOT_HELD
-from sgms_observer.diagnosis.tolerance import BEYOND_BELIEF, Deviation, is_beyond_belief, named_deviation
-from sgms_observer.diagnosis.twins import Calibration, calibrate
+from sgms_observer.diagnosis.screen import Look, Screen
+from sgms_observer.diagnosis.timing import NOT_HELD, timing
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
+from sgms_observer.errors import DataError
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 Report = Callable[[str, float], None]
 
-MOST_EFFECTS = 3
-WITH_EFFECTS = 16
-"""Steps of the last fit, with the owner's own elements and the effects."""
-HARD = 1.2
-"""Hard limit of parameters that have swallowed an effect, in tolerances."""
-BLIND = 0.1
-"""An encoder whose grid is coarser than told, and this share of the contact's largest reach, does not show the motion
-that the contact felt: nothing else is named until its resolution is set right."""
-NEVER_SEARCHED = ("actuator_gain", "mass_error", "quantisation")
-"""Effects that are judged by the parameters' tolerance or read off the data, not by the residual."""
+STEPS = 6
+"""Steps of a fit from a point that was not fitted to these recordings,"""
+AGAIN = 4
+"""and of one after the noise was fitted anew."""
+READ_OFF = ("quantisation", "learnt_map")
+"""Effects that are read off the data, or made of them, and not searched."""
 
 
 @dataclass(frozen=True)
@@ -57,14 +48,106 @@ class Options:
     """How to run.
 
     Attributes:
-        tolerance: largest relative error of the nominal parameters that their owner expects.
+        tolerance: largest relative error of the file's values that its owner expects.
         seed: of all chance.
         workers: threads.
+        band: residuals are judged below this frequency [Hz]; 0 chooses it from rate and encoder.
+        criteria: thresholds of every test.
     """
 
     tolerance: float = 0.05
     seed: int = 1
     workers: int = 2
+    band: float = 0.0
+    criteria: Criteria = Criteria()
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """Recordings as they are read now.
+
+    Attributes:
+        records: to learn from.
+        holdouts: to judge on; may be empty.
+        told: how late the settings say the effort arrives, in samples.
+        lag: how late it is taken to arrive, in samples.
+        band: residuals are judged below this frequency [Hz].
+    """
+
+    records: tuple[Record, ...]
+    holdouts: tuple[Record, ...]
+    told: float
+    lag: float
+    band: float
+
+    def motions(self) -> tuple[Motion, ...]:
+        """Return the recordings to learn from, filtered."""
+        return tuple(motion_of(record, self.lag, self.band) for record in self.records)
+
+    def held_out(self) -> tuple[Motion, ...]:
+        """Return the recordings to judge on, filtered."""
+        return tuple(motion_of(record, self.lag, self.band) for record in self.holdouts)
+
+
+@dataclass(frozen=True)
+class State:
+    """What is believed of an axis and its recordings.
+
+    Attributes:
+        recordings: as they are read now.
+        learn: recordings to learn from, filtered.
+        held: held-out recordings, filtered.
+        refits: how the model is fitted: noise, freedom, effects of the file that keep their values.
+        current: the fit.
+    """
+
+    recordings: Recordings
+    learn: tuple[Motion, ...]
+    held: tuple[Motion, ...]
+    refits: Refits
+    current: Refit
+
+    def refitted(self, start: Refit, steps: int) -> State:
+        """Return the state fitted on from ``start``, with the noise that this one leaves."""
+        refits = replace(self.refits, judged=judged_with(self.learn, start.model))
+        return replace(self, refits=refits, current=refits.of(start.effects, start.logs, steps))
+
+    def timed(self) -> State:
+        """Return the state with the effort at the time that the recordings show."""
+        state = self
+        for _ in range(2):
+            lag = timing(state.refits.judged, state.current, state.recordings.lag, state.recordings.told)
+            if lag == state.recordings.lag:
+                break
+            recordings = replace(state.recordings, lag=lag)
+            state = replace(state, recordings=recordings, learn=recordings.motions(), held=recordings.held_out())
+            state = state.refitted(state.current, AGAIN)
+        return state
+
+    def court(self, options: Options) -> Court:
+        """Return the recordings that evidence is taken from."""
+        judged = self.refits.judged
+        judge = self.held or self.learn
+        floor = noise_floor(judge, self.current.model, judged.noise, options.seed)
+        held = held_judged(self.held, judged, self.current.model)
+        return Court(self.learn, judge, judged, held, floor, options.criteria, options.seed)
+
+
+@dataclass(frozen=True)
+class Round:
+    """One pass through the loop.
+
+    Attributes:
+        looks: first look at every effect.
+        decisions: hypotheses that were fitted to the end, the best predicting first.
+        accepted: the one that was added, or None.
+        alternatives: names that the data do not tell from it.
+    """
+
+    looks: dict[str, Look]
+    decisions: tuple[Decision, ...]
+    accepted: Decision | None
+    alternatives: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -72,42 +155,39 @@ class Diagnosis:
     """Everything the run decided.
 
     Attributes:
-        verdict: see docs/discrepancy.md.
         nominal: the given model without its effects.
         own: the effects it was given with.
-        before: refit of the nominal model alone, with its own number of elements.
-        after: refit with the effects that were found; ``before`` when there are none.
+        found: state after the refit within the tolerance.
+        state: state with everything that was accepted.
+        before: refit of the model with its own elements.
+        after: the same with everything that was accepted.
         rounds: passes through the loop.
-        calibration: twins of the nominal model.
-        deviation: mass error or actuator gain, or None.
-        resolution: coarser encoder step than the settings say [m], or None.
-        judged: recordings as judged in the end.
-        motions: recordings to learn from.
-        held_out: recordings to judge on.
-        notes: sentences of the audit.
-        limit: how far parameters were let go, or None.
-        gate: recordings to judge on with their floor.
-        has_bent: whether nothing kept the refit from moving elements beyond belief.
-        unhomed: a sentence for each recording to judge on that counts its position from elsewhere.
+        court: recordings that evidence was taken from, with the noise that is left in the end.
+        resolution: coarser encoder step than the settings say [its unit], or None.
+        notes: sentences about the recordings.
+        warnings: what must not be overlooked.
+        is_poor: whether the recordings cannot show anything.
+        tests: tests of the whole model.
     """
 
-    verdict: str
     nominal: Model
     own: tuple[EffectSettings, ...]
+    found: State
+    state: State
     before: Refit
     after: Refit
     rounds: tuple[Round, ...]
-    calibration: Calibration
-    deviation: Deviation | None
+    court: Court
     resolution: float | None
-    judged: Judged
-    motions: tuple[Motion, ...]
-    held_out: tuple[Motion, ...]
     notes: tuple[str, ...] = field(default=())
-    limit: float | None = None
-    gate: Gate | None = None
-    has_bent: bool = False
-    unhomed: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = field(default=())
+    is_poor: bool = False
+    tests: tuple[Test, ...] = field(default=())
+
+    @property
+    def accepted(self) -> list[Round]:
+        """Return the rounds that added an effect of the catalogue."""
+        return [item for item in self.rounds if item.accepted and item.accepted.candidate.settings is not None]
 
 
 def diagnose(
@@ -119,12 +199,9 @@ def diagnose(
 ) -> Diagnosis:
     """Find what the model of an axis misses.
 
-    Where no effect explains what is left, and the refit had moved elements beyond belief, they may have swallowed what
-    is searched for: then the search is made once more with a hard limit, and counts if it finds a name.
-
     Args:
         records: recordings to learn from.
-        holdouts: recordings to judge on; a part of the first ones if empty.
+        holdouts: recordings to judge on; parts of the first ones in turn if empty.
         axis: settings with the nominal model.
         options: how to run.
         report: called with what is being done and the share that is done.
@@ -132,146 +209,213 @@ def diagnose(
     Raises:
         DataError: the recordings cannot be judged at all.
     """
-    found = _searched(records, holdouts, axis, options, report, is_limited=False)
-    if found.verdict == "unknown_effect" and found.has_bent:
-        again = _searched(records, holdouts, axis, options, report, is_limited=True)
-        found = again if again.verdict in NAMING else found
-    return found
-
-
-def _searched(
-    records: Sequence[Record],
-    holdouts: Sequence[Record],
-    axis: AxisSettings,
-    options: Options,
-    report: Report,
-    is_limited: bool,
-) -> Diagnosis:
-    """Run the workflow once; arguments as ``diagnose``, and whether the refit is limited from the beginning."""
     report("audit", 0.0)
     told = HELD if axis.filter.effort_is_held else 0.0
-    recordings = Recordings(tuple(records), tuple(holdouts), told, told)
-    notes, is_poor = audit.findings(recordings.motions, axis)
-    resolution = audit.coarser_grid(recordings.motions, axis.stage.encoder.resolution)
-    nominal, own = replace(Model.of(axis), effects=()), axis_effects(axis)
-    report("refit of the nominal model", 0.03)
-    state = started(recordings, nominal, own, options.tolerance, options.seed)
-    if axis.filter.effort_is_held and state.recordings.lag < NOT_HELD:
-        notes.append("the effort acts at its stamp, not until the next one: set filter.effort_is_held to false")
-    is_hard = is_limited or is_beyond_belief(state.found, state.refits.nominal, options.tolerance)
-    moved = np.max(np.abs(state.found.logs[KNEE + 1 :]))
-    has_bent = not is_hard and moved > BEYOND_BELIEF * options.tolerance * ELEMENT_SLACK
-    if is_hard:
-        state = state.limited(HARD * options.tolerance)
-    state = state.with_floor()
-    names = [name for name in catalogue_names() if name not in NEVER_SEARCHED]
-    names = [name for name in names if name not in {item.name for item in own}]
-    if is_poor or (resolution is not None and resolution > BLIND * largest_reach(nominal.friction)):
-        names = []
-    state, rounds, calibration = _looked(state, names, resolution is not None, options, report)
-    state, rounds = _reconsidered(state, rounds, calibration, options.workers)
-    report("refit of the model as it is", 0.9)
-    before, after, limit = _as_it_is(state, own)
-    if state.nominal.is_sharp:
-        notes.append(
-            "the contact sticks and slips more sharply than S-GMS lets it, and was judged so:"
-            " model: gms with a high attraction_rate may fit better"
-        )
-    if rounds[-1].listed and any(item.accepted for item in rounds):
-        notes.append("something still stands out of the noise that no effect explains well enough to be named")
-    elsewhere = unhomed([item.listed[0].refit.model for item in rounds if item.listed], state.gate)
-    is_clear = len(state.current.effects) == len(own) and resolution is None
-    deviation = None if not is_clear else named_deviation(state.nominal, after, options.tolerance)
-    verdict = verdict_of(
-        rounds, state.current, deviation, resolution, is_poor, state.gate, state.found, (before, after)
+    band = options.band or BAND
+    recordings = Recordings(tuple(records), tuple(holdouts), told, told, band)
+    learn, held = recordings.motions(), recordings.held_out()
+    if not learn:
+        raise DataError("no recording is long enough to learn from; record at least 3 s without a pause")
+    audited = audit.audit(learn, axis)
+    nominal, own = replace(Model.of(axis), effects=()), own_effects(axis)
+    report("refit of the file within its tolerance", 0.03)
+    fine = nominal.refined()
+    error = rms(residuals(fine.with_effects(own), learn))
+    fine = replace(fine, force_error=error)
+    refits = Refits(
+        judged_with(learn, fine.with_effects(own)), fine, options.tolerance, held=frozenset(item.name for item in own)
     )
+    state = State(recordings, learn, held, refits, refits.of(own, None, STEPS))
+    state = state.refitted(state.current, AGAIN).timed()
+    state = state.refitted(state.current, AGAIN)
+    state = with_force_error(state)
+    notes = list(audited.notes)
+    if axis.filter.effort_is_held and state.recordings.lag < NOT_HELD:
+        notes.append("the effort is not held between samples: set filter.effort_is_held to false")
+    found, rounds = state, ()
+    if not audited.is_poor:
+        state, rounds = _search(state, own, options, report)
+        state, rounds = _pruned(state, rounds, options)
+    report("refit of the file's own elements", 0.85)
+    before, after = _as_written(found, state, nominal, options)
+    court = state.court(options)
     return Diagnosis(
-        verdict, state.nominal, own, before, after, tuple(rounds), calibration, deviation, resolution,
-        state.refits.judged, state.recordings.motions, state.recordings.held_out, (*notes, *elsewhere), limit,
-        state.gate, bool(has_bent), tuple(elsewhere),
+        nominal, own, found, state, before, after, tuple(rounds), court, audited.resolution, tuple(notes),
+        audited.warnings, audited.is_poor,
     )  # fmt: skip
 
 
-def _looked(
-    state: State, names: Sequence[str], is_coarse: bool, options: Options, report: Report
-) -> tuple[State, list[Round], Calibration]:
-    """Look for one effect after another, until nothing stands out or the best candidate is refused.
+def with_force_error(state: State) -> State:
+    """Return the state in which the corner of a dead zone's inverse is as round as the needed force is uncertain."""
+    error = rms(residuals(state.current.model, state.learn))
+    fine = replace(state.refits.nominal, force_error=error)
+    model = replace(state.current.model, force_error=error)
+    return replace(
+        state, refits=replace(state.refits, nominal=fine), current=replace(state.current, model=model)
+    )
+
+
+def _search(
+    state: State, own: Sequence[EffectSettings], options: Options, report: Report
+) -> tuple[State, tuple[Round, ...]]:
+    """Add one hypothesis after another, as long as one passes every test."""
+    rounds: list[Round] = []
+    names = [name for name in catalogue_names() if name not in READ_OFF]
+    changed = list(CHANGED)
+    most = options.criteria.max_effects + len(changed)
+    for number in range(most):
+        share = 0.1 + 0.7 * number / most
+        report(f"first look at {len(names)} effects", share)
+        refits, current = state.refits, state.current
+        court = state.court(options)
+        earlier = evidence_of(current, court)
+        screen = Screen(refits.judged, current, options.tolerance, refits.freedom, names, options.workers)
+        report("full fits", share + 0.02)
+        listed = effect_candidates(refits, screen, current, options.workers, MOST)
+        listed += [changed_candidate(refits, current, name) for name in changed if is_possible(refits, name)]
+        decisions = [decide(item, current, earlier, court) for item in listed if item.refit.cost < current.cost]
+        decisions.sort(key=lambda item: -item.improvement.fall)
+        best = chosen(decisions, options.criteria)
+        if best is None or sum(item.accepted is not None for item in rounds) >= most:
+            rounds.append(Round(screen.looks, tuple(decisions), None, ()))
+            break
+        rounds.append(
+            Round(screen.looks, tuple(decisions), best, alternatives(best, decisions, options.criteria))
+        )
+        state = replace(state, refits=replace(best.candidate.refits, judged=refits.judged), current=best.candidate.refit)
+        state = with_force_error(state.refitted(state.current, STEPS).timed())
+        names = [name for name in names if name != best.candidate.name]
+        changed = [name for name in changed if name != best.candidate.name]
+        if sum(item.candidate.settings is not None for item in (r.accepted for r in rounds) if item) >= (
+            options.criteria.max_effects
+        ):
+            break
+    return state, tuple(rounds)
+
+
+MOST = 5
+"""Effects of the catalogue that are compared in one round."""
+
+
+def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None:
+    """Return the hypothesis to add: what predicts best of those that pass every test.
+
+    Where the data do not tell it from a hypothesis that moves fewer values, that one is added: an effect by name before
+    values of the file that are let go.
 
     Args:
-        state: with the nominal refit.
-        names: effects to look for.
-        is_coarse: whether the encoder is coarser than told.
-        options: how to run.
-        report: called with what is being done and the share that is done.
+        decisions: the best predicting first.
+        criteria: thresholds.
     """
-    rounds: list[Round] = []
-    calibration: Calibration | None = None
-    for number in range(MOST_EFFECTS + 1):
-        report(f"first look at {len(names)} effects", 0.15 + 0.2 * number)
-        judged, current, gate = state.refits.judged, state.current, state.gate
-        screen = Screen(judged, current, options.tolerance, names)
-        if calibration is None:
-            calibration = calibrate(
-                screen, options.seed, options.workers, lambda share: report("null twins", 0.2 + 0.1 * share)
-            )
-        gains = screen.gains()
-        scores = {name: calibration.standardised(name, gains[name][0]) for name in names}
-        now = excess(current.residual, frequencies(judged))
-        raised = COARSE_ALARM if is_coarse else 1.0
-        strong = [
-            name
-            for name in names
-            if scores[name] > raised * alarm_threshold(name, calibration) and gains[name][0] > ALARM_GAIN
-        ]
-        is_loud = now.sum() > 0.0 and not is_coarse and bool(names)
-        is_loud = is_loud and gate.gap(current.model) > LOUD * gate.floor
-        if not (strong or is_loud) or number == MOST_EFFECTS:
-            rounds.append(Round(screen, scores, (), now, now, False, ()))
-            break
-        report("full refits", 0.32 + 0.2 * number)
-        listed = candidates(state.refits, screen, current, options.workers)
-        step = judge(screen, scores, listed, now, current, rounds, strong, gate)
-        rounds.append(step)
-        if not step.accepted:
-            break
-        state = state.with_effect(step.listed[0].refit)
-        names = [name for name in names if name != step.listed[0].name]
-    assert calibration is not None
-    return state, rounds, calibration
+    passed = [item for item in decisions if item.passed]
+    if not passed:
+        return None
+    best = passed[0]
+    if best.candidate.settings is not None:
+        return best
+    for item in passed[1:]:
+        apart = improvement(item.evidence.all, best.evidence.all).z_score
+        if item.candidate.parameter_count < best.candidate.parameter_count and apart < criteria.min_z_score:
+            return item
+    return best
 
 
-def _reconsidered(
-    state: State, rounds: list[Round], calibration: Calibration, workers: int
-) -> tuple[State, list[Round]]:
-    """Return the state and the rounds after every name was weighed again beside all the others, time last of all."""
-    current, rounds = pruned(state.refits, state.current, rounds, state.gate)
-    current, rounds = renamed(state.refits, current, rounds, state.gate, workers)
-    late = late_effort(state.refits, current, rounds, calibration, state.gate)
-    if late is not None:
-        rounds.insert(len(rounds) - 1, late)  # the last one is the look in which it was seen
-        best = late.listed[0].refit
-        current = state.refits.of(best.effects, best.logs, STEPS)
-    return replace(state, current=current), rounds
+def is_possible(refits: Refits, name: str) -> bool:
+    """Return whether values of the file can still be let go."""
+    if name == CHANGED[0]:
+        return not refits.freedom.friction
+    if name == CHANGED[1]:
+        return not refits.freedom.elements
+    return refits.nominal.friction.model != "gms" and not refits.nominal.is_sharp
 
 
-def _as_it_is(state: State, own: Sequence[EffectSettings]) -> tuple[Refit, Refit, float | None]:
-    """Return the refits with the owner's own elements, without and with the effects, and their limit if any."""
+def changed_candidate(refits: Refits, current: Refit, name: str) -> Candidate:
+    """Return the hypothesis that values of the owner's file changed.
 
-    def both(refits: Refits, steps: int) -> tuple[Refit, Refit]:
-        before = refits.of(state.found.effects, None, steps)
-        if len(state.current.effects) == len(own):
-            return before, before
-        tried = [refits.of(state.current.effects, start, WITH_EFFECTS) for start in (None, before.logs)]
-        return before, min(tried, key=lambda fit: fit.cost)
-
-    limited = replace(state.refits, nominal=state.nominal)
-    free = replace(limited, limit=None)
-    before, after = both(free, POLISH)
-    if limited.limit is None or not is_beyond_belief(after, state.nominal, limited.tolerance):
-        return before, after, None
-    return *both(limited, LIMITED), limited.limit
+    Args:
+        refits: so far.
+        current: fit so far.
+        name: one of ``CHANGED``.
+    """
+    free = changed_refits(refits, name)
+    found = free.of(current.effects, current.logs, LAST_STEPS)
+    return Candidate(name, free, found, 1)
 
 
-def axis_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:
+def _pruned(state: State, rounds: Sequence[Round], options: Options) -> tuple[State, tuple[Round, ...]]:
+    """Leave each effect out once: what predicts no worse without it goes.
+
+    Args:
+        state: with everything that was accepted.
+        rounds: passes so far.
+        options: how to run.
+    """
+    kept = list(rounds)
+    named = [item for item in rounds if item.accepted and item.accepted.candidate.settings is not None]
+    if len(named) < 2:
+        return state, tuple(kept)
+    for item in named[:-1]:
+        assert item.accepted is not None
+        name = item.accepted.candidate.name
+        court = state.court(options)
+        full = evidence_of(to_the_end(state.refits, state.current), court)
+        effects = tuple(one for one in state.current.effects if one.name != name)
+        without = state.refits.of(effects, state.current.logs, LAST_STEPS)
+        gain = improvement(evidence_of(without, court).all, full.all)
+        test = at_least(name, "z-score beside the other effects", gain.z_score, options.criteria.min_z_score)
+        place = kept.index(item)
+        decision = replace(item.accepted, tests=(*item.accepted.tests, test))
+        if test.passed:
+            kept[place] = replace(item, accepted=decision)
+            continue
+        listed = tuple(decision if one.candidate.name == name else one for one in item.decisions)
+        kept[place] = replace(item, accepted=None, decisions=listed)
+        state = state.refitted(without, AGAIN)
+    return state, tuple(kept)
+
+
+def _as_written(found: State, state: State, nominal: Model, options: Options) -> tuple[Refit, Refit]:
+    """Return the fits with the owner's own elements, without and with what was accepted.
+
+    Args:
+        found: state after the refit within the tolerance.
+        state: state with everything that was accepted.
+        nominal: the model as it is given.
+        options: how to run.
+    """
+    plain = replace(nominal, force_error=found.current.model.force_error)
+    first = replace(found.refits, nominal=plain, judged=judged_with(found.learn, found.current.model))
+    before = first.of(found.current.effects, None, LAST_STEPS)
+    if state is found:
+        return before, before
+    later = replace(plain, is_sharp=state.refits.nominal.is_sharp, force_error=state.current.model.force_error)
+    if state.refits.freedom.elements:
+        later = replace(later.refined(), is_sharp=later.is_sharp)
+    last = replace(state.refits, nominal=later)
+    starts = [None] if state.refits.freedom.elements else [None, before.logs]
+    tried = [last.of(state.current.effects, start, LAST_STEPS) for start in starts]
+    return before, min(tried, key=lambda fit: fit.cost)
+
+
+def own_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:
     """Return the effects an axis already has, with all their values."""
     return tuple(EffectSettings(item.name, item.values or effect(item.name).defaults) for item in axis.effects)
+
+
+def whole_tests(gap_after: float, floor: float, predictable_z: float, criteria: Criteria) -> tuple[Test, ...]:
+    """Return the tests of the whole model: usable, and nothing predictable left.
+
+    Args:
+        gap_after: gap with everything that was found [%].
+        floor: what no predictor removes [%].
+        predictable_z: z-score of what a free-form term predicts of the rest.
+        criteria: thresholds.
+    """
+    left = max(0.0, 1.0 - (floor / gap_after) ** 2) if gap_after > 0.0 and math.isfinite(floor) else 0.0
+    surely = left if predictable_z > criteria.min_z_score else 0.0
+    return (
+        at_most("model", "share of the effort that is unexplained", 0.01 * gap_after, criteria.max_unexplained),
+        at_most("model", "surely predictable share of the rest", surely, criteria.min_predictable_share),
+    )
+
+
