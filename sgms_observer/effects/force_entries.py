@@ -88,8 +88,8 @@ FORCE_EFFECTS = (
                 1.0,
                 -1.0e3,
                 1.0e3,
-                "angle of the centre of mass per position: 1 on a revolute joint, 1 over the gear ratio where it is the motor's"
-                " position, always 0 on a prismatic axis",
+                "angle of the centre of mass per position: 1 on a revolute joint, 1 over the gear ratio for a position"
+                " of the motor, always 0 on a prismatic axis",
             ),
         ),
         "F = A sin(ratio q + angle)",
