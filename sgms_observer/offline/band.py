@@ -1,8 +1,8 @@
 """The judging band: up to which frequency measured and predicted effort are compared.
 
 Mass times the acceleration of a noisy position grows with the frequency to the power of 5/2. Above the corner chosen
-here it would be larger than the share ``NOISE_SHARE`` of the effort (or larger than the effort's own noise), and a residual
-would show the encoder instead of the machine. Identification and diagnosis ask the same function.
+here it would be larger than the share ``NOISE_SHARE`` of the effort (or larger than the effort's own noise), and a
+residual would show the encoder instead of the machine. Identification and diagnosis ask the same function.
 """
 
 from __future__ import annotations
