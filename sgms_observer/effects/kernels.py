@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from sgms_observer.effects.catalogue import BUILT_IN
+from sgms_observer.effects.map_kernel import learnt_map, learnt_map_next
 from sgms_observer.formulas import effects_force, effects_level, effects_path
 from sgms_observer.jit import njit
 
@@ -29,6 +30,7 @@ WEAR_STEP, DWELL_BREAKAWAY = KIND["wear_step"], KIND["dwell_breakaway"]
 FRICTIONAL_LAG, BACKLASH = KIND["frictional_lag"], KIND["backlash"]
 ACTUATOR_GAIN, ACTUATOR_SATURATION = KIND["actuator_gain"], KIND["actuator_saturation"]
 ACTUATOR_DEAD_ZONE, ACTUATOR_DELAY = KIND["actuator_dead_zone"], KIND["actuator_delay"]
+LEARNT_MAP, LEARNT_MAP_3 = KIND["learnt_map"], KIND["learnt_map_3"]
 ENCODER_INTERPOLATION_ERROR, QUANTISATION = KIND["encoder_interpolation_error"], KIND["quantisation"]
 
 
@@ -191,6 +193,13 @@ def effects_step(
             s[1] = ratio
             s[2] = started
             factor *= _frictional_lag(level, s, p)
+        elif LEARNT_MAP <= kind <= LEARNT_MAP_3:  # three of one formula, numbered in a row
+            direction, travel, clock, dwell = learnt_map_next(v, h, s, p)
+            s[0] = direction
+            s[1] = travel
+            s[2] = clock
+            s[3] = dwell
+            force += learnt_map(q, v, a, t, s, p)
     out[0] = force
     out[1] = max(factor, MINIMUM_LEVEL_FACTOR)
 
