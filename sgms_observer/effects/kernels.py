@@ -67,6 +67,9 @@ _dwell_breakaway = _formula(effects_level.dwell_breakaway)
 _dwell_breakaway_next = _formula(effects_level.dwell_breakaway_next)
 _frictional_lag = _formula(effects_level.frictional_lag)
 _frictional_lag_next = _formula(effects_level.frictional_lag_next)
+_actuator_gain_command = _formula(effects_path.actuator_gain_command)
+_actuator_saturation_command = _formula(effects_path.actuator_saturation_command)
+_actuator_dead_zone_command = _formula(effects_path.actuator_dead_zone_command)
 _actuator_gain = _formula(effects_path.actuator_gain)
 _actuator_saturation = _formula(effects_path.actuator_saturation)
 _actuator_dead_zone = _formula(effects_path.actuator_dead_zone)
@@ -241,6 +244,25 @@ def effort_step(kinds: Any, p_at: Any, s_at: Any, parameters: Any, state: Any, u
 
 
 @njit
+def needed_command(kinds: Any, p_at: Any, parameters: Any, force: float) -> float:
+    """Return the command [N] that lets ``force`` [N] arrive; a delay changes only its time.
+
+    Args:
+        kinds, p_at, parameters: as in ``effects_step``.
+        force: wanted at the mass [N].
+    """
+    for i in range(kinds.shape[0] - 1, -1, -1):
+        p = parameters[p_at[i] : p_at[i + 1]]
+        if kinds[i] == ACTUATOR_GAIN:
+            force = _actuator_gain_command(force, p)
+        elif kinds[i] == ACTUATOR_SATURATION:
+            force = _actuator_saturation_command(force, p)
+        elif kinds[i] == ACTUATOR_DEAD_ZONE:
+            force = _actuator_dead_zone_command(force, p)
+    return force
+
+
+@njit
 def measured_position(kinds: Any, p_at: Any, parameters: Any, q: float) -> float:
     """Return the position an encoder with the effects shows for the true position ``q`` [m]."""
     for i in range(kinds.shape[0]):
@@ -310,6 +332,13 @@ def effort_block(kinds: Any, p_at: Any, s_at: Any, parameters: Any, state: Any, 
     """``effort_step`` over a block; writes ``arrived``."""
     for k in range(u.shape[0]):
         arrived[k] = effort_step(kinds, p_at, s_at, parameters, state, u[k])
+
+
+@njit
+def command_block(kinds: Any, p_at: Any, parameters: Any, force: Any, command: Any) -> None:
+    """``needed_command`` over a block; writes ``command``."""
+    for k in range(force.shape[0]):
+        command[k] = needed_command(kinds, p_at, parameters, force[k])
 
 
 @njit
