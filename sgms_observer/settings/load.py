@@ -48,7 +48,7 @@ def installed_catalogue(effect_files: Sequence[str]) -> Catalogue:
     from sgms_observer.effects import catalogue  # here, because effects are built on these settings
 
     catalogue.load_user_effects(effect_files)
-    return {name: catalogue.effect(name).parameters for name in catalogue.names()}
+    return {name: catalogue.effect(name) for name in catalogue.names()}
 
 
 def load_settings(
