@@ -274,7 +274,8 @@ def units(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
 def kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
     """Return the parameters that are never fitted: units of others, an absent second harmonic, a learnt table."""
     absent = [i for i, item in enumerate(effects) if item.name == "cogging" and item.values[3] == 0.0]
-    return units(effects) + [(i, j) for i in absent for j in (3, 4)]
+    tables = [(i, j) for i, item in enumerate(effects) if effect(item.name).lists for j in range(len(item.values))]
+    return units(effects) + [(i, j) for i in absent for j in (3, 4)] + tables
 
 
 @dataclass(frozen=True)

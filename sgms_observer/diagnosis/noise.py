@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-
 Floats = NDArray[np.float64]
 
 LOWEST_CORNER = 0.08
