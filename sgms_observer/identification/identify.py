@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from sgms_observer.errors import DataError
 from sgms_observer.identification.confidence import Confidence, judge, step_to
-from sgms_observer.identification.effect_terms import GRAVITY, NO_EFFECTS, EffectTerms, EffectVector, effect_terms, reason_fixed
+from sgms_observer.identification.effect_terms import (
+    GRAVITY,
+    NO_EFFECTS,
+    EffectTerms,
+    EffectVector,
+    effect_terms,
+    reason_fixed,
+)
 from sgms_observer.identification.linear_effects import LinearEffects, linear_effects
 from sgms_observer.identification.prepared import MIN_PERIODS, Prepared, prepare_all
 from sgms_observer.identification.problem import (
@@ -110,6 +117,7 @@ class Identification:
         is_converged: whether the last search ended by itself.
         terms: effects of the balance.
         reasons: ``effect.parameter`` that was not fitted, to the reason.
+        asks_negative_delay: whether the recordings ask for a negative delay beyond its interval; it stays at 0.
         is_opposed: whether the recorded effort counts against the position; the estimate is that of the reversed one.
         notes: sentences about the recordings.
     """
@@ -127,6 +135,7 @@ class Identification:
     is_converged: bool
     terms: EffectTerms = field(default_factory=EffectTerms)
     reasons: dict[str, str] = field(default_factory=dict)
+    asks_negative_delay: bool = False
     is_opposed: bool = False
     notes: tuple[str, ...] = ()
 
@@ -228,6 +237,7 @@ def identify(
         is_converged=fit.is_converged,
         terms=start.terms,
         reasons=reasons,
+        asks_negative_delay=DELAY in frozen and _asks_negative_delay(data, fit.parameters, shape, frozen),
         is_opposed=is_opposed,
         notes=tuple(notes),
     )
@@ -366,6 +376,16 @@ def _without_hopeless(
             start = fit.parameters.with_vector(values)
             fit = search(data.main, data.masks, start, shape, frozen, iterations=_ITERATIONS, tolerance=1e-5)
     return fit, _judge(data, fit, shape, frozen), frozen
+
+
+def _asks_negative_delay(data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int]) -> bool:
+    """Return whether the delay, held at 0, would go below it by more than its interval."""
+    if parameters.scalars[DELAY] > 0.0:
+        return False
+    free = parameters.free([j for j in frozen if j != DELAY], shape.is_gms)
+    width = judge(data.main, data.masks, data.others, parameters, shape, free).half_width[DELAY]
+    step = float(step_to(data.main, data.masks, parameters, shape, free)[free.index(DELAY)])
+    return -step > width
 
 
 def _judge(data: Rows, fit: Fit, shape: ElementShape, frozen: Sequence[int]) -> Confidence:
