@@ -143,7 +143,7 @@ class Combination:
         """Step over a sign and return whether it is a minus."""
         found = self._text[self._at : self._at + 1]
         if found in ("-", "+") and not self._place_is_here():
-            self._at += 1
+            self._at += len(self._text[self._at :]) - len(self._text[self._at + 1 :].lstrip())
             return found == "-"
         return False
 
