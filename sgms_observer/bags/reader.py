@@ -58,6 +58,42 @@ def find_topic(bag: BagReader, name: str) -> str | None:
     return found[0] if found else None
 
 
+def find_inputs(bag: BagReader, names: Mapping[str, str]) -> dict[str, str | None]:
+    """Return the topic of a bag for each input of the observer, None where there is none.
+
+    Args:
+        bag: the recording.
+        names: names of ``position``, ``control_effort`` and ``reference`` where they differ.
+
+    Raises:
+        RecordingError: a name fits several topics, or one of another type, or is that of no input.
+    """
+    unknown = set(names) - set(INPUTS)
+    if unknown:
+        raise RecordingError(
+            f"{', '.join(sorted(unknown))} is no input of the observer; rename {', '.join(INPUTS)} only"
+        )
+    found = {name: find_topic(bag, names.get(name, name)) for name in INPUTS}
+    if not names and found["position"] is None and (single := find_topic(bag, _SINGLE_TOPIC)):
+        found["position"] = found["control_effort"] = single
+    return found
+
+
+def missing_topic(bag: BagReader, name: str, key: str) -> RecordingError:
+    """Return the error about a topic that a bag lacks, with what it holds and how the user says which of it is meant.
+
+    Args:
+        bag: the recording.
+        name: the topic.
+        key: the input that it would be: ``position``, ``control_effort`` or ``reference``.
+    """
+    held = ", ".join(sorted(bag.topics)) or "no topic at all"
+    fitting = sorted(topic for topic, kind in bag.topics.items() if kind == JOINT_STATE)
+    best = next((topic for topic in fitting if topic.endswith(f"/{key}")), fitting[0] if fitting else "")
+    remedy = f"name it with --topic {key}={best}" if best else f"record {key} as {JOINT_STATE}"
+    return RecordingError(f"{bag.path} has no topic {name}; it holds {held}; {remedy}")
+
+
 class BagSamples:
     """The samples of some axes of a recording: an iterator over (axis, block of samples).
 
@@ -138,20 +174,11 @@ class BagSamples:
 
     def _resolve(self, names: dict[str, str], needs_effort: bool) -> dict[str, str | None]:
         """Return the bag's topic for each input."""
-        unknown = set(names) - set(INPUTS)
-        if unknown:
-            raise RecordingError(
-                f"{', '.join(sorted(unknown))} is no input of the observer; rename {', '.join(INPUTS)} only"
-            )
         bag = self._bag
-        found = {name: find_topic(bag, names.get(name, name)) for name in INPUTS}
-        if not names and found["position"] is None and (single := find_topic(bag, _SINGLE_TOPIC)):
-            found["position"] = found["control_effort"] = single
-        needed = INPUTS[:2] if needs_effort else INPUTS[:1]
-        for name in needed:
+        found = find_inputs(bag, names)
+        for name in INPUTS[:2] if needs_effort else INPUTS[:1]:
             if found[name] is None:
-                held = ", ".join(sorted(bag.topics)) or "no topic at all"
-                raise RecordingError(f"{bag.path} has no topic {names.get(name, name)}; it holds {held}")
+                raise missing_topic(bag, names.get(name, name), name)
         return found
 
     def _decode(self, block: MessageBlock, topic: str) -> list[JointStates]:

@@ -21,11 +21,15 @@ COMMANDS = {
     "play": "it comes with recordings",
     "record": "it comes with recordings",
     "convert": "it comes with recordings",
+    "info": "it comes with recordings",
+    "check": "it comes with recordings",
+    "init": "it comes with recordings",
     "identify": "it comes with identification",
     "diagnose": "it comes with the discrepancy workflow",
     "paper": "it comes with the reproduction of the paper",
     "excite": "it comes with identification",
     "bench": "it comes with the benchmarks",
+    "completion": "it comes with the command line",
 }
 
 
