@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sgms_observer.application.axis_facts import AxisFacts, read_axis_facts
-from sgms_observer.application.recording_use import Use, doubts_about, uses_of
+from sgms_observer.application.recording_use import Use, doubts_about, losses_in, uses_of
 from sgms_observer.bags.reader import find_inputs, missing_topic
 from sgms_observer.bags.source import BagReader
 from sgms_observer.bags.survey import TopicSurvey, survey_bag
@@ -27,7 +27,7 @@ class AxisInfo:
     Attributes:
         facts: what the recording shows.
         uses: what it can be used for.
-        doubts: sentences about signs, units and efforts that look wrong.
+        doubts: sentences about signs and units that look wrong, and samples that were lost.
     """
 
     facts: AxisFacts
@@ -137,7 +137,7 @@ def inspect_bag(
         axis = AxisSettings(name=name, joint_type=joint_type or PRISMATIC)
         gravity = None if joint_type else True
         facts = read_axis_facts(bag, axis, position, topics, gravity)
-        found.append(AxisInfo(facts, uses_of(facts), doubts_about(facts, joint_type)))
+        found.append(AxisInfo(facts, uses_of(facts), doubts_about(facts, joint_type) + losses_in(facts)))
     return BagInfo(str(bag), surveys, inputs, tuple(found), tuple(sentences), joint_type)
 
 

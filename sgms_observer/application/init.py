@@ -14,7 +14,7 @@ from sgms_observer.application.axis_draft import AxisDraft, recorded_draft, temp
 from sgms_observer.application.axis_facts import read_axis_facts
 from sgms_observer.application.bag_info import find_position_topic
 from sgms_observer.application.parameter_template import template_text
-from sgms_observer.application.recording_use import doubts_about
+from sgms_observer.application.recording_use import doubts_about, losses_in
 from sgms_observer.bags.survey import survey_bag
 from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.settings.axis import AxisSettings
@@ -139,7 +139,7 @@ def _from_bag(
             )
             facts = read_axis_facts(bag, axis, position, topics)
         draft = recorded_draft(facts, axis.joint_type, axis.position_scale, axis.effort_scale)
-        found += [*doubts_about(facts, axis.joint_type), *draft.warnings]
+        found += [*doubts_about(facts, axis.joint_type), *losses_in(facts), *draft.warnings]
         drafts.append(draft)
     shortest = min(draft.period for draft in drafts)
     return [replace(draft, period=shortest) for draft in drafts], found

@@ -58,7 +58,7 @@ def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
 
 
 def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
-    """Return a sentence for each sign, unit or effort that looks wrong.
+    """Return a sentence for each sign and unit that looks wrong.
 
     Args:
         facts: what the recording shows.
@@ -94,6 +94,16 @@ def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
                 f"{facts.name}: the effort would move {mass:.3g} {units.mass if joint_type else 'kg or kg m^2'}; check the"
                 " units of effort and position, and set effort_scale or position_scale"
             )
+    return tuple(found)
+
+
+def losses_in(facts: AxisFacts) -> tuple[str, ...]:
+    """Return a sentence for each kind of samples that the recording lost.
+
+    Args:
+        facts: what it shows.
+    """
+    found = []
     if 0.0 < facts.missing_efforts < 1.0:
         found.append(
             f"{facts.name}: {100.0 * facts.missing_efforts:.3g} % of the samples have no effort with the same stamp;"
@@ -136,7 +146,7 @@ def _reason_against_identification(facts: AxisFacts) -> str:
     if balance is None:
         return "the motion does not tell mass, friction and offset apart: vary speed and direction"
     if balance.sign < 0:
-        return "the effort is counted against the motion: set effort_scale: -1 in the parameter file"
+        return "the effort is counted against the motion: reverse the sign of effort_scale in the parameter file"
     if balance.unexplained > MAX_UNEXPLAINED:
         return (
             f"a moving mass with friction leaves {100.0 * balance.unexplained:.3g} % of the effort unexplained below"
