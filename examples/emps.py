@@ -43,10 +43,10 @@ from sgms_observer.identification.least_squares import (
     fit_inverse_model,
     inverse_model_error,
 )
-from sgms_observer.identification.recording import Recording, join_samples, recordings_from_samples
 from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates, Samples
+from sgms_observer.offline.recording import Recording, join_samples, recordings_from_samples
 from sgms_observer.settings.load import load_settings
 
 Floats = NDArray[np.float64]
@@ -196,8 +196,9 @@ def diagnose(out: Path) -> list[str]:
     augmented = out / "diagnosis" / "augmented.yaml"
     effects = ", ".join(item.name for item in load_settings(augmented).axes[0].effects)
     lines = [f"diagnosed on the train record alone: {effects}"]
-    models = [Model.of(load_settings(config).axes[0]) for config in (START, augmented)]
-    motions = {name: motion_of(read_records(out / name, "x")[0]) for name in FILES}
+    axes = [load_settings(config).axes[0] for config in (START, augmented)]
+    models = [Model.of(axis) for axis in axes]
+    motions = {name: motion_of(read_records(out / name, axes[0])[0]) for name in FILES}
     for name, motion in motions.items():
         before, after = (force_error(predict(model, motion).residual, motion) for model in models)
         lines.append(f"  relative force error, {name}: {before:.2f} % -> {after:.2f} %")
