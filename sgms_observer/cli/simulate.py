@@ -6,6 +6,7 @@ import argparse
 import math
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -196,10 +197,10 @@ class _Errors:
         """Return one line per axis, for people."""
         lines = []
         for i, axis in enumerate(self._axes):
-            size, readable = self._tracking[i], axis.units.readable
+            size, other = self._tracking[i], self._without[i] if self._without else None
+            readable = partial(axis.units.readable, largest=max(size.peak, other.peak if other else 0.0))
             line = f"{axis.name}: tracking error {readable(size.rms)} rms, {readable(size.peak)} peak"
-            if self._without:
-                other = self._without[i]
+            if other:
                 line += (
                     f"; without compensation {readable(other.rms)} rms, {readable(other.peak)} peak:"
                     f" {_ratio(other.rms, size.rms)} and {_ratio(other.peak, size.peak)} times as large"

@@ -1,8 +1,8 @@
 """A reference that shows a real table's friction, within given stroke, speed and acceleration.
 
 Four kinds of motion, each for the parameters only it can show: nested reversals from far below the presliding distance
-upwards (stiffness distribution), slow traverses at log-spaced speeds (Stribeck curve), fast ones (viscous friction), and
-moves at the acceleration limit (mass). Dwells in between show offset and noise.
+upwards (stiffness distribution), slow traverses at log-spaced speeds (Stribeck curve), fast ones (viscous friction),
+and moves at the acceleration limit (mass). Dwells in between show offset and noise.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class ExcitationLimits:
     speed: float
     acceleration: float
     smallest: float = 1.0e-7
-    units: Units = Units()
+    units: Units = field(default_factory=Units)
 
     def __post_init__(self) -> None:
         sentences = [

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -196,6 +197,7 @@ def _times(before: float, after: float) -> str:
 
 def _on_the_way(without: Half, with_it: Half, units: Units) -> str:
     """Return what late compensations did, as far as the recording tells."""
+    readable = _readable(without, with_it, units)
     if math.isnan(with_it.late_share):
         return "the recording does not tell which compensations came in time"
     if with_it.late_share == 0.0:
@@ -204,19 +206,24 @@ def _on_the_way(without: Half, with_it: Half, units: Units) -> str:
     if math.isnan(with_it.clear_rms):
         return f"{late}, and never for {RECOVERY:g} s none: this machine is too busy for this rate"
     return (
-        f"{late}; apart from these and {1e3 * RECOVERY:.0f} ms after each: {units.readable(with_it.clear_rms)} rms,"
-        f" {units.readable(with_it.clear_peak)} peak, {_times(without.tracking_rms, with_it.clear_rms)} and"
+        f"{late}; apart from these and {1e3 * RECOVERY:.0f} ms after each: {readable(with_it.clear_rms)} rms,"
+        f" {readable(with_it.clear_peak)} peak, {_times(without.tracking_rms, with_it.clear_rms)} and"
         f" {_times(without.tracking_peak, with_it.clear_peak)}"
     )
 
 
+def _readable(without: Half, with_it: Half, units: Units) -> Callable[[float], str]:
+    """Return what shows tracking errors, all with one prefix."""
+    return partial(units.readable, largest=max(without.tracking_peak, with_it.tracking_peak))
+
+
 def _lines(axis: AxisSettings, without: Half, with_it: Half, same: int, compared: int) -> list[str]:
     """Return what the terminal shows of one axis."""
-    readable = axis.units.readable
+    readable = _readable(without, with_it, axis.units)
     return [
         f"axis {axis.name}",
-        f"  friction estimate   {without.friction_rms:.4f} {axis.units.effort} rms, {100 * without.friction_share:.2f} % of the true"
-        f" friction's range ({without.samples} samples; truth inside two sigma {100 * without.coverage:.1f} %)",
+        f"  friction estimate   {without.friction_rms:.4f} {axis.units.effort} rms,"
+        f" {100 * without.friction_share:.2f} % of the true friction's range ({without.samples} samples; truth inside two sigma {100 * without.coverage:.1f} %)",
         f"  tracking error      {readable(without.tracking_rms)} rms, {readable(without.tracking_peak)} peak"
         " without compensation",
         f"                      {readable(with_it.tracking_rms)} rms, {readable(with_it.tracking_peak)} peak"
@@ -231,7 +238,7 @@ def _sections(
     axis: AxisSettings, run: Run, switched: float, without: Half, with_it: Half, same: int, compared: int
 ) -> Sequence[Section]:
     """Return the report's sections about one axis."""
-    name, unit, readable = axis.name, axis.units.effort, axis.units.readable
+    name, unit, readable = axis.name, axis.units.effort, _readable(without, with_it, axis.units)
     table = Table(
         ("", "without compensation", "with compensation"),
         (

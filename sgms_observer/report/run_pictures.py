@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ class Run:
     friction_std: Floats
     truth: Floats
     compensation: Floats
-    units: Units = Units()
+    units: Units = field(default_factory=Units)
 
     def between(self, start: float, end: float) -> Run:
         """Return the part from ``start`` to ``end`` [s]."""
