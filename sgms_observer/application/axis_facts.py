@@ -14,7 +14,6 @@ from sgms_observer.application.force_balance import ForceBalance, fit_force_bala
 from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.survey import TopicSurvey
 from sgms_observer.errors import DataError
-from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.encoder import encoder_step
 from sgms_observer.offline.recording import Recordings, join_samples, recordings_from_samples
 from sgms_observer.settings.axis import AxisSettings
@@ -144,8 +143,9 @@ def read_axis_facts(
     Raises:
         RecordingError: the bag cannot be read or lacks a topic or the axis.
     """
-    samples = join_samples(list(read_samples(bag, axis.name, topics=topics, needs_effort=False)))
-    position, effort = samples.position * axis.position_scale, samples.effort * axis.effort_scale
+    blocks = read_samples(bag, axis.name, scales=axis.scales, topics=topics, needs_effort=False)
+    samples = join_samples(list(blocks))
+    position, effort = samples.position, samples.effort
     stamps = survey.stamps_of(axis.name)
     pauses = np.diff(stamps) * 1e-9
     forward = pauses[pauses > 0.0]
@@ -154,9 +154,8 @@ def read_axis_facts(
     period = float(np.mean(whole)) if whole.size else 0.0
     finite, driven = position[np.isfinite(position)], effort[np.isfinite(effort)]
     fault, recordings = "", Recordings(())
-    scaled = Samples(samples.stamp_ns, position, effort, samples.reference_position, samples.reference_velocity)
     try:
-        recordings = recordings_from_samples(scaled, Path(bag).name)
+        recordings = recordings_from_samples(samples, Path(bag).name)
         period = recordings[0].period
     except DataError as error:
         fault = str(error)

@@ -19,11 +19,11 @@ from sgms_observer.errors import SgmsError
 from sgms_observer.nodes.commands import CommandTopic
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.lifecycle import ManagedNode
-from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, parameter_entry
+from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, parameter_entry, scale_sentences
 from sgms_observer.nodes.statistics import Growth, Sentences
 from sgms_observer.nodes.topics import JointStateTopics, subscribe
 from sgms_observer.nodes.watchdog import SHORTEST_PERIOD, Watchdog
-from sgms_observer.observer.learnt import learnt_changes
+from sgms_observer.observer.learnt import learnt_changes, learnt_remarks
 from sgms_observer.observer.outgoing import COMPENSATION, JOINT_STATE_TOPICS, PARAMETERS, OutgoingBlock
 from sgms_observer.settings.write import write_settings
 
@@ -242,6 +242,7 @@ class ObserverNode(ManagedNode):
             entries.append(entry)
             sentences += [f"axis {axis}: {sentence}" for sentence in axis_sentences(entry, statistics, grown)]
             statistics.start_anew()
+        sentences += scale_sentences(self.settings.axes)
         self._diagnostics.publish(encode_diagnostics(self.get_clock().now().nanoseconds, entries))
         for sentence in self._sentences.new(sentences):
             self.get_logger().warning(sentence)
@@ -273,8 +274,8 @@ class ObserverNode(ManagedNode):
             values = dict(zip(axis.estimator.parameters, estimates.parameters[-1].tolist(), strict=True))
             if values:
                 changes[axis.name] = learnt_changes(axis, values, engine.observers[number].effects.added_mass)
-                for name in changes[axis.name]:
-                    comments[f"{axis.name}.{name}"] = "learnt by observer_node"
+                for name, remark in learnt_remarks(axis, changes[axis.name], self.get_name()).items():
+                    comments[f"{axis.name}.{name}"] = remark
         now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
         samples = max((statistics.total for statistics in engine.statistics), default=0)
         comments[""] = f"Written by {self.get_name()} on {now} after {samples} samples."

@@ -10,6 +10,7 @@ from sgms_observer.nodes.intake import IntakeCounts
 from sgms_observer.nodes.statistics import AxisStatistics, StepTimes
 from sgms_observer.observer.outgoing import ParameterReport
 from sgms_observer.observer.pairing import PairingCounts
+from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.status import Status
 
 OK, WARN, ERROR, STALE = range(4)
@@ -81,6 +82,20 @@ def axis_sentences(entry: DiagnosticStatus, statistics: AxisStatistics, new: Pai
     troubles += [HIGH_NIS] if statistics.nis > _NIS_HIGH else []
     told = [entry.message] if entry.level != OK else []
     return list(dict.fromkeys([*new.sentences(), *troubles, *told]))
+
+
+def scale_sentences(axes: Sequence[AxisSettings]) -> list[str]:
+    """Return a sentence for each axis whose compensation has other units than its control_effort.
+
+    Args:
+        axes: the axes with their settings as they are now.
+    """
+    return [
+        f"axis {axis.name}: friction_compensation is in {axis.units.effort} and control_effort is not; divide it by"
+        f" effort_scale = {axis.effort_scale:g} where it is added to the controller's output"
+        for axis in axes
+        if axis.compensation.enabled and axis.effort_scale != 1.0
+    ]
 
 
 def node_entry(
