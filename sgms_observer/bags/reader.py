@@ -16,6 +16,7 @@ from sgms_observer.errors import RecordingError
 from sgms_observer.observer.block_pairing import Messages, push_block
 from sgms_observer.observer.pairing import Pairing, PairingCounts
 from sgms_observer.observer.samples import Samples
+from sgms_observer.settings.units import UNSCALED, ScaledAxes, Scales, scales_by_axis
 
 INPUTS = ("position", "control_effort", "reference")
 _SINGLE_TOPIC = "joint_states"
@@ -63,7 +64,8 @@ class BagSamples:
 
     Args:
         path: the bag.
-        axes: entries of ``name`` that are wanted.
+        axes: entries of ``name`` that are wanted, with their factors from the messages to SI (``Settings.scales``);
+            names alone are those of axes whose messages are in SI.
         sample_period: nominal time between two samples [s]; None takes the median of the recording's start.
         topics: names of ``position``, ``control_effort`` and ``reference`` where they differ; position and
             control_effort may be the same topic, and are if the bag has ``joint_states`` and no ``position``.
@@ -79,7 +81,7 @@ class BagSamples:
     def __init__(
         self,
         path: str | Path,
-        axes: Sequence[str],
+        axes: ScaledAxes,
         sample_period: float | None = None,
         *,
         topics: Mapping[str, str] | None = None,
@@ -92,7 +94,7 @@ class BagSamples:
             self._bag.close()
             raise
         self.span_ns = self._bag.span_ns
-        self._axes = tuple(axes)
+        self._axes = scales_by_axis(axes)
         self._period = sample_period
         self._pairings: dict[str, Pairing] = {}
         self._seen: dict[str, int] = {}  # names in the position topic
@@ -182,7 +184,9 @@ class BagSamples:
             if steps.size < _STEPS and len(waiting) < _BLOCKS and not is_all:
                 return False
             period = float(np.median(steps)) * 1e-9 if steps.size else _UNKNOWN_PERIOD
-        self._pairings = {axis: Pairing(period, hold=_HOLD, most=_MOST_WAITING) for axis in self._axes}
+        self._pairings = {
+            axis: Pairing(period, scales, hold=_HOLD, most=_MOST_WAITING) for axis, scales in self._axes.items()
+        }
         return True
 
     def _check_axes(self) -> None:
@@ -206,6 +210,7 @@ def read_samples(
     axis: str,
     sample_period: float | None = None,
     *,
+    scales: Scales = UNSCALED,
     topics: Mapping[str, str] | None = None,
     needs_effort: bool = True,
 ) -> Iterator[Samples]:
@@ -215,16 +220,17 @@ def read_samples(
         path: the bag.
         axis: its entry in ``name``.
         sample_period: nominal time between two samples [s]; None takes the median of the recording's start.
+        scales: the axis's factors from the messages to SI (``AxisSettings.scales``).
         topics: names of ``position``, ``control_effort`` and ``reference`` where they differ.
         needs_effort: refuse a recording without efforts.
 
     Yields:
-        Blocks of samples; effort and reference are NaN where they are missing.
+        Blocks of samples in SI; effort and reference are NaN where they are missing.
 
     Raises:
         RecordingError: the bag cannot be read, or lacks a topic or the axis.
     """
-    for _, samples in BagSamples(path, (axis,), sample_period, topics=topics, needs_effort=needs_effort):
+    for _, samples in BagSamples(path, {axis: scales}, sample_period, topics=topics, needs_effort=needs_effort):
         yield samples
 
 

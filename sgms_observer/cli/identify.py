@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     changes, remarks = {}, {}
     summary: list[str] = []
     for axis in (axis for axis in settings.axes if axis.name in wanted):
-        pieces = _recordings(args.bags, hashes, axis.name, settings.sample_period)
+        pieces = _recordings(args.bags, hashes, axis, settings.sample_period)
         with Progress(f"identify {axis.name}", 1.0) as progress:
             answer = _identified(pieces, axis, settings.sample_period, args, progress.show)
         changes[axis.name] = answer.changes
@@ -94,14 +94,14 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _recordings(bags: list[str], hashes: list[str], axis: str, sample_period: float) -> list[Recording]:
+def _recordings(bags: list[str], hashes: list[str], axis: AxisSettings, sample_period: float) -> list[Recording]:
     """Read every bag whole and cut it into even pieces."""
     from sgms_observer.bags.reader import read_samples
     from sgms_observer.identification.recording import join_samples, recordings_from_samples
 
     pieces: list[Recording] = []
     for bag, digest in zip(bags, hashes, strict=True):
-        samples = join_samples(list(read_samples(bag, axis, sample_period)))
+        samples = join_samples(list(read_samples(bag, axis.name, sample_period, scales=axis.scales)))
         pieces += recordings_from_samples(samples, bag, digest)
     return pieces
 

@@ -121,7 +121,7 @@ def replay_bag(
 
     settings = load_settings(config)
     names = [axis.name for axis in settings.axes]
-    source = BagSamples(bag, names, settings.sample_period, topics=topics)
+    source = BagSamples(bag, settings.scales, settings.sample_period, topics=topics)
     first, last = source.span_ns
     tallies = {name: Tally() for name in names}
     with _short_turns(), _beside(_blocks_of_all_axes(source, names), _READ_AHEAD) as samples:
