@@ -55,6 +55,9 @@ class BagWriter:
         keep_on_failure: leave ``NAME.partial`` behind if the block ends with an error; it can be read as it is.
         is_overwriting: replace a bag of that name, once this one is complete.
 
+    Attributes:
+        warnings: sentences about what the bag lacks.
+
     Raises:
         RecordingError: the folder exists or cannot be written; ``write`` and the end of the block raise it too.
     """
@@ -65,6 +68,7 @@ class BagWriter:
         self.path = Path(path)
         self._partial = self.path.with_name(self.path.name + (PARTIAL if keep_on_failure else UNFINISHED))
         self._keep = keep_on_failure
+        self.warnings: list[str] = []
         self._kind = storage
         self._topics: dict[str, tuple[int, MessageType]] = {}
         self._counts: dict[str, int] = {}
@@ -250,6 +254,11 @@ class BagWriter:
         name = topic if topic.startswith("/") else "/" + topic
         if name not in self._topics:
             description = describe_type(kind)
+            if not description.definition:
+                self.warnings.append(
+                    f"Warning: {name} is written without the definition of {kind}, because the package rosbags is not"
+                    " installed or does not know that type; install it with: pip install rosbags"
+                )
             with self._own_errors():
                 self._topics[name] = (self._open_storage().add_topic(name, description), description)
             self._counts[name] = 0

@@ -61,6 +61,7 @@ class StageNode(ManagedNode):
     """
 
     kernels = "sim_plant.kernel"
+    has_stage = True
 
     def __init__(self, name: str, executor: Executor) -> None:
         super().__init__(name, executor)

@@ -12,6 +12,10 @@ from sgms_observer.settings.stage import StageSettings
 from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC, Scales, Units
 
 
+#: Where ~/save_parameters writes unless the parameter file says otherwise.
+SAVE_FILE = "learnt.yaml"
+
+
 @dataclass(frozen=True)
 class EffectSettings:
     """One effect of the catalogue (or of the user's own) with its parameter values, in the catalogue's order."""
@@ -86,7 +90,7 @@ class Settings:
     )
     autostart: bool = setting(True, "configure and activate the node by itself")
     save_file: str = setting(
-        "learnt.yaml", "file that ~/save_parameters writes; relative names start where the node was started"
+        SAVE_FILE, "file that ~/save_parameters writes; relative names start at the folder of the parameter file"
     )
     effect_files: tuple[str, ...] = setting((), "Python files with effects of the user's own")
     source: dict[str, Any] = field(default_factory=dict, compare=False)  # the YAML's tree as read, for writing it back

@@ -15,7 +15,34 @@ JOINT_TYPES = (PRISMATIC, REVOLUTE)
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
 
 _REVOLUTE_WORDS = {"m": "rad", "N": "N m", "kg": "kg m^2"}
+#: Smallest positive and largest magnitude that a quantity has on any machine: every range that a node declares is finite.
+#: Wide on purpose; they refuse a slip of six zeros, not a choice.
+_PHYSICAL = {
+    "-": (1e-9, 1e9),
+    "Hz": (1e-4, 1e7),
+    "N": (1e-9, 1e7),
+    "N s/m": (1e-9, 1e9),
+    "N/m": (1e-6, 1e13),
+    "N/s": (1e-9, 1e12),
+    "kg": (1e-12, 1e7),
+    "m": (1e-15, 1e6),
+    "m/s": (1e-12, 1e5),
+    "m/s^2": (1e-9, 1e7),
+    "m/s^3": (1e-9, 1e10),
+    "rad": (1e-12, 1e6),
+    "s": (1e-9, 1e6),
+}
+_OF_ANY_OTHER = (1e-12, 1e12)
 _WORD = re.compile(r"(?<![A-Za-z])(kg|N|m)(?![A-Za-z])")
+
+
+def physical_range(unit: str) -> tuple[float, float]:
+    """Return the smallest positive and the largest magnitude that a quantity of this unit may have.
+
+    Args:
+        unit: of a prismatic axis; the numbers are wide enough for a revolute one.
+    """
+    return _PHYSICAL.get(unit, _OF_ANY_OTHER)
 
 
 @dataclass(frozen=True)
