@@ -131,7 +131,8 @@ def least_squares_answer(fit: InverseModelFit, axis: AxisSettings) -> Answer:
     """
     error = 1.96 * fit.std_error
     mass, viscous, coulomb, offset = (fit.value(name) for name in fit.names)
-    units = ("kg", "N s/m", "N", "N")
+    own = axis.units
+    units = (own.mass, own.damping, own.effort, own.effort)
     names = ("mass", "friction.viscous_coefficient", "friction.coulomb_force", "effects.offset.force")
     rows = tuple(
         Row(name, value, float(width), unit, bool(width <= 0.05 * abs(value)))
@@ -139,7 +140,8 @@ def least_squares_answer(fit: InverseModelFit, axis: AxisSettings) -> Answer:
     )
     if viscous < 0.0 or mass <= 0.0 or coulomb <= 0.0:
         raise RecordingError(
-            f"least squares gives mass {mass:.3g} kg, viscous {viscous:.3g} N s/m, Coulomb {coulomb:.3g} N;"
+            f"least squares gives mass {mass:.3g} {own.mass}, viscous {viscous:.3g} {own.damping}, Coulomb"
+            f" {coulomb:.3g} {own.effort};"
             " check the sign and factor of control_effort"
         )
     changes: dict[str, Any] = {
@@ -150,10 +152,10 @@ def least_squares_answer(fit: InverseModelFit, axis: AxisSettings) -> Answer:
     }
     _with_effects(axis, {_OFFSET_EFFECT: {"force": offset}}, changes)
     remarks = {row.name: row.remark for row in rows}
-    remarks["friction.static_force"] = "N; this model has no Stribeck effect: equal to coulomb_force"
+    remarks["friction.static_force"] = f"{own.effort}; this model has no Stribeck effect: equal to coulomb_force"
     summary = (
         f"{axis.name}: inverse dynamic model by least squares, low-pass {fit.cutoff:g} Hz;"
-        f" force residual {100.0 * fit.relative_error:.2f} % of the force's norm",
+        f" {own.effort_word} residual {100.0 * fit.relative_error:.2f} % of the {own.effort_word}'s norm",
     )
     return Answer(changes, remarks, rows, summary)
 
