@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     for axis in (axis for axis in settings.axes if axis.name in wanted):
         pieces = Recordings(())
         for bag, digest in zip(args.bags, hashes, strict=True):
-            pieces += read_recordings(bag, axis.name, sha256=digest)
+            pieces += read_recordings(bag, axis, sha256=digest)
         with Progress(f"identify {axis.name}", 1.0) as progress:
             answer = _identified(pieces, axis, settings.sample_period, args, progress.show)
         changes[axis.name] = answer.changes

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.identification.prepared import Prepared
 from sgms_observer.identification.problem import (
     DELAY,
     ELEMENTS,
     OFFSET,
     Parameters,
-    Prepared,
     chunk_numbers,
     residual_and_jacobian,
 )
@@ -89,7 +89,8 @@ def judge(
     std_error[chosen] = np.sqrt(np.max([np.diag(covariance) for covariance in covariances], axis=0))
     systematic = np.full(len(value), np.nan)
     systematic[chosen] = np.sum(np.abs(steps), axis=0)
-    together = np.array([float(index >= ELEMENTS + parameters.count) for index in chosen])
+    forces = range(ELEMENTS + parameters.count, parameters.first_effect)
+    together = np.array([float(index in forces) for index in chosen])
     with np.errstate(invalid="ignore"):  # what is not shown at all has an infinite variance
         variance = max(float(together @ covariance @ together) for covariance in covariances)
     coulomb = _QUANTILE * np.sqrt(variance) + sum(abs(float(together @ step)) for step in steps)

@@ -19,6 +19,7 @@ from scipy.interpolate import CubicSpline
 from sgms_observer.errors import DataError
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.encoder import encoder_step, position_noise
+from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]
 
@@ -129,9 +130,14 @@ class Recordings(Sequence[Recording]):
 
 
 def read_recordings(
-    path: str | Path, axis: str, other: str | None = None, *, sample_period: float | None = None, sha256: str = ""
+    path: str | Path,
+    axis: AxisSettings,
+    other: AxisSettings | None = None,
+    *,
+    sample_period: float | None = None,
+    sha256: str = "",
 ) -> Recordings:
-    """Read the pieces of a bag.
+    """Read the pieces of a bag, in SI units.
 
     Args:
         path: the bag.
@@ -146,13 +152,13 @@ def read_recordings(
     """
     from sgms_observer.bags.reader import BagSamples
 
-    wanted = [axis] if other is None else [axis, other]
+    wanted = {entry.name: entry.scales for entry in (axis, other) if entry is not None}
     blocks: dict[str, list[Samples]] = {name: [] for name in wanted}
     for name, samples in BagSamples(path, wanted, sample_period):
         blocks[name].append(samples)
     label = Path(path).name
-    second = join_samples(blocks[other]) if other is not None else None
-    return recordings_from_samples(join_samples(blocks[axis]), label, sha256, second)
+    second = join_samples(blocks[other.name]) if other is not None else None
+    return recordings_from_samples(join_samples(blocks[axis.name]), label, sha256, second)
 
 
 def recordings_from_samples(
