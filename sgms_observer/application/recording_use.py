@@ -50,7 +50,8 @@ def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
     if not diagnose and facts.reversals < MIN_REVERSALS_TO_DIAGNOSE:
         diagnose = (
             f"the motion reverses {facts.reversals} times; diagnosis compares blocks that hold both directions and needs"
-            f" {MIN_REVERSALS_TO_DIAGNOSE} at least: record a longer motion to and fro"
+            f" {MIN_REVERSALS_TO_DIAGNOSE} at least: record a longer motion to and fro, or give"
+            " several recordings"
         )
     replay = "" if facts.missing_efforts < 1.0 else "no sample has an effort: record control_effort"
     reasons = {"identify": identify, "diagnose": diagnose, "replay": replay}

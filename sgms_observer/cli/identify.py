@@ -7,6 +7,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sgms_observer.cli.options import (
+    add_bag_options,
+    add_output_options,
+    add_overwrite_option,
+    axes_from,
+    topics_from,
+)
+from sgms_observer.cli.outcome import Outcome
+
 if TYPE_CHECKING:
     from sgms_observer.identification.answer import Answer
     from sgms_observer.offline.recording import Recordings
@@ -33,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="sgms",
         help="friction model, or the inverse dynamic model by least squares (default: sgms)",
     )
-    parser.add_argument("--axis", action="append", metavar="NAME", help="identify this axis only (may be repeated)")
+    add_bag_options(parser, "all axes of the file")
     parser.add_argument(
         "--elements",
         type=int,
@@ -49,16 +58,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="HZ",
         help="corner of the zero-phase low-pass on the force balance",
     )
+    add_overwrite_option(parser)
+    add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> Outcome:
     """Do the job.
 
     Args:
         args: what the user gave.
 
     Returns:
-        The exit code, 0 only on success.
+        The exit code and the result.
     """
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
@@ -66,35 +77,36 @@ def run(args: argparse.Namespace) -> int:
     from sgms_observer.offline.recording import Recordings, read_recordings
     from sgms_observer.settings.load import load_settings
     from sgms_observer.settings.write import write_settings
-    from sgms_observer.whole_file import try_folder
+    from sgms_observer.whole_file import refuse_existing_files, try_folder
 
+    refuse_existing_files([args.out], args.overwrite)
     settings = load_settings(args.config)
-    known = [axis.name for axis in settings.axes]
-    wanted = args.axis or known
-    strange = [name for name in wanted if name not in known]
-    if strange:
-        raise ConfigurationError([f"--axis {strange[0]} is not in {args.config}; it has {', '.join(known)}"])
+    wanted = axes_from(args.axis, [axis.name for axis in settings.axes], args.config)
+    topics = topics_from(args.topic)
     if args.cutoff < 0.0:
         raise ConfigurationError([f"--cutoff {args.cutoff:g} Hz must be positive; leave it out for the default"])
     try_folder(Path(args.out).parent)
     hashes = [bag_hash(bag) for bag in args.bags]
     changes, remarks = {}, {}
     summary: list[str] = []
+    results = {}
     for axis in (axis for axis in settings.axes if axis.name in wanted):
         pieces = Recordings(())
         for bag, digest in zip(args.bags, hashes, strict=True):
-            pieces += read_recordings(bag, axis, sha256=digest)
+            pieces += read_recordings(bag, axis, topics=topics, sha256=digest)
         with Progress(f"identify {axis.name}", 1.0) as progress:
             answer = _identified(pieces, axis, settings.sample_period, args, progress.show)
         changes[axis.name] = answer.changes
         remarks.update({f"{axis.name}.{name}": remark for name, remark in answer.remarks.items()})
         summary += answer.summary
+        rows = {row.name: {"value": row.value, "remark": row.remark} for row in answer.rows}
+        results[axis.name] = {"parameters": rows, "summary": answer.summary}
         _print(axis.name, answer)
     remarks[""] = provenance(args.bags, hashes, summary)
     write_settings(settings, args.out, changes, remarks)
     load_settings(args.out)
     print(f"wrote {args.out}")
-    return 0
+    return Outcome(result={"schema": 1, "yaml": args.out, "axes": results})
 
 
 def _identified(

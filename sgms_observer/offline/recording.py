@@ -6,7 +6,7 @@ Pauses cut the recording into pieces; pieces too short to learn from are left ou
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -135,6 +135,7 @@ def read_recordings(
     other: AxisSettings | None = None,
     *,
     sample_period: float | None = None,
+    topics: Mapping[str, str] | None = None,
     sha256: str = "",
 ) -> Recordings:
     """Read the pieces of a bag, in SI units.
@@ -144,6 +145,7 @@ def read_recordings(
         axis: the axis that is identified or diagnosed.
         other: another axis of the same recording, or None.
         sample_period: nominal time between two samples [s]; None takes it from the recording.
+        topics: names of the input topics where they differ.
         sha256: hash of the bag.
 
     Raises:
@@ -154,7 +156,7 @@ def read_recordings(
 
     wanted = {entry.name: entry.scales for entry in (axis, other) if entry is not None}
     blocks: dict[str, list[Samples]] = {name: [] for name in wanted}
-    for name, samples in BagSamples(path, wanted, sample_period):
+    for name, samples in BagSamples(path, wanted, sample_period, topics=topics):
         blocks[name].append(samples)
     label = Path(path).name
     second = join_samples(blocks[other.name]) if other is not None else None
