@@ -97,13 +97,15 @@ class ActuatorPath(NamedTuple):
 
     Attributes:
         kinds, p_at, parameters: effects as ``needed_command`` takes them; no kinds where the path changes no force.
-        mass: that the controller commands the force of itself [kg].
+        delay: from the command to the force [s].
+        mass: that the controller commands the force of itself, for the present and not for what is ahead [kg].
         added_mass: that effects add to it, and nobody else commands the force of [kg].
     """
 
     kinds: Integers
     p_at: Integers
     parameters: Floats
+    delay: float
     mass: float
     added_mass: float
 
@@ -188,12 +190,13 @@ def _compensate(
         if trust > 0.0:
             share = state[GAIN] * trust * fade(results[k, FRICTION_STD], state[FADE_STD])
             needed = state[RAW] + row[OFFSET] + effects_force[k]
-            own = 0.0
+            inertia = commanded = 0.0
             if ahead[k, HAS_REFERENCE] > 0.5:
                 needed += path.added_mass * ahead[k, AHEAD_ACCELERATION]
-                own = path.mass * ahead[k, AHEAD_ACCELERATION]
+                inertia = path.mass * ahead[k, AHEAD_ACCELERATION]
+                commanded = inertia - path.mass * ahead[k, JERK] * path.delay
             if path.kinds.shape[0] > 0:
-                needed = needed_command(path.kinds, path.p_at, path.parameters, needed + own) - own
+                needed = needed_command(path.kinds, path.p_at, path.parameters, needed + inertia) - commanded
             wanted = share * needed
         state[OUTPUT] = safe_output(state[OUTPUT], wanted, h, state[LIMIT], state[SLEW])
         out[k] = state[OUTPUT]
@@ -225,6 +228,7 @@ class Compensator:
             effects.kinds if effects and effects.has_effort_path else nothing,
             effects.p_at if effects else nothing,
             effects.parameters if effects else np.zeros(0),
+            self._delay,
             float(model.scalars[MASS]) - added_mass,
             added_mass,
         )
