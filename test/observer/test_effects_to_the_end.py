@@ -1,7 +1,7 @@
-"""Every effect of the catalogue, from the stage to the feedforward: hidden in the stage, then put in the observer's file.
+"""Every effect of the catalogue, from the stage to the feedforward: hidden in the stage, then put in the file.
 
-Three runs in closed loop per effect: without it (the floor), with it in the stage alone, with it in the file as well. In
-the third run the observer predicts the friction, and the feedforward tracks, as if the effect were not there.
+Three runs in closed loop per effect: without it (the floor), with it in the stage alone, with it in the file as well.
+In the third run the observer predicts the friction, and the feedforward tracks, as if the effect were not there.
 """
 
 from __future__ import annotations
