@@ -9,6 +9,7 @@ from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.check import checked_value
 from sgms_observer.settings.declaration import DOUBLE, DOUBLES, STRINGS, Declared
 from sgms_observer.settings.faults import Faults, alternatives, closest, shown
+from sgms_observer.settings.units import PRISMATIC, Units
 
 
 class EffectParameter(Protocol):
@@ -20,6 +21,8 @@ class EffectParameter(Protocol):
     def unit(self) -> str: ...
     @property
     def default(self) -> float: ...
+    @property
+    def prismatic_default(self) -> float | None: ...
     @property
     def minimum(self) -> float: ...
     @property
@@ -69,45 +72,50 @@ NO_EFFECT = "none"
 NAMES = Declared("names", STRINGS, (), "effects of the catalogue that act on this axis")
 
 
-def declared_parameter(parameter: EffectParameter) -> Declared:
+def declared_parameter(parameter: EffectParameter, joint_type: str = PRISMATIC) -> Declared:
     """Return an effect's parameter as a setting.
 
     Args:
         parameter: entry of the catalogue.
+        joint_type: of the axis that the effect acts on; the unit follows it, and some defaults do.
     """
+    is_own = joint_type == PRISMATIC and parameter.prismatic_default is not None
     return Declared(
         parameter.name,
         DOUBLE,
-        parameter.default,
+        parameter.prismatic_default if is_own else parameter.default,
         parameter.description,
-        parameter.unit,
+        Units(joint_type).of(parameter.unit),
         minimum=parameter.minimum,
         maximum=parameter.maximum,
     )
 
 
-def declared_list(item: EffectList) -> Declared:
+def declared_list(item: EffectList, joint_type: str = PRISMATIC) -> Declared:
     """Return an effect's list as a setting.
 
     Args:
         item: entry of the catalogue.
+        joint_type: of the axis; its unit follows.
     """
+    unit = Units(joint_type).of(item.unit)
     if item.choices:
-        return Declared(item.name, STRINGS, item.default, item.description, item.unit, choices=item.choices)
+        return Declared(item.name, STRINGS, item.default, item.description, unit, choices=item.choices)
     return Declared(
-        item.name, DOUBLES, item.default, item.description, item.unit, minimum=item.minimum, maximum=item.maximum
+        item.name, DOUBLES, item.default, item.description, unit, minimum=item.minimum, maximum=item.maximum
     )
 
 
-def declared_values(entry: CatalogueEffect) -> dict[str, Declared]:
+def declared_values(entry: CatalogueEffect, joint_type: str = PRISMATIC) -> dict[str, Declared]:
     """Return every parameter of an effect as a setting, by its name.
 
     Args:
         entry: the effect.
+        joint_type: of the axis; the units follow.
     """
     return {
-        **{parameter.name: declared_parameter(parameter) for parameter in entry.parameters},
-        **{item.name: declared_list(item) for item in entry.lists},
+        **{parameter.name: declared_parameter(parameter, joint_type) for parameter in entry.parameters},
+        **{item.name: declared_list(item, joint_type) for item in entry.lists},
     }
 
 
@@ -152,7 +160,9 @@ def named_values(entry: CatalogueEffect, values: Sequence[float]) -> dict[str, A
     return named if place == len(values) else None
 
 
-def checked_effects(path: str, tree: Any, catalogue: Catalogue | None, faults: Faults) -> tuple[EffectSettings, ...]:
+def checked_effects(
+    path: str, tree: Any, catalogue: Catalogue | None, faults: Faults, joint_type: str = PRISMATIC
+) -> tuple[EffectSettings, ...]:
     """Return the effects of one axis with all their values, in the catalogue's order of parameters.
 
     Args:
@@ -160,6 +170,7 @@ def checked_effects(path: str, tree: Any, catalogue: Catalogue | None, faults: F
         tree: ``{names: [...], cogging: {...}}`` as read.
         catalogue: known effects; None when they are not known, so that nothing can be said.
         faults: receives the sentences.
+        joint_type: of the axis, for the units in the sentences.
     """
     if tree is None or catalogue is None:
         return ()
@@ -178,7 +189,7 @@ def checked_effects(path: str, tree: Any, catalogue: Catalogue | None, faults: F
                 f"{path}.names = {shown(list(names))} must name each effect once; remove the second {name}",
             )
         else:
-            found.append(_checked_effect(f"{path}.{name}", name, tree.get(name), catalogue[name], faults))
+            found.append(_checked_effect(f"{path}.{name}", name, tree.get(name), catalogue[name], joint_type, faults))
     for key in tree:
         if key == "names" or key in names:
             continue
@@ -204,9 +215,11 @@ def _unknown_effect(path: str, name: str, catalogue: Catalogue, faults: Faults) 
     faults.add(path, f"{path} = {shown(name)} must be an effect of the catalogue; {remedy}")
 
 
-def _checked_effect(path: str, name: str, tree: Any, entry: CatalogueEffect, faults: Faults) -> EffectSettings:
+def _checked_effect(
+    path: str, name: str, tree: Any, entry: CatalogueEffect, joint_type: str, faults: Faults
+) -> EffectSettings:
     """Return one effect with the given values over the catalogue's defaults."""
-    declared = declared_values(entry)
+    declared = declared_values(entry, joint_type)
     values: dict[str, Any] = {}
     if tree is not None and not isinstance(tree, Mapping):
         faults.add(path, f"{path} = {shown(tree)} must be a group of parameters; write them below it, indented")
@@ -230,4 +243,5 @@ def _checked_effect(path: str, name: str, tree: Any, entry: CatalogueEffect, fau
     if entry.list_faults is not None and not any(faults.has(f"{path}.{key}") for key in lists):
         for sentence in entry.list_faults(lists, path):
             faults.add(path, sentence)
-    return EffectSettings(name, flat_values(entry, values))
+    defaults = {key: item.default for key, item in declared.items()}
+    return EffectSettings(name, flat_values(entry, {**defaults, **values}))

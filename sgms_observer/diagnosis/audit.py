@@ -1,0 +1,119 @@
+"""Audit of the data before anything is fitted: what they can answer, and what can be read off them directly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.settings.axis import AxisSettings
+
+COARSER = 1.5
+"""A grid this many times the configured resolution is a discrepancy."""
+MIN_TRAVEL_OVER_REACH = 50.0
+"""Least travel over the contact's largest slip deflection: below it the contact hardly slides."""
+MIN_GRID_STEPS = 50
+"""Least range of the position in steps of the encoder's grid: below it the encoder is too coarse for the motion."""
+MIN_REVERSALS = 2
+"""Least number of reversals: with fewer, friction and offset cannot be told apart."""
+MOVING = 0.05
+"""Slower than this share of the fast speed (99 %) the stage does not count as moving."""
+REVERSED_Z = 6.0
+"""Standard errors by which friction has to be negative for the sign of the effort to be called reversed."""
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What the recordings can answer.
+
+    Attributes:
+        notes: sentences about the recordings.
+        warnings: sentences that must not be overlooked.
+        is_poor: whether their excitation is too poor to tell anything.
+        resolution: coarser encoder step than the settings say [its unit], or None.
+    """
+
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+    is_poor: bool
+    resolution: float | None
+
+
+def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
+    """Audit recordings.
+
+    Args:
+        motions: recordings to learn from.
+        axis: settings with the nominal model.
+    """
+    units = axis.units
+    friction = Model.of(axis).friction
+    reach = max(
+        share * friction.static_force / kappa
+        for share, kappa in zip(friction.element_fraction, friction.element_stiffness, strict=True)
+    )
+    notes, warnings, sliding, reversals = [], [], 0.0, 0
+    for motion in motions:
+        moving = np.abs(motion.velocity) > MOVING * np.quantile(np.abs(motion.velocity), 0.99)
+        sliding += float(np.sum(np.abs(np.diff(motion.position))))
+        signs = np.sign(motion.velocity[moving])
+        reversals += int(np.sum(signs[1:] != signs[:-1]))
+        grid = f", position on a grid of {motion.resolution:.3g} {units.position}" if motion.resolution else ""
+        notes.append(
+            f"{motion.name}: {motion.time[-1]:.1f} s at {motion.step / motion.period:.4g} Hz, judged below"
+            f" {motion.band:.3g} Hz{grid}"
+        )
+    position = np.concatenate([motion.position for motion in motions])
+    grid_step = max(motion.resolution for motion in motions)
+    poor = []
+    if sliding < MIN_TRAVEL_OVER_REACH * reach:
+        poor.append("the axis hardly slides: record moves over the stroke in both directions")
+    if reversals < MIN_REVERSALS:
+        poor.append("the axis hardly reverses: record moves in both directions, at least ten reversals")
+    if grid_step > 0.0 and float(np.ptp(position)) < MIN_GRID_STEPS * grid_step:
+        poor.append(
+            f"the encoder is too coarse for this motion ({float(np.ptp(position)) / grid_step:.0f} steps of"
+            f" {grid_step:.3g} {units.position} in all): move further"
+        )
+    if not poor and is_reversed(motions):
+        poor.append(
+            "the effort points against the motion that it makes: set effort_scale to -1 in the parameter file, or turn the"
+            " sign of the effort when the log is converted"
+        )
+    if reversals < 10 and not poor:
+        notes.append(f"only {reversals} reversals: little can be said about presliding and break-away")
+    warnings += poor
+    configured = axis.stage.encoder.resolution
+    coarser = configured > 0.0 and grid_step > COARSER * configured
+    return Audit(tuple(notes), tuple(warnings), bool(poor), grid_step if coarser else None)
+
+
+def is_reversed(motions: Sequence[Motion]) -> bool:
+    """Return whether the effort surely points against the motion: mass and friction would both be negative.
+
+    Args:
+        motions: recordings.
+    """
+    columns, target = [], []
+    for motion in motions:
+        speed = motion.low_pass(motion.velocity)
+        sign = np.tanh(speed / (MOVING * float(np.quantile(np.abs(speed), 0.99)) + 1e-300))
+        place = motion.thinned(motion.position)
+        columns.append(
+            np.column_stack(
+                [sign, motion.low_pass(motion.acceleration), np.ones(len(speed)), place, np.sin(place), np.cos(place)]
+            )
+        )
+        target.append(motion.low_pass(motion.effort))
+    rows, effort = np.vstack(columns), np.concatenate(target)
+    rows = rows / np.maximum(np.std(rows, axis=0), 1e-12)
+    solution = np.linalg.lstsq(rows, effort, rcond=None)[0]
+    left = effort - rows @ solution
+    # neighbouring samples are one: as many independent ones as the band lets pass
+    share = 2.0 * motions[0].band * motions[0].residual_period
+    error = np.sqrt(np.diag(np.linalg.pinv(rows.T @ rows)) * float(left @ left) / max(len(left) * share, 1.0))
+    friction, mass = solution[0] / error[0], solution[1] / error[1]
+    return bool(friction < -REVERSED_Z and mass < 0.0)

@@ -1,0 +1,108 @@
+"""How much of a residual could be predicted at all: a free-form regression, judged on data it was not fitted to.
+
+Gradient-boosted trees see nothing of forces that are periodic in time and of the effort's path, so they complement the
+catalogue's candidates and do not replace them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.ensemble import HistGradientBoostingRegressor
+
+from sgms_observer.diagnosis.coordinates import coordinates_of
+from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.evidence import Improvement, blocks_of, improvement
+from sgms_observer.diagnosis.motion import Motion
+
+Floats = NDArray[np.float64]
+
+ALL = (
+    "position", "direction", "velocity", "acceleration", "time", "time since reversal", "distance since reversal", "dwell",
+)  # fmt: skip
+"""Coordinates of the ceiling."""
+FOLDS = 5
+"""Parts of the recordings that are left out in turn where there are no held-out ones."""
+FOLD_BLOCK = 2.0
+"""Length of the pieces that the parts are made of in turn [s]: long beside what a contact remembers."""
+TREES, LEAF_TIME = 120, 0.2
+"""Number of trees, and the least time of the recording in one leaf [s]: less is one event."""
+
+
+@dataclass(frozen=True)
+class FreeForm:
+    """What a free-form term over some coordinates predicts of a residual.
+
+    Attributes:
+        names: the coordinates.
+        predicted: predicted residual of each motion that is judged on [N].
+        improvement: what it would improve there.
+    """
+
+    names: tuple[str, ...]
+    predicted: tuple[Floats, ...]
+    improvement: Improvement
+
+    @property
+    def share(self) -> float:
+        """Return the predictable share of the squared residual; 0 where the prediction does harm."""
+        return max(0.0, self.improvement.fall / max(self.improvement.before, 1e-300))
+
+
+def free_form(
+    names: Sequence[str],
+    learn: Sequence[Motion],
+    learn_residual: Sequence[Floats],
+    judge: Sequence[Motion],
+    judge_residual: Sequence[Floats],
+    criteria: Criteria,
+    seed: int,
+) -> FreeForm:
+    """Predict a residual over some coordinates.
+
+    Args:
+        names: coordinates, see ``coordinates_of``.
+        learn: recordings to learn from.
+        learn_residual: their residuals [N].
+        judge: recordings to judge on; the same objects as ``learn`` where there are no others: parts of them are then
+            left out in turn.
+        judge_residual: their residuals [N].
+        criteria: lengths of blocks.
+        seed: of the regression.
+    """
+    known = [coordinates_of(motion, names) for motion in learn]
+    period = learn[0].residual_period
+    if all(one is other for one, other in zip(learn, judge, strict=False)) and len(learn) == len(judge):
+        predicted = _in_turn(known, learn_residual, period, seed)
+    else:
+        model = _fit(np.vstack(known), np.concatenate(list(learn_residual)), period, seed)
+        predicted = [np.asarray(model.predict(coordinates_of(motion, names))) for motion in judge]
+    before, after = [], []
+    for motion, residual, guess in zip(judge, judge_residual, predicted, strict=True):
+        before += blocks_of(residual, motion.residual_period, criteria.block)
+        after += blocks_of(residual - guess, motion.residual_period, criteria.block)
+    return FreeForm(tuple(names), tuple(predicted), improvement(before, after))
+
+
+def _fit(rows: Floats, target: Floats, period: float, seed: int) -> HistGradientBoostingRegressor:
+    """Return the fitted regression."""
+    leaf = max(20, min(round(LEAF_TIME / period), len(rows) // 20))
+    model = HistGradientBoostingRegressor(
+        max_iter=TREES, learning_rate=0.06, min_samples_leaf=leaf, early_stopping=False, random_state=seed
+    )
+    return model.fit(rows, target)
+
+
+def _in_turn(known: Sequence[Floats], residual: Sequence[Floats], period: float, seed: int) -> list[Floats]:
+    """Return the prediction of each part of the recordings by a regression that has not seen it."""
+    rows, target = np.vstack(list(known)), np.concatenate(list(residual))
+    fold = (np.arange(len(target)) * period / FOLD_BLOCK).astype(np.int64) % FOLDS
+    predicted = np.zeros(len(target))
+    for number in range(FOLDS):
+        out = fold == number
+        if out.any() and not out.all():
+            predicted[out] = _fit(rows[~out], target[~out], period, seed).predict(rows[out])
+    return np.split(predicted, np.cumsum([len(part) for part in residual])[:-1])

@@ -1,0 +1,53 @@
+"""The closing step: observer and compensation over the same recording, with the given and with the augmented model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sgms_observer.diagnosis.motion import HELD, later, motion_of
+from sgms_observer.diagnosis.record import Record
+from sgms_observer.observer.axis_observer import AxisObserver
+from sgms_observer.observer.samples import Samples
+from sgms_observer.settings.axis import AxisSettings
+
+SKIPPED = 0.5  # s, while filters fill
+
+
+@dataclass(frozen=True)
+class Closing:
+    """Errors with one model.
+
+    Attributes:
+        innovation: rms of measured minus predicted friction at the corrections [N].
+        compensation: rms of what the feedforward leaves of effort minus mass times acceleration, below the band of
+            residuals, with the acceleration as it was and not as an observer knows it at the time [N].
+    """
+
+    innovation: float
+    compensation: float
+
+
+def closing(record: Record, axis: AxisSettings, period: float) -> Closing:
+    """Run observer and compensation over a recording.
+
+    Args:
+        record: position and effort.
+        axis: settings with the model to try.
+        period: nominal sample period [s].
+    """
+    tuned = replace(axis.compensation, enabled=True, gain=1.0, limit=1.0e6, slew_limit=1.0e9, fade_std=1.0e6)
+    observer = AxisObserver(replace(axis, compensation=tuned), period)
+    n = len(record.position)
+    stamp = np.round(np.arange(n) * record.period * 1e9).astype(np.int64)
+    nothing = np.full(n, np.nan)
+    estimates = observer.step(Samples(stamp, record.position, record.effort, nothing, nothing))
+    good = np.arange(n) * record.period > SKIPPED
+    innovation = estimates.innovation[good & np.isfinite(estimates.innovation)]
+    motion = motion_of(record, HELD if axis.filter.effort_is_held else 0.0)
+    feedforward = later(np.nan_to_num(estimates.compensation), motion.lag)[:: motion.step]
+    mass = axis.mass + observer.effects.added_mass
+    left = motion.low_pass(motion.effort - mass * motion.acceleration - feedforward)
+    left = left[motion.thinned(motion.time) > SKIPPED]
+    return Closing(float(np.sqrt(np.mean(innovation**2))), float(np.sqrt(np.mean(left**2))))

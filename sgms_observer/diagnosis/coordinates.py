@@ -1,0 +1,91 @@
+"""Coordinates along a motion that a residual may depend on: place, speed, time and the contact's history."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.jit import njit
+
+Floats = NDArray[np.float64]
+
+REST_SHARE = 2.0e-3
+"""Slower than this share of the fast speed (99.5 %) the stage counts as resting."""
+FREE_FORM = {
+    "cogging": ("position",),
+    "spring": ("position",),
+    "gravity": ("position",),
+    "position_periodic_friction": ("position", "direction"),
+    "position_dependent_friction": ("position", "direction"),
+    "asymmetric_coulomb": ("direction",),
+    "asymmetric_viscous": ("velocity",),
+    "nonlinear_viscous": ("velocity",),
+    "quadratic_drag": ("velocity",),
+    "eddy_current": ("velocity",),
+    "stribeck": ("velocity",),
+    "mass_error": ("acceleration",),
+    "load_dependent_friction": ("acceleration", "direction"),
+    "thermal_drift": ("time", "direction"),
+    "wear_step": ("time", "direction"),
+    "dwell_breakaway": ("dwell", "distance since reversal", "direction"),
+    "presliding": ("distance since reversal", "direction"),
+    "backlash": ("distance since reversal", "direction"),
+    "frictional_lag": ("velocity", "acceleration"),
+}
+"""Coordinates of the free-form term that an effect has to be as good as; effects in time and of the effort have none."""
+
+
+@njit
+def _history(direction: Floats, position: Floats, period: float, since: Floats, far: Floats, rest: Floats) -> None:
+    """Write time and distance since the last reversal and the rest before this motion."""
+    last, start, resting, before = 0.0, 0, 0, 0.0
+    for k in range(direction.shape[0]):
+        if direction[k] == 0.0:
+            resting += 1
+        else:
+            if resting > 0:
+                before = resting * period
+                resting = 0
+            if direction[k] != last:
+                start, last = k, direction[k]
+        since[k] = (k - start) * period
+        far[k] = abs(position[k] - position[start])
+        rest[k] = before
+
+
+def coordinates_of(motion: Motion, names: Sequence[str]) -> Floats:
+    """Return coordinates at the samples of residuals.
+
+    Args:
+        motion: the recording.
+        names: ``position``, ``direction``, ``velocity``, ``acceleration``, ``time``, ``effort``, ``time since reversal``,
+            ``distance since reversal``, ``dwell``.
+
+    Returns:
+        Shape (n, len(names)), SI units; the direction is -1, 0 or 1.
+    """
+    made = motion.kept("coordinates", "all", lambda: _all(motion))
+    return np.column_stack([made[name] for name in names])
+
+
+def _all(motion: Motion) -> dict[str, Floats]:
+    """Return every coordinate at the samples of residuals."""
+    speed = np.abs(motion.velocity)
+    direction = np.where(speed > REST_SHARE * float(np.quantile(speed, 0.995)), np.sign(motion.velocity), 0.0)
+    since, far, rest = (np.zeros(len(direction)) for _ in range(3))
+    _history(direction, motion.position, motion.period, since, far, rest)
+    listed = {
+        "position": motion.position,
+        "direction": direction,
+        "velocity": motion.velocity,
+        "acceleration": motion.acceleration,
+        "time": motion.time,
+        "effort": motion.effort,
+        "time since reversal": since,
+        "distance since reversal": far,
+        "dwell": rest,
+    }
+    return {name: motion.thinned(values) for name, values in listed.items()}

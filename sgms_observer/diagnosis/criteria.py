@@ -1,0 +1,77 @@
+"""The criteria of every decision of the diagnosis: one place, each a convention with its reason."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from scipy import stats
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """Thresholds of the tests, the same for all effects and all machines.
+
+    Attributes:
+        min_z_score: smallest z-score of an improvement on data that was not fitted to; 3 standard errors, one chance in
+            740 (Shewhart's limit). Where many shapes were tried it is raised so that the chance stays the same for all
+            together (Bonferroni).
+        interval_z_score: half width of reported intervals in standard errors; 90 %, two-sided.
+        min_closed_share: smallest share of the closable squared gap that an effect has to close to be worth a name.
+        max_unexplained: share of the rms effort above which the model is unusable: a third, as for identification.
+        max_rate_share: highest frequency of an effect over the sample rate: below Nyquist with room for the filter.
+        min_gap_over_floor: the gap counts as closable from this multiple of the floor (closure is null below).
+        min_predictable_share: smallest share of the squared gap, surely predictable, that contradicts ``no_effect``.
+        block: length of a block of time that counts as independent of the next [s].
+        max_effects: most effects that are added.
+    """
+
+    min_z_score: float = 3.0
+    interval_z_score: float = 1.645
+    min_closed_share: float = 0.05
+    max_unexplained: float = 1.0 / 3.0
+    max_rate_share: float = 0.4
+    min_gap_over_floor: float = 1.1
+    min_predictable_share: float = 0.1
+    block: float = 0.5
+    max_effects: int = 4
+
+    def z_score_of(self, trials: int) -> float:
+        """Return the z-score that the best of several trials needs.
+
+        Args:
+            trials: shapes that were tried; correlated ones make the threshold too careful, never too bold.
+        """
+        tail = stats.norm.sf(self.min_z_score) / max(1, trials)
+        return float(stats.norm.isf(tail)) if tail > 0.0 else math.inf
+
+
+@dataclass(frozen=True)
+class Test:
+    """One test of one hypothesis.
+
+    Attributes:
+        of: the hypothesis: an effect, a changed parameter, or ``model``.
+        name: what is compared.
+        value: its value.
+        threshold: what it is compared with.
+        passed: the outcome.
+    """
+
+    __test__ = False  # not a test of pytest
+
+    of: str
+    name: str
+    value: float
+    threshold: float
+    passed: bool
+
+
+def at_least(of: str, name: str, value: float, threshold: float) -> Test:
+    """Return the test that a value reaches a threshold."""
+    return Test(of, name, float(value), float(threshold), bool(value >= threshold))
+
+
+def at_most(of: str, name: str, value: float, threshold: float) -> Test:
+    """Return the test that a value stays below a threshold."""
+    return Test(of, name, float(value), float(threshold), bool(value <= threshold))

@@ -1,0 +1,267 @@
+"""Decisions: which tests a hypothesis has to pass to be named, each with its value and threshold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.candidates import Candidate
+from sgms_observer.diagnosis.ceiling import FreeForm, free_form
+from sgms_observer.diagnosis.coordinates import FREE_FORM
+from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
+from sgms_observer.diagnosis.evidence import (
+    Improvement,
+    force_residuals,
+    held_out_residuals,
+    improvement,
+    left_out_residuals,
+)
+from sgms_observer.diagnosis.fit import Judged, Refit, Refits
+from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.ranges import believable
+from sgms_observer.effects.catalogue import effect
+
+Floats = NDArray[np.float64]
+
+AT_END = 1.0e-6
+"""A parameter lies at the end of its range when it is this near, relative to the end."""
+WHOLE_RANGE = ("motion_share", "attraction_rate", "stop")
+"""Parameters that may well lie at an end of their range."""
+CHANGED = ("changed friction", "changed elements", "unsmoothed contact")
+"""Hypotheses on values of the file, in the order of how much they let go."""
+
+
+@dataclass(frozen=True)
+class Court:
+    """The recordings that evidence is taken from.
+
+    Attributes:
+        learn: recordings to learn from.
+        judge: recordings to judge on; the same where there are no held-out ones.
+        judged: ``learn`` with their noise.
+        held: held-out recordings with the noise to whiten with; none where there are none.
+        floor: rms residual that noise and encoder leave to a perfect model on ``judge`` [N].
+        criteria: thresholds.
+        seed: of the free-form regression.
+    """
+
+    learn: tuple[Motion, ...]
+    judge: tuple[Motion, ...]
+    judged: Judged
+    held: Judged
+    floor: float
+    criteria: Criteria
+    seed: int
+
+    @property
+    def has_held_out(self) -> bool:
+        """Return whether there are recordings that nothing is fitted to."""
+        return bool(self.held.motions)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a fit predicts of data it was not fitted to.
+
+    Attributes:
+        learn: whitened residual of each block of the recordings to learn from, by the fit without the block.
+        held: whitened residual of each block of the held-out recordings.
+        force: residual of each block of the recordings to judge on, as the gap counts it [N].
+    """
+
+    learn: list[Floats]
+    held: list[Floats]
+    force: list[Floats]
+
+    @property
+    def all(self) -> list[Floats]:
+        """Return all whitened blocks."""
+        return [*self.learn, *self.held]
+
+
+def evidence_of(found: Refit, court: Court) -> Evidence:
+    """Return what a fit predicts of data it was not fitted to.
+
+    Args:
+        found: a fit with derivatives at its solution.
+        court: the recordings.
+    """
+    length = court.criteria.block
+    return Evidence(
+        left_out_residuals(found, court.judged, length),
+        held_out_residuals(found.model, court.held, length),
+        force_residuals(found.model, court.judge, length),
+    )
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One hypothesis with its tests.
+
+    Attributes:
+        candidate: the hypothesis.
+        evidence: what its fit predicts.
+        improvement: over the model without it, whitened, on all data that was not fitted to.
+        tests: every test.
+    """
+
+    candidate: Candidate
+    evidence: Evidence
+    improvement: Improvement
+    tests: tuple[Test, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Return whether every test was passed."""
+        return all(test.passed for test in self.tests)
+
+
+def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> Decision:
+    """Test one hypothesis against the model without it.
+
+    Args:
+        item: the hypothesis.
+        before: fit without it.
+        earlier: what that fit predicts.
+        court: the recordings.
+    """
+    criteria = court.criteria
+    later = evidence_of(item.refit, court)
+    gain = improvement(earlier.all, later.all)
+    tests = [at_least(item.name, "z-score on data not fitted to", gain.z_score, criteria.z_score_of(item.trials))]
+    gap = improvement(earlier.force, later.force)
+    if court.has_held_out:
+        tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
+    closable = max(gap.before - _floor_square(earlier.force, court), 1.0e-300)
+    tests.append(at_least(item.name, "share of the closable squared gap", gap.fall / closable, criteria.min_closed_share))
+    tests += bounds(item, court)
+    if item.settings is not None:
+        tests += physical(item, court)
+        if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
+            tests += earned(item, before, later, court)
+    return Decision(item, later, gain, tuple(tests))
+
+
+def _floor_square(force: Sequence[Floats], court: Court) -> float:
+    """Return the squared residual that noise and encoder leave over the same samples [N^2]."""
+    return court.floor**2 * sum(len(part) for part in force)
+
+
+def bounds(item: Candidate, court: Court) -> list[Test]:
+    """Return the test that no parameter of an effect lies at the end of its physical or believable range."""
+    settings = item.settings
+    if settings is None:
+        return []
+    at_end = 0
+    for parameter, value in zip(effect(settings.name).parameters, settings.values, strict=True):
+        if parameter.name in WHOLE_RANGE or parameter.unit == "rad" or value == parameter.default:
+            continue
+        limits = believable(settings.name, parameter.name, court.learn, item.refits.nominal)
+        ends = [end for end in (parameter.minimum, parameter.maximum, *limits) if math.isfinite(end)]
+        at_end += any(abs(value - end) <= AT_END * abs(end) for end in ends)
+    return [at_most(item.name, "parameters at the end of their range", at_end, 0.0)]
+
+
+def physical(item: Candidate, court: Court) -> list[Test]:
+    """Return tests that the recordings reach what the effect acts on."""
+    settings = item.settings
+    assert settings is not None
+    tests = []
+    values = dict(zip((p.name for p in effect(settings.name).parameters), settings.values, strict=True))
+    rate = min(motion.step / motion.period for motion in court.learn)
+    if "frequency" in values:
+        tests.append(
+            at_most(item.name, "frequency over sample rate", values["frequency"] / rate, court.criteria.max_rate_share)
+        )
+    if settings.name == "actuator_saturation":
+        effort = np.abs(np.concatenate([motion.effort for motion in court.learn]))
+        tests.append(
+            at_most(
+                item.name, "share of samples beyond the limit", float(np.mean(effort > values["limit"])),
+                court.criteria.max_unexplained,
+            )
+        )  # fmt: skip
+    return tests
+
+
+def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> list[Test]:
+    """Return the test that a free-form term over the same coordinates predicts no better than the effect."""
+    names = FREE_FORM.get(item.name)
+    if names is None:
+        return []
+    criteria = court.criteria
+    free = term(names, before.model, court)
+    start, replaced = 0, []
+    for part in force_residuals(before.model, court.judge, criteria.block):
+        replaced.append(part)
+    guess = np.concatenate(free.predicted)
+    for k, part in enumerate(replaced):
+        replaced[k] = part - guess[start : start + len(part)]
+        start += len(part)
+    better = improvement(later.force, replaced)
+    return [at_most(item.name, f"z-score of a free-form term over {' and '.join(names)}", better.z_score, criteria.min_z_score)]
+
+
+def term(names: Sequence[str], model: Model, court: Court) -> FreeForm:
+    """Return what a free-form term predicts of a model's residual on the recordings to judge on."""
+
+    def residuals(motions: Sequence[Motion]) -> list[Floats]:
+        return [motion.low_pass(predict(model, motion).residual) for motion in motions]
+
+    learn = residuals(court.learn)
+    judge = residuals(court.judge) if court.has_held_out else learn
+    return free_form(names, court.learn, learn, court.judge, judge, court.criteria, court.seed)
+
+
+def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria) -> tuple[str, ...]:
+    """Return the names that data which nothing was fitted to do not tell from the best one.
+
+    Args:
+        best: the accepted decision.
+        others: the other decisions of the same round.
+        criteria: thresholds.
+    """
+    found = []
+    for item in others:
+        if item.candidate.settings is None or item.candidate.name == best.candidate.name:
+            continue
+        is_apart = improvement(item.evidence.all, best.evidence.all).z_score > criteria.min_z_score
+        is_possible = all(test.passed for test in item.tests)
+        if not is_apart and is_possible:
+            found.append(item.candidate.name)
+    return tuple(found)
+
+
+def held_judged(motions: Sequence[Motion], judged: Judged, model: Model) -> Judged:
+    """Return held-out recordings with the noise of the recordings to learn from.
+
+    Args:
+        motions: held-out recordings; may be empty.
+        judged: recordings to learn from; the loudest noise counts.
+        model: says where the contact sticks.
+    """
+    loudest = max(judged.noise, key=lambda noise: noise.rms)
+    noises = tuple(replace(loudest, period=motion.residual_period) for motion in motions)
+    weights = tuple(
+        noise.weights(motion.thinned(predict(model, motion).doubt)) for motion, noise in zip(motions, noises, strict=True)
+    )
+    return Judged(tuple(motions), noises, weights)
+
+
+def changed_refits(refits: Refits, name: str) -> Refits:
+    """Return refits in which values of the owner's file are let go.
+
+    Args:
+        refits: so far.
+        name: one of ``CHANGED``.
+    """
+    if name == CHANGED[0]:
+        return replace(refits, freedom=replace(refits.freedom, friction=True))
+    if name == CHANGED[1]:
+        return replace(refits, freedom=replace(refits.freedom, friction=True, elements=True))
+    return replace(refits, nominal=replace(refits.nominal, is_sharp=True))

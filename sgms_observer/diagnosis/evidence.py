@@ -1,0 +1,115 @@
+"""Predictive evidence: how much better one model predicts data that neither was fitted to.
+
+Held-out recordings are predicted as they are. A block of a recording that was learnt from is predicted by the fit without
+it: the fit's own derivatives say how far the parameters move when the block is left out (exact for a linear model).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.fit import Judged, Refit
+from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.uncertainty import in_time, left_out
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """What a later model predicts better than an earlier one.
+
+    Attributes:
+        fall: fall of the squared residual, in units of the noise or N^2.
+        z_score: the fall over its standard error.
+        before: squared residual of the earlier model, in the same unit.
+    """
+
+    fall: float
+    z_score: float
+    before: float
+
+
+def improvement(before: Sequence[Floats], after: Sequence[Floats]) -> Improvement:
+    """Compare two models by their residuals on the same blocks.
+
+    With ``d`` the change of the residual and ``e`` what the later model leaves, the square falls by ``d^2 + 2 e d``.
+    Where an effect acts is no chance: a few hard reversals may hold all of it. The product ``e d`` is chance; its scatter
+    over blocks is the standard error.
+
+    Args:
+        before: residual of the earlier model in each block.
+        after: residual of the later model in the same blocks.
+    """
+    fall = sum(float(one @ one - other @ other) for one, other in zip(before, after, strict=True))
+    products = [2.0 * float(other @ (one - other)) for one, other in zip(before, after, strict=True)]
+    error = float(np.sqrt(np.sum(np.square(products))))
+    total = sum(float(one @ one) for one in before)
+    return Improvement(fall, fall / error if error > 0.0 else 0.0, total)
+
+
+def blocks_of(values: Floats, period: float, length: float) -> list[Floats]:
+    """Return a series cut into blocks.
+
+    Args:
+        values: shape (n,) or (n, k).
+        period: time between two rows [s].
+        length: of a block [s].
+    """
+    count = max(1, round(len(values) * period / length))
+    return np.array_split(values, count)
+
+
+def left_out_residuals(found: Refit, judged: Judged, length: float) -> list[Floats]:
+    """Return the whitened residual of each block of the recordings to learn from, by the fit without the block.
+
+    Args:
+        found: a fit with derivatives at its solution.
+        judged: the recordings it was fitted to.
+        length: of a block [s].
+    """
+    rows = len(found.residual)
+    columns = np.column_stack([found.jacobian[:rows], found.residual])
+    parts: list[Floats] = []
+    for motion, series in zip(judged.motions, in_time(columns, judged), strict=True):
+        duration = len(motion.time) * motion.period
+        parts += blocks_of(series, duration / len(series), length)
+    moved = left_out(parts, found.jacobian.T @ found.jacobian)
+    return [part[:, -1] + part[:, :-1] @ step for part, step in zip(parts, moved, strict=True)]
+
+
+def held_out_residuals(model: Model, held: Judged, length: float) -> list[Floats]:
+    """Return the whitened residual of each block of held-out recordings.
+
+    Args:
+        model: nothing of it was fitted to them.
+        held: the recordings with the noise to whiten with.
+        length: of a block [s].
+    """
+    if not held.motions:
+        return []
+    whitened = held.residual(model)[:, None]
+    parts: list[Floats] = []
+    for motion, series in zip(held.motions, in_time(whitened, held), strict=True):
+        duration = len(motion.time) * motion.period
+        parts += [part[:, 0] for part in blocks_of(series, duration / len(series), length)]
+    return parts
+
+
+def force_residuals(model: Model, motions: Sequence[Motion], length: float) -> list[Floats]:
+    """Return the residual of each block, not whitened, as the gap counts it [N].
+
+    Args:
+        model: what is judged.
+        motions: the recordings.
+        length: of a block [s].
+    """
+    parts: list[Floats] = []
+    for motion in motions:
+        parts += blocks_of(motion.low_pass(predict(model, motion).residual), motion.residual_period, length)
+    return parts

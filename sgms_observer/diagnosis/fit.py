@@ -1,0 +1,320 @@
+"""Refits: nominal parameters within their tolerance, together with the parameters of effects, on whitened residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.level import PARTS_OF_THE_LEVEL, told
+from sgms_observer.diagnosis.model import COULOMB, STATIC, Model, predict
+from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.noise import Noise, fit_noise
+from sgms_observer.diagnosis.ranges import believable, unit_of
+from sgms_observer.effects.catalogue import effect
+from sgms_observer.settings.axis import EffectSettings
+
+Floats = NDArray[np.float64]
+
+ELEMENT_SLACK = 15.0
+"""How much further than the tolerance elements may be off: few of them stand for a continuous contact."""
+FREED_FRICTION = np.log(2.0)
+"""Standard deviation of the logarithm of a friction value that its owner's file no longer holds: a factor of two."""
+FREED_ELEMENTS = np.log(3.0)
+"""The same of an element's stiffness and share: a factor of three."""
+STEP = 1.0e-4
+"""Step of numerical derivatives, in units of the parameters."""
+UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,)}
+"""Parameters that are a unit of others and never fitted: (effect, indices)."""
+REFRESH = 3
+"""Steps after which derivatives by the nominal parameters are computed anew."""
+BY_RATIO = (
+    "attraction_rate", "distance", "memory_distance", "gap", "stop", "time_constant", "dwell_time", "width", "velocity",
+    "peak_velocity",
+)  # fmt: skip
+"""Positive parameters that may be off by a factor: they are moved by their logarithm."""
+LEAST_NOISE = 1.0e-3
+"""Least rms noise of a measured force, as a share of the effort."""
+_MAX_ITERATIONS = 12
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Motions with the noise and weights every column passes.
+
+    Attributes:
+        motions: recordings.
+        noise: of each recording.
+        weights: of each recording at the rate of residuals.
+    """
+
+    motions: tuple[Motion, ...]
+    noise: tuple[Noise, ...]
+    weights: tuple[Floats, ...]
+
+    def whitened(self, columns: Sequence[Floats]) -> Floats:
+        """Return one column of all recordings, from working-rate series, in units of the noise."""
+        parts = [
+            noise.whitened(motion.low_pass(column), weights)
+            for motion, noise, weights, column in zip(self.motions, self.noise, self.weights, columns, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    def residual(self, model: Model) -> Floats:
+        """Return the model's residual in units of the noise."""
+        return self.whitened([predict(model, motion).residual for motion in self.motions])
+
+    @property
+    def count(self) -> int:
+        """Number of whitened residuals."""
+        return len(self.whitened([np.zeros(len(motion.time)) for motion in self.motions]))
+
+
+def judged_with(motions: Sequence[Motion], model: Model) -> Judged:
+    """Return motions with the noise that the model's residual has."""
+    noises, weights = [], []
+    for motion in motions:
+        prediction = predict(model, motion)
+        doubt = motion.thinned(prediction.doubt)
+        least = LEAST_NOISE * float(np.std(motion.effort))
+        noise = fit_noise(motion.low_pass(prediction.residual), doubt, motion.residual_period, motion.band, least)
+        noises.append(noise)
+        weights.append(noise.weights(doubt))
+    return Judged(tuple(motions), tuple(noises), tuple(weights))
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """Which values of the owner's file the recordings may move beyond the tolerance.
+
+    Attributes:
+        friction: viscous, Coulomb and static force, Stribeck velocity, attraction rate.
+        elements: stiffness and share of the elements.
+    """
+
+    friction: bool = False
+    elements: bool = False
+
+
+def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -> Floats:
+    """Return how far the logarithm of each nominal parameter may be off (one standard deviation).
+
+    Args:
+        model: the nominal model.
+        tolerance: largest relative error its owner expects; elements may be off ``ELEMENT_SLACK`` times as far, because
+            few elements stand for a continuous contact.
+        freedom: what is let go.
+    """
+    one = tolerance / np.sqrt(3.0)
+    widths = []
+    for name in model.parameter_names():
+        if name.startswith("element"):
+            widths.append(FREED_ELEMENTS if freedom.elements else ELEMENT_SLACK * one)
+        else:
+            widths.append(FREED_FRICTION if freedom.friction and name != "mass" else one)
+    return np.array(widths)
+
+
+def limits(model: Model, tolerance: float, freedom: Freedom = Freedom()) -> Floats:
+    """Return the largest logarithm of each nominal parameter: the tolerance is its owner's word; arguments as above."""
+    free = 3.0 * prior_widths(model, tolerance, freedom)
+    one = np.log1p(tolerance)
+    is_held = [
+        not (name.startswith("element") or (freedom.friction and name != "mass")) for name in model.parameter_names()
+    ]
+    return np.where(is_held, one, free)
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A refitted model.
+
+    Attributes:
+        model: with the refitted parameters and effects.
+        logs: logarithms of the nominal parameters over the given ones.
+        effects: the effects of this fit.
+        residual: whitened residual.
+        cost: half its square plus the prior's.
+        jacobian: of residual and prior rows by (logs, free effect parameters), at the solution.
+        scales: unit of each free effect parameter in ``jacobian``.
+        free: index (effect, parameter) of each free effect parameter.
+    """
+
+    model: Model
+    logs: Floats
+    effects: tuple[EffectSettings, ...]
+    residual: Floats
+    cost: float
+    jacobian: Floats
+    scales: Floats
+    free: tuple[tuple[int, int], ...]
+
+    def deviations(self) -> Floats:
+        """Return the standard deviation of each free effect parameter, SI units."""
+        n = len(self.free)
+        if n == 0:
+            return np.zeros(0)
+        normal = self.jacobian.T @ self.jacobian
+        covariance = np.linalg.pinv(normal)
+        return np.sqrt(np.maximum(np.diag(covariance)[-n:], 0.0)) * self.scales
+
+
+def refit(
+    judged: Judged,
+    nominal: Model,
+    tolerance: float,
+    effects: Sequence[EffectSettings] = (),
+    start: Floats | None = None,
+    fixed: Sequence[tuple[int, int]] = (),
+    iterations: int = _MAX_ITERATIONS,
+    nominal_columns: Floats | None = None,
+    freedom: Freedom = Freedom(),
+) -> Refit:
+    """Fit nominal parameters and effects by Levenberg-Marquardt with numerical derivatives.
+
+    Args:
+        judged: recordings.
+        nominal: the given model.
+        tolerance: of its parameters, see ``prior_widths``.
+        effects: effects to add, at their start values.
+        start: start of the logarithms; zero if None.
+        fixed: (effect, parameter) pairs that keep their value.
+        iterations: largest number of steps.
+        nominal_columns: derivatives of the whitened residual by the nominal parameters, when they are known well
+            enough: they hardly change while an effect is fitted.
+        freedom: nominal parameters that may move beyond the tolerance.
+
+    Returns:
+        The best point found.
+    """
+    widths = prior_widths(nominal, tolerance, freedom)
+    free = tuple((i, j) for i, e in enumerate(effects) for j in range(len(e.values)) if (i, j) not in fixed)
+    catalogue = [effect(e.name) for e in effects]
+    minimum = np.array([catalogue[i].parameters[j].minimum for i, j in free])
+    maximum = np.array([catalogue[i].parameters[j].maximum for i, j in free])
+    for k, (i, j) in enumerate(free):
+        low_limit, high_limit = believable(effects[i].name, catalogue[i].parameters[j].name, judged.motions, nominal)
+        minimum[k], maximum[k] = max(minimum[k], low_limit), min(maximum[k], high_limit)
+    values = np.array([effects[i].values[j] for i, j in free])
+    stroke = float(np.ptp(np.concatenate([motion.position for motion in judged.motions])))
+    scales = np.array([unit_of(effects[i], j, nominal, stroke) for i, j in free])
+    n = len(widths)
+    ratio = np.array([catalogue[i].parameters[j].name in BY_RATIO for i, j in free], dtype=bool)
+
+    def coordinate(value: Floats) -> Floats:
+        shares = value / np.where(scales > 0, scales, 1.0)
+        return np.where(ratio, np.log(np.where(ratio, np.maximum(shares, 1e-12), 1.0)), shares)
+
+    x = np.concatenate([np.zeros(n) if start is None else start, coordinate(values)])
+    reach = limits(nominal, tolerance, freedom)
+    low, high = np.concatenate([-reach, coordinate(minimum)]), np.concatenate([reach, coordinate(maximum)])
+    if any(item.name in PARTS_OF_THE_LEVEL for item in effects):
+        low[[COULOMB, STATIC]] = -1.0
+    x = np.clip(x, low, high)
+
+    def unpack(z: Floats) -> tuple[Model, tuple[EffectSettings, ...]]:
+        lists = [list(e.values) for e in effects]
+        for (i, j), value, scale in zip(free, np.where(ratio, np.exp(z[n:] * ratio), z[n:]), scales, strict=True):
+            parameter = catalogue[i].parameters[j]
+            lists[i][j] = float(min(max(value * scale, parameter.minimum), parameter.maximum))
+        moved = tuple(EffectSettings(e.name, tuple(v)) for e, v in zip(effects, lists, strict=True))
+        return nominal.shifted(z[:n]).with_effects(moved), moved
+
+    def residual(z: Floats) -> Floats:
+        model, moved = unpack(z)
+        return np.concatenate([judged.residual(model), told(z[:n], nominal, moved) / widths])
+
+    here = residual(x)
+    cost = 0.5 * float(here @ here)
+    damping = 1.0e-3
+    jacobian = np.zeros((len(here), len(x)))
+    if nominal_columns is not None:
+        jacobian[:, :n] = np.vstack([nominal_columns, np.diag(1.0 / widths)])
+    units = np.concatenate([1.0 / widths, np.ones(len(free))])
+    age = 0
+    for _ in range(iterations):
+        for k in range(n if nominal_columns is not None or age > 0 else 0, len(x)):
+            step = STEP if x[k] + STEP <= high[k] else -STEP
+            shifted = x.copy()
+            shifted[k] += step
+            jacobian[:, k] = (residual(shifted) - here) / step
+        normal, gradient = jacobian.T @ jacobian, jacobian.T @ here
+        improved = 0.0
+        for _attempt in range(6):
+            lhs = normal + damping * np.diag(np.diag(normal) + 1e-12)
+            candidate = np.clip(x - np.linalg.solve(lhs, gradient), low, high)
+            there = residual(candidate)
+            new_cost = 0.5 * float(there @ there)
+            if np.isfinite(new_cost) and new_cost < cost:
+                improved = cost - new_cost
+                moved = (candidate - x) * units
+                if nominal_columns is None:  # Broyden's update, until the columns are computed anew
+                    missed = there - here - jacobian @ (candidate - x)
+                    jacobian += np.outer(missed, moved * units / max(float(moved @ moved), 1e-30))
+                x, here, cost = candidate, there, new_cost
+                damping = max(damping / 5.0, 1e-7)
+                break
+            damping *= 6.0
+        is_small = improved < 1.0e-4 * cost + 0.2
+        if is_small and (age == 0 or nominal_columns is not None):
+            break
+        age = 0 if is_small else (age + 1) % REFRESH
+    model, moved = unpack(x)
+    units = np.where(ratio, scales * np.exp(x[n:] * ratio), scales)
+    return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free)
+
+
+def units(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+    """Return the parameters that are a unit of others, (effect, parameter)."""
+    return [(i, j) for i, item in enumerate(effects) for j in UNITS.get(item.name, ())]
+
+
+def kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+    """Return the parameters that are never fitted: units of others, an absent second harmonic, a learnt table."""
+    absent = [i for i, item in enumerate(effects) if item.name == "cogging" and item.values[3] == 0.0]
+    return units(effects) + [(i, j) for i in absent for j in (3, 4)]
+
+
+@dataclass(frozen=True)
+class Refits:
+    """Refits to the same recordings that differ in their effects.
+
+    Attributes:
+        judged: recordings to learn from.
+        nominal: the given model.
+        tolerance: of its parameters.
+        freedom: nominal parameters that may move beyond the tolerance.
+        held: effects of the owner's file that keep their values.
+    """
+
+    judged: Judged
+    nominal: Model
+    tolerance: float
+    freedom: Freedom = Freedom()
+    held: frozenset[str] = frozenset()
+
+    def of(
+        self,
+        effects: Sequence[EffectSettings],
+        start: Floats | None,
+        steps: int,
+        fixed: Sequence[tuple[int, int]] | None = None,
+        columns: Floats | None = None,
+    ) -> Refit:
+        """Fit with these effects.
+
+        Args:
+            effects: at their start values.
+            start: logarithms of the nominal parameters to start from; zero if None.
+            steps: largest number of steps.
+            fixed: parameters that keep their value, see ``refit``; those that are never fitted if None.
+            columns: derivatives by the nominal parameters where they are known, see ``refit``.
+        """
+        still = [*(kept(effects) if fixed is None else fixed), *self.held_parameters(effects)]
+        return refit(self.judged, self.nominal, self.tolerance, effects, start, still, steps, columns, self.freedom)
+
+    def held_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+        """Return the parameters of effects that keep the values of the owner's file, (effect, parameter)."""
+        return [(i, j) for i, item in enumerate(effects) if item.name in self.held for j in range(len(item.values))]

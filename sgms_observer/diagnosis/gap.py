@@ -1,0 +1,140 @@
+"""The gap: measured minus predicted effort, on one band, over the rms measured effort of the same recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.fit import Judged
+from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.noise import Noise
+from sgms_observer.diagnosis.replicates import replicate_of
+
+Floats = NDArray[np.float64]
+
+DRAWS = 400
+"""Bootstrap draws of an interval."""
+FLOOR_REPLICATES = 3
+"""Simulated recordings with nothing hidden that the floor of noise and encoder is taken from."""
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Gaps in per cent of the rms measured effort below the band.
+
+    Attributes:
+        given: of the file as it is.
+        before: of the file refitted within its tolerance.
+        after: with what was found.
+        floor: what no predictor removes.
+        interval_before, interval_after: 90 % intervals by moving blocks.
+        held_out: which data: ``held-out`` recordings, or ``cross-validated`` halves of the recordings themselves.
+        band: residuals are judged below this frequency [Hz].
+        min_over_floor: below this multiple of the floor nothing is closable.
+    """
+
+    given: float
+    before: float
+    after: float
+    floor: float
+    interval_before: tuple[float, float]
+    interval_after: tuple[float, float]
+    held_out: str
+    band: float
+    min_over_floor: float
+
+    @property
+    def named(self) -> float:
+        """Return the part that what was found closes: named^2 = before^2 - after^2 [%]."""
+        return float(np.sqrt(max(0.0, self.before**2 - self.after**2)))
+
+    @property
+    def predictable(self) -> float:
+        """Return the part that could be predicted and has no name: predictable^2 = after^2 - floor^2 [%]."""
+        return float(np.sqrt(max(0.0, self.after**2 - self.floor**2)))
+
+    @property
+    def closure(self) -> float | None:
+        """Return (before - after) / (before - floor), or None where there is nothing to close."""
+        if self.before <= self.min_over_floor * self.floor:
+            return None
+        return (self.before - self.after) / (self.before - self.floor)
+
+
+def residuals(model: Model, motions: Sequence[Motion]) -> tuple[Floats, ...]:
+    """Return the band-limited residual of a model in each motion [N]."""
+    return tuple(motion.low_pass(predict(model, motion).residual) for motion in motions)
+
+
+def effort_rms(motions: Sequence[Motion]) -> float:
+    """Return the rms measured effort below the band [N]."""
+    return rms([motion.low_pass(motion.effort) for motion in motions])
+
+
+def rms(parts: Sequence[Floats]) -> float:
+    """Return the root of the mean square of all parts."""
+    return float(np.sqrt(np.mean(np.square(np.concatenate(list(parts))))))
+
+
+def interval(parts: Sequence[Floats], motions: Sequence[Motion], criteria: Criteria, seed: int) -> tuple[float, float]:
+    """Return the 90 % interval of the rms residual by moving blocks [%].
+
+    Args:
+        parts: residual of each motion [N].
+        motions: the motions.
+        criteria: length of a block.
+        seed: of the bootstrap.
+
+    Source: Kuensch 1989, Annals of Statistics 17(3).
+    """
+    rng = np.random.default_rng([seed, 77])
+    squares = np.concatenate([part**2 for part in parts])
+    length = max(1, int(criteria.block / motions[0].residual_period))
+    count = max(1, len(squares) // length)
+    sums = np.concatenate(([0.0], np.cumsum(squares)))
+    starts = rng.integers(0, max(1, len(squares) - length), size=(DRAWS, count))
+    means = (sums[starts + length] - sums[starts]).sum(axis=1) / (count * length)
+    low, high = np.quantile(100.0 * np.sqrt(means) / effort_rms(motions), [0.05, 0.95])
+    return float(low), float(high)
+
+
+def noise_floor(motions: Sequence[Motion], model: Model, noise: Sequence[Noise], seed: int) -> float:
+    """Return the rms residual that noise and the encoder's grid alone leave to a perfect model [N].
+
+    Args:
+        motions: recordings.
+        model: any model of about the right friction.
+        noise: of the recordings to learn from; the loudest counts.
+        seed: of all chance.
+    """
+    loudest = max(noise, key=lambda item: item.rms)
+    parts = []
+    for number in range(FLOOR_REPLICATES):
+        rng = np.random.default_rng([seed, 79, number])
+        for motion in motions:
+            simulated = replicate_of(motion, model, loudest, rng)
+            parts.append(simulated.low_pass(predict(model, simulated).residual))
+    return rms(parts)
+
+
+def halves(motion: Motion) -> tuple[Motion, Motion]:
+    """Return the two halves of a motion; effects in travel start anew in the second."""
+    middle = len(motion.time) // 2
+    cuts = (slice(0, middle), slice(middle, None))
+    listed = [(field.name, getattr(motion, field.name)) for field in fields(motion)]
+    series = {key: value for key, value in listed if isinstance(value, np.ndarray) and len(value) == len(motion.time)}
+    first, second = (
+        replace(motion, **{key: value[cut] for key, value in series.items()})  # type: ignore[arg-type]
+        for cut in cuts
+    )
+    return first, second
+
+
+def loudest_rms(judged: Judged) -> float:
+    """Return the rms of the loudest noise [N]."""
+    return max(item.rms for item in judged.noise)

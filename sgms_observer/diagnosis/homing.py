@@ -1,0 +1,94 @@
+"""Where on the machine a recording counts its position from: an axis that is not homed begins anew each time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sgms_observer.diagnosis.gate import CLOSABLE, SURE, Gate, sureness_of
+from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.effects.catalogue import effect
+from sgms_observer.settings.axis import EffectSettings
+
+PITCH = "pitch"
+PLACES = 60
+"""Places that are tried over one pitch."""
+CLOSES = 0.5
+"""A recording counts from elsewhere when another place closes this share of its closable squared residual."""
+
+
+def pitch_of(effects: Sequence[EffectSettings]) -> float | None:
+    """Return the longest pitch of the effects that return with the position [m], or None where there is none."""
+    pitches = [
+        value
+        for item in effects
+        for parameter, value in zip(effect(item.name).parameters, item.values, strict=True)
+        if parameter.name == PITCH
+    ]
+    return max(pitches, default=None)
+
+
+def moved(motion: Motion, place: float) -> Motion:
+    """Return a motion that counts its position from another place.
+
+    Args:
+        motion: the recording.
+        place: what its positions lack [m].
+    """
+    return replace(motion, position=motion.position + place, raw=motion.raw + place)
+
+
+def place_of(model: Model, motion: Motion, seconds: float | None = None) -> float:
+    """Return where within one pitch a motion counts its position from, as the model's ripple tells [m].
+
+    Args:
+        model: friction and effects; with an effect that returns with the position.
+        motion: the recording.
+        seconds: length of its beginning that may tell it; all of it if None.
+
+    Raises:
+        ValueError: no effect of the model returns with the position.
+    """
+    pitch = pitch_of(model.effects)
+    if pitch is None:
+        raise ValueError("no effect of the model returns with the position, so nothing tells the place")
+    count = None if seconds is None else round(seconds / motion.residual_period)
+
+    def error(place: float) -> float:
+        there = moved(motion, place)
+        return float(np.sum(np.square(there.low_pass(predict(model, there).residual)[:count])))
+
+    places = np.linspace(0.0, pitch, PLACES, endpoint=False)
+    return float(places[int(np.argmin([error(place) for place in places]))])
+
+
+def unhomed(models: Sequence[Model], gate: Gate) -> list[str]:
+    """Return a sentence for each recording to judge on that counts its position from elsewhere.
+
+    Args:
+        models: the fits that were best in some round.
+        gate: recordings to judge on.
+    """
+    rippled = [model for model in models if pitch_of(model.effects) is not None]
+    if not rippled or not gate.is_unseen:
+        return []
+    model = rippled[-1]
+    said = []
+    for motion in gate.motions:
+        before = motion.low_pass(predict(model, motion).residual)
+        closable = np.mean(before**2) - gate.floor**2
+        if closable < (CLOSABLE**2 - 1.0) * gate.floor**2:
+            continue
+        place = place_of(model, motion)
+        there = moved(motion, place)
+        after = there.low_pass(predict(model, there).residual)
+        is_sure = sureness_of([(before, after, motion.residual_period)]) > SURE
+        if is_sure and np.mean(before**2) - np.mean(after**2) > CLOSES * closable:
+            said.append(
+                f"{motion.name} fits if it counts its position from {1e3 * place:.3g} mm further along: home the axis"
+                " before each recording, or no effect that is bound to a place can be judged on it"
+            )
+    return said

@@ -1,0 +1,54 @@
+"""Effects that are a part of the friction level: what they take, its owner has measured with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.model import COULOMB, STATIC, Model
+from sgms_observer.settings.axis import EffectSettings
+
+Floats = NDArray[np.float64]
+
+MISSING_ELEMENT = "presliding"
+LOAD_BEHIND_PLAY = "backlash"
+PARTS_OF_THE_LEVEL = (MISSING_ELEMENT, LOAD_BEHIND_PLAY)
+"""Effects whose force the owner's Coulomb and static force already contain."""
+
+
+def told(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Floats:
+    """Return the logarithms as their owner would see them: what a part of the level takes, he measured with it."""
+    parts = [item for item in effects if item.name in PARTS_OF_THE_LEVEL]
+    if not parts:
+        return logs
+    seen = logs.copy()
+    for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):
+        level = np.exp(logs[row])
+        own = sum(taken(item.name, item.values, force, level) for item in parts)
+        seen[row] = np.log(max(level + own, 1.0e-3))
+    return seen
+
+
+def told_start(logs: Floats, nominal: Model, start: EffectSettings) -> Floats:
+    """Return where a fit with one more effect starts: a part of the level leaves the level as it is."""
+    moved = logs.copy()
+    for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):
+        if start.name == MISSING_ELEMENT:
+            moved[row] = np.log(max(np.exp(logs[row]) - start.values[0] / force, 0.1))
+        elif start.name == LOAD_BEHIND_PLAY:
+            moved[row] = logs[row] + np.log(1.0 - start.values[1])
+    return moved
+
+
+def taken(name: str, values: Sequence[float], force: float, level: float) -> float:
+    """Return what a part of the level takes, as a share of the owner's force.
+
+    Args:
+        name: of an effect in ``PARTS_OF_THE_LEVEL``.
+        values: its values.
+        force: the level that the owner measured [N].
+        level: what is left of it beside the part, as a share [-].
+    """
+    return values[0] / force if name == MISSING_ELEMENT else level * values[1] / (1.0 - values[1])

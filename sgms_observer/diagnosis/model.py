@@ -1,0 +1,285 @@
+"""The model under test: nominal parameters and effects, simulated along a measured motion.
+
+What is predicted is always the measured effort: the command that the motion needed. An effect on the way of the effort
+predicts the command by its inverse, so that no effect can close a gap by making the measurement smaller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from sgms_observer.diagnosis.contact import element_friction
+from sgms_observer.diagnosis.motion import PLAY, Motion, second_difference, split_at_reversals, without_flicker
+from sgms_observer.effects.catalogue import effect, is_built_in
+from sgms_observer.effects.compiled import CompiledEffects
+from sgms_observer.effects.effect import Place
+from sgms_observer.formulas import vectorised
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
+from sgms_observer.settings.friction import FrictionSettings
+
+Floats = NDArray[np.float64]
+
+stribeck_level = vectorised("friction").stribeck_level
+asymmetric_coulomb = vectorised("effects_level").asymmetric_coulomb
+SIDED = "asymmetric_coulomb"
+"""The effect whose level hangs on the way each part of a step goes: at rest an encoder's flicker must not mix both."""
+BY_LEVEL = ("frictional_lag", "backlash")
+"""Effects that depend on the level."""
+
+MASS, VISCOUS, COULOMB, STATIC, KNEE = range(5)
+SHARED = ("mass", "viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity")
+
+
+@dataclass(frozen=True)
+class Model:
+    """An axis's model as far as recordings can judge it.
+
+    Attributes:
+        mass: moving mass [kg].
+        friction: friction settings.
+        effects: effects in it.
+        is_sharp: whether S-GMS elements stick and slip without smoothing, as GMS elements with a fast attraction do.
+        force_error: rms error of the needed force as far as it is known; rounds the corner of a dead zone's inverse [N].
+        joint_period: period in position that the joint implies (2 pi on a revolute one), or None.
+    """
+
+    mass: float
+    friction: FrictionSettings
+    effects: tuple[EffectSettings, ...] = ()
+    is_sharp: bool = False
+    force_error: float = 0.0
+    joint_period: float | None = None
+
+    @staticmethod
+    def of(axis: AxisSettings) -> Model:
+        """Return the model of an axis."""
+        period = 2.0 * np.pi if axis.joint_type == "revolute" else None
+        return Model(axis.mass, axis.friction, axis.effects, joint_period=period)
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Return the names of the nominal parameters in the order of ``shifted``."""
+        n_z = len(self.friction.element_stiffness)
+        names = list(SHARED)
+        if self.friction.model == "gms":
+            names.append("attraction_rate")
+        names += [f"element_stiffness[{i + 1}]" for i in range(n_z)]
+        names += [f"element_fraction[{i + 1}]" for i in range(n_z)]
+        return tuple(names)
+
+    def shifted(self, logs: Floats) -> Model:
+        """Return the model with each nominal parameter times ``exp(logs)``; shares still sum to 1."""
+        old, scale = self.friction, np.exp(logs)
+        n_z = len(old.element_stiffness)
+        fraction = np.array(old.element_fraction) * scale[-n_z:]
+        coulomb = old.coulomb_force * scale[COULOMB]
+        friction = replace(
+            old,
+            viscous_coefficient=float(old.viscous_coefficient * scale[VISCOUS]),
+            coulomb_force=float(coulomb),
+            static_force=float(max(old.static_force * scale[STATIC], coulomb)),
+            stribeck_velocity=float(old.stribeck_velocity * scale[KNEE]),
+            attraction_rate=float(old.attraction_rate * (scale[5] if old.model == "gms" else 1.0)),
+            element_stiffness=tuple((np.array(old.element_stiffness) * scale[-2 * n_z : -n_z]).tolist()),
+            element_fraction=tuple((fraction / fraction.sum()).tolist()),
+        )
+        return replace(self, mass=float(self.mass * scale[MASS]), friction=friction)
+
+    def refined(self) -> Model:
+        """Return the model with each element split in two of the same stiffness together, one slipping early, one late.
+
+        Four elements stand for a continuous contact; twice as many leave less of it in the residual.
+        """
+        old = self.friction
+        early = 0.65
+        late = 1.0 / (2.0 - 1.0 / early)
+        stiffness, fraction = [], []
+        for kappa, share in zip(old.element_stiffness, old.element_fraction, strict=True):
+            stiffness += [0.5 * kappa / early, 0.5 * kappa / late]
+            fraction += [0.5 * share, 0.5 * share]
+        n_z = len(stiffness)
+        friction = replace(
+            old, element_stiffness=tuple(stiffness), element_fraction=tuple(fraction), element_damping=(0.0,) * n_z
+        )
+        return replace(self, friction=friction)
+
+    def with_effects(self, effects: Sequence[EffectSettings]) -> Model:
+        """Return the model with ``effects`` added to its own."""
+        return replace(self, effects=(*self.effects, *effects))
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a model makes of a motion, at the working rate.
+
+    Attributes:
+        residual: effort that arrives minus what the model needs [N].
+        friction: simulated element friction [N].
+        doubt: 0 where the contact slides, 1 where it sticks or creeps and the encoder's grid decides; empty without a
+            new simulation.
+    """
+
+    residual: Floats
+    friction: Floats
+    doubt: Floats
+
+
+def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) -> Prediction:
+    """Return the residual of the balance of forces along a motion.
+
+    Args:
+        model: what is judged.
+        motion: the recording.
+        fixed_friction: element friction of the model without level effects; when given, level effects scale it instead
+            of being simulated again (for a first look at many effects).
+    """
+    friction = model.friction
+    at_level = tuple(item for item in model.effects if effect(item.name).place is Place.LEVEL_FACTOR)
+    on_path = tuple(item for item in model.effects if effect(item.name).place is Place.EFFORT_PATH)
+    seen = _seen(tuple(item for item in model.effects if item not in at_level + on_path), friction, motion)
+    sides = (1.0, 1.0)
+    for item in at_level:
+        if item.name == SIDED:
+            forward, backward = (float(asymmetric_coulomb(side, item.values)) for side in (1.0, -1.0))
+            sides = (sides[0] * forward, sides[1] * backward)
+    if fixed_friction is None:
+
+        def simulated() -> tuple[Floats, Floats]:
+            level = stribeck(friction, seen.position, motion.period)
+            factor = _factor(at_level, level, seen, motion)
+            return element_friction(
+                friction, seen.first, seen.second, motion.period, level * factor, sides, model.is_sharp
+            )
+
+        key = (replace(friction, viscous_coefficient=0.0), at_level, model.is_sharp)
+        is_kept = not seen.has_position and all(is_built_in(item.name) for item in at_level)
+        elements, stiffness = motion.kept("contact", key, simulated) if is_kept else simulated()
+        doubt = np.maximum(stiffness / sum(friction.element_stiffness), motion.creep)
+    else:
+        level = stribeck(friction, seen.position, motion.period)
+        elements = fixed_friction * _factor(at_level, level, seen, motion) * np.where(seen.velocity > 0.0, *sides)
+        doubt = np.zeros(0)
+    mass = model.mass + seen.added_mass
+    needed = mass * seen.acceleration + friction.viscous_coefficient * seen.velocity + elements + seen.force
+    command = needed_command(on_path, needed, motion, model.force_error)
+    return Prediction(motion.effort - command, elements, doubt)
+
+
+def needed_command(
+    on_path: Sequence[EffectSettings], needed: Floats, motion: Motion, force_error: float = 0.0
+) -> Floats:
+    """Return the command that makes the needed force arrive: the inverse of the effort's path [N].
+
+    Inside a dead zone the command is not determined; the middle is predicted. Beyond a saturation limit the command is
+    not determined either; there a command that is recorded beyond the limit counts as predicted as far as the limit
+    is the needed force.
+
+    Args:
+        on_path: effects on the way of the effort, in the order in which the effort passes them.
+        needed: force that the motion needs [N], shape (n,).
+        motion: the recording.
+        force_error: rms error of ``needed``; the sign of a needed force below it is not known [N].
+    """
+    command = needed
+    for item in reversed(on_path):
+        value = item.values[0]
+        if item.name == "actuator_gain":
+            command = command / value
+        elif item.name == "actuator_delay":
+            command = np.interp(motion.time + value, motion.time, command)
+        elif item.name == "actuator_dead_zone":
+            command = command + value * special.erf(command / max(np.sqrt(2.0) * force_error, 1.0e-3 * value + 1e-12))
+        elif item.name == "actuator_saturation":
+            lost = motion.effort - np.clip(motion.effort, -value, value)
+            command = command + lost
+    return np.asarray(command, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A motion as effects outside the contact leave it: true position, added force and added mass."""
+
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    first: Floats
+    second: Floats
+    force: Floats
+    added_mass: float
+    has_position: bool
+
+
+def _seen(others: tuple[EffectSettings, ...], friction: FrictionSettings, motion: Motion) -> _Seen:
+    """Return a motion as effects outside the contact leave it; remembered, because many refits ask for the same."""
+
+    def made() -> _Seen:
+        position, velocity, acceleration = motion.position, motion.velocity, motion.acceleration
+        first, second, n = motion.first, motion.second, len(motion.position)
+        effects = CompiledEffects(others, motion.period)
+        state = effects.initial_state()
+        if effects.has_position:
+            position = motion.smoothed(effects.corrected_position(motion.raw))
+            velocity = np.gradient(position, motion.period)
+            acceleration = second_difference(position, motion.period)
+            first, second = split_at_reversals(without_flicker(position, PLAY * motion.resolution), motion.period)
+        moved = held_over_steps(acceleration) if effects.added_mass != 0.0 else acceleration
+        force, _factor = effects.evaluate(
+            position, velocity, moved, motion.time, motion.effort, np.full(n, motion.period),
+            stribeck(friction, position, motion.period), state, motion.other_velocity, motion.other_acceleration,
+        )  # fmt: skip
+        return _Seen(
+            position, velocity, acceleration, first, second, force, effects.added_mass, effects.has_position
+        )
+
+    by_level = any(item.name in BY_LEVEL for item in others)
+    level = (friction.static_force, friction.coulomb_force, friction.stribeck_velocity) if by_level else ()
+    return motion.kept("seen", (others, level), made) if all(is_built_in(item.name) for item in others) else made()
+
+
+def _factor(at_level: tuple[EffectSettings, ...], level: Floats, seen: _Seen, motion: Motion) -> Floats:
+    """Return the factor of effects on the level, without the one that has two sides."""
+    wanted = tuple(item for item in at_level if item.name != SIDED)
+
+    def made() -> Floats:
+        effects = CompiledEffects(wanted, motion.period)
+        _force, factor = effects.evaluate(
+            seen.position, seen.velocity, seen.acceleration, motion.time, motion.effort,
+            np.full(len(level), motion.period), level, effects.initial_state(), motion.other_velocity,
+            motion.other_acceleration,
+        )  # fmt: skip
+        return factor
+
+    is_kept = not seen.has_position and all(is_built_in(item.name) and item.name not in BY_LEVEL for item in wanted)
+    return motion.kept("factor", wanted, made) if is_kept else made()
+
+
+def held_over_steps(acceleration: Floats) -> Floats:
+    """Return what, held over the step that ends at each sample, drives a ringing mass as the acceleration itself does.
+
+    A constant over a step of length h gives a mass that rings at w only the share 1 - (w h)^2 / 24 of what the mean
+    instant's acceleration would; the weights make up for that, and for the interpolation to the middle of the step,
+    up to the fourth order of w h.
+
+    Args:
+        acceleration: at the samples, shape (n,) [m/s^2].
+    """
+    first, last = acceleration[:1], acceleration[-1:]
+    around = np.concatenate((first, first, acceleration, last))
+    near, far = around[2:-1] + around[1:-2], around[3:] + around[:-3]
+    return np.asarray((7.0 * near - far) / 12.0, dtype=np.float64)
+
+
+def stribeck(friction: FrictionSettings, position: Floats, period: float) -> Floats:
+    """Return the level of sliding friction along a motion [N]."""
+    speed = np.concatenate(([0.0], np.diff(position))) / period
+    return np.asarray(stribeck_level(speed, friction.static_force, friction.coulomb_force, friction.stribeck_velocity))
+
+
+def largest_reach(friction: FrictionSettings) -> float:
+    """Return the deflection at which the last element slips [m]."""
+    reaches = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
+    return float(reaches.max())

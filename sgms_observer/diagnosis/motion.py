@@ -1,0 +1,277 @@
+"""Motion and effort of a record, every signal through the same zero-phase low-pass.
+
+Where the effort is held from one sample to the next, the second difference of the position at a sample answers to the
+mean of the efforts before and after it: it comes half a sample late. A drive that is faster than the record does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from sgms_observer.diagnosis.record import Record
+from sgms_observer.errors import DataError
+from sgms_observer.jit import njit
+
+Floats = NDArray[np.float64]
+Kept = TypeVar("Kept")
+
+BAND = 100.0
+"""Residuals are judged below this frequency [Hz] where the recording's rate and encoder allow it."""
+WORKING_RATE = 10.0
+"""Records sampled faster than this multiple of the band are thinned to about that rate after the low-pass."""
+MOTION_BAND = 2.5
+"""The motion keeps frequencies up to this multiple of the band: a mass rings on its own contact well above it."""
+MAX_BAND_SHARE = 0.35
+"""Largest band over the sample rate: what the low-pass needs below Nyquist's frequency."""
+MIN_DURATION = 3.0
+"""Shortest record that is judged [s]."""
+PLAY = 0.6
+"""Half the play that takes the encoder's flicker off the contact's motion, in steps of its grid."""
+CREEP = 20.0
+"""Slower than this many steps of the encoder's grid per sample the contact is judged by its stiffness."""
+HELD = 0.5
+"""How late an effort arrives that is held from one sample to the next, in samples."""
+MOST_KEPT = 4
+"""Results kept per motion and kind: a parameter that leaves the contact alone needs no new simulation."""
+EDGE = 0.1
+"""Time dropped at either end, where the low-pass has no past or future [s]."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A record on the working rate.
+
+    Attributes:
+        name: where it comes from.
+        period: working period [s].
+        time: [s], from 0.
+        position: filtered position [m].
+        velocity: filtered velocity [m/s].
+        acceleration: filtered acceleration [m/s^2].
+        effort: effort, hold-corrected but not filtered [N].
+        first, second: displacement within the step that ends at each sample, before and after a reversal [m].
+        other_velocity, other_acceleration: of the other axis; zero where there is none.
+        has_other: whether there is another axis.
+        thinning: factor from the working rate to the rate of residuals.
+        smoothing: the low-pass of the motion at the rate of the record.
+        step: factor from the record's rate to the working rate.
+        raw: position as recorded [m].
+        resolution: step of the grid the recorded positions lie on; 0 if none [m].
+        lag: how late the effort arrives, in samples of the record.
+        band: residuals are judged below this frequency [Hz].
+    """
+
+    name: str
+    period: float
+    time: Floats
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    effort: Floats
+    first: Floats
+    second: Floats
+    other_velocity: Floats
+    other_acceleration: Floats
+    has_other: bool
+    thinning: int
+    smoothing: Floats
+    step: int
+    raw: Floats
+    resolution: float
+    lag: float = HELD
+    band: float = BAND
+
+    def smoothed(self, raw: Floats) -> Floats:
+        """Return a position as recorded, filtered like ``position`` [m]."""
+        return np.asarray(signal.sosfiltfilt(self.smoothing, raw)[:: self.step], dtype=np.float64)
+
+    def low_pass(self, values: Floats) -> Floats:
+        """Return ``values`` below the band, at the rate of residuals, edges dropped."""
+        filtered = signal.sosfiltfilt(_band_filter(self.period, self.band), values)
+        return np.asarray(filtered[self._judged], dtype=np.float64)
+
+    def thinned(self, values: Floats) -> Floats:
+        """Return ``values`` at the samples of ``low_pass``."""
+        return values[self._judged]
+
+    @cached_property
+    def _judged(self) -> slice:
+        """Samples that residuals are taken at: the edges dropped, as many as a fast Fourier transform likes."""
+        drop = int(EDGE / self.period)
+        count = fast_length(-(-(len(self.time) - 2 * drop) // self.thinning))
+        return slice(drop, drop + count * self.thinning, self.thinning)
+
+    def kept(self, kind: str, key: Hashable, make: Callable[[], Kept]) -> Kept:
+        """Return what ``make`` gives, from memory if it was made for the same key lately.
+
+        Args:
+            kind: what is made; the last ``MOST_KEPT`` of each kind are remembered.
+            key: all it depends on beside this motion.
+            make: makes it.
+        """
+        memory: dict[Hashable, Kept] = self._memory.setdefault(kind, {})
+        found = memory.get(key)
+        if found is None:
+            found = make()
+            while len(memory) >= MOST_KEPT:
+                memory.pop(next(iter(memory), None), None)
+            memory[key] = found
+        return found
+
+    @cached_property
+    def _memory(self) -> dict[str, dict[Hashable, Any]]:
+        """What was made along this motion."""
+        return {}
+
+    @cached_property
+    def creep(self) -> Floats:
+        """1 where the stage is slower than ``CREEP`` steps of the encoder's grid per sample, else 0."""
+        if self.resolution <= 0.0:
+            return np.zeros(len(self.time))
+        slow = CREEP * self.resolution / self.period
+        square = np.square(np.square(self.velocity / slow))
+        return np.asarray(np.exp(-np.minimum(square, 700.0)), dtype=np.float64)
+
+    @property
+    def residual_period(self) -> float:
+        """Time between two residuals [s]."""
+        return self.period * self.thinning
+
+
+@lru_cache(maxsize=64)
+def fast_length(count: int) -> int:
+    """Return the largest number up to ``count`` without a prime factor above 11."""
+    for number in range(count, 1, -1):
+        rest = number
+        for prime in (2, 3, 5, 7, 11):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return number
+    return count
+
+
+@lru_cache(maxsize=16)
+def _band_filter(period: float, band: float) -> Floats:
+    """Return the low-pass of residuals."""
+    return np.asarray(signal.butter(4, min(2.0 * band * period * 1.1, 0.8), output="sos"), dtype=np.float64)
+
+
+def motion_of(record: Record, lag: float = HELD, band: float = BAND) -> Motion:
+    """Filter a record and bring it to the working rate.
+
+    Args:
+        record: the record.
+        lag: how late its effort arrives, in samples, at most one either way.
+        band: residuals are judged below this frequency, lowered where the record's rate asks for it [Hz].
+
+    Raises:
+        DataError: if it is too short to judge.
+    """
+    rate = 1.0 / record.period
+    if record.duration < MIN_DURATION:
+        raise DataError(f"{record.name} lasts {record.duration:.2g} s; record at least {MIN_DURATION:g} s")
+    band = min(band, MAX_BAND_SHARE * rate)
+    step = max(1, round(rate / (WORKING_RATE * band)))
+    period = record.period * step
+    effort = later(record.effort, lag)
+    corner = min(MOTION_BAND * band, MAX_BAND_SHARE / period)
+    if step > 1:  # the noise between the samples that are dropped must not fold into the band
+        guard = signal.butter(4, 0.4 / period / (0.5 * rate), output="sos")
+        effort = signal.sosfiltfilt(guard, effort)
+    smooth = signal.butter(4, 2.0 * corner * record.period, output="sos")
+    position = signal.sosfiltfilt(smooth, record.position)[::step]
+    other_v = other_a = np.zeros(len(position))
+    if record.other_position is not None:
+        other = signal.sosfiltfilt(smooth, record.other_position)[::step]
+        other_v = np.gradient(other, period)
+        other_a = second_difference(other, period)
+    velocity = np.gradient(position, period)
+    resolution = grid_of(record.position)
+    first, second = split_at_reversals(without_flicker(position, PLAY * resolution), period)
+    rest = 0.5 / (period * band * 1.25)
+    return Motion(
+        record.name,
+        period,
+        np.asarray(period * np.arange(len(position)), dtype=np.float64),
+        position,
+        velocity,
+        second_difference(position, period),
+        effort[::step],
+        first,
+        second,
+        other_v,
+        other_a,
+        record.other_position is not None,
+        max(1, int(rest)),
+        smooth,
+        step,
+        record.position,
+        resolution,
+        lag,
+        band,
+    )
+
+
+def later(values: Floats, samples: float) -> Floats:
+    """Return a series a part of a sample later (earlier if negative), between its neighbours in proportion."""
+    if samples >= 0.0:
+        return (1.0 - samples) * values + samples * np.concatenate((values[:1], values[:-1]))
+    return (1.0 + samples) * values - samples * np.concatenate((values[1:], values[-1:]))
+
+
+def grid_of(position: Floats) -> float:
+    """Return the step of the grid that recorded positions lie on, or 0 when they lie on none [m]."""
+    moved = np.abs(np.diff(position))
+    moved = moved[moved > 1.0e-15]
+    if len(moved) < 10:
+        return 0.0
+    step = float(np.quantile(moved, 0.001))
+    small = moved[moved < 20.5 * step]
+    off = np.abs(small / step - np.round(small / step))
+    return step if np.mean(off < 0.02) > 0.98 and len(small) > 10 else 0.0
+
+
+@njit
+def _play(position: Floats, half: float, out: Floats) -> None:
+    """Write the position of a body that is carried along with a play of twice ``half``."""
+    place = position[0]
+    for k in range(position.shape[0]):
+        if position[k] > place + half:
+            place = position[k] - half
+        elif position[k] < place - half:
+            place = position[k] + half
+        out[k] = place
+
+
+def without_flicker(position: Floats, half: float) -> Floats:
+    """Return a motion without to and fro below ``half`` [m], which an encoder's grid makes and a contact remembers."""
+    if half <= 0.0:
+        return position
+    out = np.empty_like(position)
+    _play(position, half, out)
+    return out
+
+
+def split_at_reversals(position: Floats, period: float) -> tuple[Floats, Floats]:
+    """Return each step's displacement before and after a reversal inside it (parabola through its end velocities)."""
+    velocity = np.gradient(position, period)
+    travel = np.concatenate(([0.0], np.diff(position)))
+    before = np.concatenate(([0.0], velocity[:-1]))
+    turning = before * velocity < 0.0
+    share = np.where(turning, before / np.where(turning, before - velocity, 1.0), 0.0)
+    first = 0.5 * before * share * period
+    return first, travel - first
+
+
+def second_difference(position: Floats, period: float) -> Floats:
+    """Return the acceleration [m/s^2]."""
+    middle = (position[2:] - 2.0 * position[1:-1] + position[:-2]) / period**2
+    return np.concatenate(([middle[0]], middle, [middle[-1]]))

@@ -1,0 +1,148 @@
+"""What of a residual is noise: its colour, and where it is larger. Both whiten every column alike.
+
+The force noise of a drive is taken as first-order noise plus white noise, its corner no lower than
+``LOWEST_CORNER`` times the band: whatever moves more slowly than that has a cause. The spectrum is fitted to medians over bands, so
+that lines and slow effects do not count as noise. Where the contact sticks, the encoder's noise (and what a few
+elements cannot follow) comes through its stiffness; residuals there weigh less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+
+Floats = NDArray[np.float64]
+
+LOWEST_CORNER = 0.08
+"""Noise is flat below this share of the band: whatever moves more slowly has a cause."""
+MOST_DOUBT = 100.0
+"""Largest extra variance where the contact sticks or creeps."""
+_BANDS = 24
+_STICK_SMOOTHING = 0.024  # s
+_SLOW = 0.05  # s
+_MEDIAN_OF_CHI2 = 0.6931  # median over mean of a periodogram's bins
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of residuals at one rate.
+
+    Attributes:
+        period: time between residuals [s].
+        low: spectral density below the corner [N^2/Hz].
+        corner: corner frequency [Hz].
+        white: white density [N^2/Hz].
+        stick: extra variance where the contact sticks or creeps, over the variance elsewhere.
+        band: residuals are judged below this frequency [Hz].
+    """
+
+    period: float
+    low: float
+    corner: float
+    white: float
+    stick: float
+    band: float
+
+    def density(self, frequency: Floats) -> Floats:
+        """Return the two-sided spectral density [N^2/Hz]."""
+        return np.asarray(self.low / (1.0 + (frequency / self.corner) ** 2) + self.white, dtype=np.float64)
+
+    @property
+    def rms(self) -> float:
+        """Noise below the band [N]."""
+        grid = np.linspace(0.0, self.band, 2000)
+        return float(np.sqrt(2.0 * np.trapezoid(self.density(grid), grid)))
+
+    def weights(self, doubt: Floats) -> Floats:
+        """Return what residuals are multiplied with before their colour is taken off.
+
+        Args:
+            doubt: 0 where the contact slides, 1 where it sticks or creeps.
+        """
+        width = max(1, int(_STICK_SMOOTHING / self.period))
+        square = np.convolve(np.pad(doubt**2, (width, width), mode="edge"), np.ones(width) / width, mode="same")
+        return np.asarray(1.0 / np.sqrt(1.0 + self.stick * square[width:-width]), dtype=np.float64)
+
+    def whitened(self, values: Floats, weights: Floats) -> Floats:
+        """Return columns in units of the noise: real and imaginary parts below the band, unit variance each.
+
+        Args:
+            values: residuals or columns, shape (n,) or (n, k).
+            weights: see ``weights``.
+        """
+        n = values.shape[0]
+        scaled = values * (weights if values.ndim == 1 else weights[:, None])
+        spectrum = np.fft.rfft(scaled, axis=0)
+        frequency = np.asarray(np.fft.rfftfreq(n, self.period), dtype=np.float64)
+        keep = frequency <= self.band
+        gain = np.sqrt(2.0 * self.period / (n * self.density(frequency[keep])))
+        gain[0] /= np.sqrt(2.0)
+        spectrum = spectrum[keep] * (gain if values.ndim == 1 else gain[:, None])
+        return np.concatenate([spectrum.real, spectrum.imag[1:]])
+
+
+def fit_noise(
+    residual: Floats, doubt: Floats, period: float, band: float, least: float = 0.0, start: Noise | None = None
+) -> Noise:
+    """Fit the noise of a residual.
+
+    Args:
+        residual: at the rate of residuals [N].
+        doubt: 0 where the contact slides, 1 where it sticks or creeps, at the same rate.
+        period: time between residuals [s].
+        band: residuals are judged below this frequency [Hz].
+        least: rms below which nobody measures a force [N]; white.
+        start: a noise of the same kind, to start from.
+    """
+    stick = _stick_share(residual, doubt, period)
+    lowest = LOWEST_CORNER * band
+    weights = Noise(period, 1.0, lowest, 0.0, stick, band).weights(doubt)
+    centred = residual - np.median(residual)
+    spectrum = np.abs(np.fft.rfft(centred * weights)) ** 2 * period / max(float(np.sum(weights**2)), 1.0)
+    frequency = np.fft.rfftfreq(len(residual), period)
+    edges = np.geomspace(0.04 * band, 0.95 * band, _BANDS + 1)
+    centre, level = [], []
+    for low, high in pairwise(edges):
+        rows = (frequency >= low) & (frequency < high)
+        if rows.sum() >= 5:
+            centre.append(float(np.sqrt(low * high)))
+            level.append(float(np.median(spectrum[rows])) / _MEDIAN_OF_CHI2)
+    x, y = np.array(centre), np.log(np.array(level) + 1e-300)
+    top = float(np.exp(y.max()))
+
+    def misfit(p: Floats) -> Floats:
+        model = np.exp(p[0]) / (1.0 + (x / np.exp(p[1])) ** 2) + np.exp(p[2])
+        return np.asarray(np.log(model) - y, dtype=np.float64)
+
+    bounds = (np.log([top * 1e-6, lowest, top * 1e-8]), np.log([top * 10.0, 10.0 * band, top * 2.0]))
+    starts = [np.log([top, corner * band, top * share]) for corner, share in ((0.12, 0.1), (0.4, 0.1), (0.6, 0.01))]
+    if start is not None:
+        known = np.log([start.low, start.corner, max(start.white, 1e-300)])
+        starts = [np.clip(known, bounds[0] + 1e-3, bounds[1] - 1e-3)]
+    best = min(
+        (least_squares(misfit, one, bounds=bounds, loss="soft_l1", f_scale=0.3) for one in starts),
+        key=lambda found: float(found.cost),
+    )
+    low, corner, white = np.exp(best.x)
+    return Noise(period, float(low), float(corner), float(white) + least**2 / (2.0 * band), stick, band)
+
+
+def _stick_share(residual: Floats, doubt: Floats, period: float) -> float:
+    """Return how much the variance of slow residuals grows with the squared doubt.
+
+    At rest an encoder shows one and the same step, so its error does not average out: slow residuals decide.
+    """
+    width = max(3, int(_SLOW / period))
+    slow = np.convolve(residual, np.ones(width) / width, mode="same")
+    square = np.convolve(doubt**2, np.ones(width) / width, mode="same")
+    loose = square <= np.quantile(square, 0.3)
+    tight = square >= np.quantile(square, 0.85)
+    if square[tight].mean() <= 2.0 * square[loose].mean():
+        return 0.0
+    free, stuck = np.median(np.abs(slow[loose])), np.median(np.abs(slow[tight]))
+    return float(min(MOST_DOUBT, max(0.0, (stuck / max(free, 1e-300)) ** 2 - 1.0) / square[tight].mean()))

@@ -1,0 +1,40 @@
+"""Bootstrap replicates: simulated recordings with nothing hidden, in the motion, noise and encoder of a recording."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.motion import Motion, motion_of
+from sgms_observer.diagnosis.noise import Noise
+from sgms_observer.diagnosis.record import Record
+
+Floats = NDArray[np.float64]
+
+
+def coloured(noise: Noise, count: int, period: float, rng: np.random.Generator) -> Floats:
+    """Return force noise of the fitted spectrum at a rate of one's own [N]."""
+    frequency = np.asarray(np.fft.rfftfreq(count, period), dtype=np.float64)
+    white = rng.standard_normal(len(frequency)) + 1j * rng.standard_normal(len(frequency))
+    spectrum = white * np.sqrt(noise.density(frequency) * count / (2.0 * period))
+    return np.asarray(np.fft.irfft(spectrum, count), dtype=np.float64)
+
+
+def replicate_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Generator) -> Motion:
+    """Return a recording in which the model holds: the same motion on the same encoder, its own effort."""
+    needed = motion.effort - predict(model, motion).residual
+    effort = needed + coloured(noise, len(needed), motion.period, rng)
+    position = motion.position
+    if motion.resolution > 0.0:
+        shift = rng.uniform(0.0, motion.resolution)
+        position = np.round((position + shift) / motion.resolution) * motion.resolution - shift
+    held = np.concatenate((effort[1:], effort[-1:]))  # undo the hold correction of ``motion_of`` to first order
+    record = Record(motion.name, motion.period, position, 0.5 * (effort + held))
+    made = motion_of(record, motion.lag, motion.band)
+    return replace(
+        made, effort=effort, has_other=motion.has_other, other_velocity=motion.other_velocity,
+        other_acceleration=motion.other_acceleration,
+    )  # fmt: skip

@@ -1,0 +1,421 @@
+"""The workflow: refit the file, add the hypothesis that predicts best what it was not fitted to, repeat, judge the whole."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+
+from sgms_observer.diagnosis import audit
+from sgms_observer.diagnosis.candidates import LAST_STEPS, Candidate, effect_candidates, to_the_end
+from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
+from sgms_observer.diagnosis.decision import (
+    CHANGED,
+    Court,
+    Decision,
+    alternatives,
+    changed_refits,
+    decide,
+    evidence_of,
+    held_judged,
+)
+from sgms_observer.diagnosis.evidence import improvement
+from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import BAND, HELD, Motion, motion_of
+from sgms_observer.diagnosis.record import Record
+from sgms_observer.diagnosis.screen import Look, Screen
+from sgms_observer.diagnosis.timing import NOT_HELD, timing
+from sgms_observer.effects.catalogue import effect
+from sgms_observer.effects.catalogue import names as catalogue_names
+from sgms_observer.errors import DataError
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
+
+Report = Callable[[str, float], None]
+
+STEPS = 6
+"""Steps of a fit from a point that was not fitted to these recordings,"""
+AGAIN = 4
+"""and of one after the noise was fitted anew."""
+READ_OFF = ("quantisation", "learnt_map")
+"""Effects that are read off the data, or made of them, and not searched."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to run.
+
+    Attributes:
+        tolerance: largest relative error of the file's values that its owner expects.
+        seed: of all chance.
+        workers: threads.
+        band: residuals are judged below this frequency [Hz]; 0 chooses it from rate and encoder.
+        criteria: thresholds of every test.
+    """
+
+    tolerance: float = 0.05
+    seed: int = 1
+    workers: int = 2
+    band: float = 0.0
+    criteria: Criteria = Criteria()
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """Recordings as they are read now.
+
+    Attributes:
+        records: to learn from.
+        holdouts: to judge on; may be empty.
+        told: how late the settings say the effort arrives, in samples.
+        lag: how late it is taken to arrive, in samples.
+        band: residuals are judged below this frequency [Hz].
+    """
+
+    records: tuple[Record, ...]
+    holdouts: tuple[Record, ...]
+    told: float
+    lag: float
+    band: float
+
+    def motions(self) -> tuple[Motion, ...]:
+        """Return the recordings to learn from, filtered."""
+        return tuple(motion_of(record, self.lag, self.band) for record in self.records)
+
+    def held_out(self) -> tuple[Motion, ...]:
+        """Return the recordings to judge on, filtered."""
+        return tuple(motion_of(record, self.lag, self.band) for record in self.holdouts)
+
+
+@dataclass(frozen=True)
+class State:
+    """What is believed of an axis and its recordings.
+
+    Attributes:
+        recordings: as they are read now.
+        learn: recordings to learn from, filtered.
+        held: held-out recordings, filtered.
+        refits: how the model is fitted: noise, freedom, effects of the file that keep their values.
+        current: the fit.
+    """
+
+    recordings: Recordings
+    learn: tuple[Motion, ...]
+    held: tuple[Motion, ...]
+    refits: Refits
+    current: Refit
+
+    def refitted(self, start: Refit, steps: int) -> State:
+        """Return the state fitted on from ``start``, with the noise that this one leaves."""
+        refits = replace(self.refits, judged=judged_with(self.learn, start.model))
+        return replace(self, refits=refits, current=refits.of(start.effects, start.logs, steps))
+
+    def timed(self) -> State:
+        """Return the state with the effort at the time that the recordings show."""
+        state = self
+        for _ in range(2):
+            lag = timing(state.refits.judged, state.current, state.recordings.lag, state.recordings.told)
+            if lag == state.recordings.lag:
+                break
+            recordings = replace(state.recordings, lag=lag)
+            state = replace(state, recordings=recordings, learn=recordings.motions(), held=recordings.held_out())
+            state = state.refitted(state.current, AGAIN)
+        return state
+
+    def court(self, options: Options) -> Court:
+        """Return the recordings that evidence is taken from."""
+        judged = self.refits.judged
+        judge = self.held or self.learn
+        floor = noise_floor(judge, self.current.model, judged.noise, options.seed)
+        held = held_judged(self.held, judged, self.current.model)
+        return Court(self.learn, judge, judged, held, floor, options.criteria, options.seed)
+
+
+@dataclass(frozen=True)
+class Round:
+    """One pass through the loop.
+
+    Attributes:
+        looks: first look at every effect.
+        decisions: hypotheses that were fitted to the end, the best predicting first.
+        accepted: the one that was added, or None.
+        alternatives: names that the data do not tell from it.
+    """
+
+    looks: dict[str, Look]
+    decisions: tuple[Decision, ...]
+    accepted: Decision | None
+    alternatives: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything the run decided.
+
+    Attributes:
+        nominal: the given model without its effects.
+        own: the effects it was given with.
+        found: state after the refit within the tolerance.
+        state: state with everything that was accepted.
+        before: refit of the model with its own elements.
+        after: the same with everything that was accepted.
+        rounds: passes through the loop.
+        court: recordings that evidence was taken from, with the noise that is left in the end.
+        resolution: coarser encoder step than the settings say [its unit], or None.
+        notes: sentences about the recordings.
+        warnings: what must not be overlooked.
+        is_poor: whether the recordings cannot show anything.
+        tests: tests of the whole model.
+    """
+
+    nominal: Model
+    own: tuple[EffectSettings, ...]
+    found: State
+    state: State
+    before: Refit
+    after: Refit
+    rounds: tuple[Round, ...]
+    court: Court
+    resolution: float | None
+    notes: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = field(default=())
+    is_poor: bool = False
+    tests: tuple[Test, ...] = field(default=())
+
+    @property
+    def accepted(self) -> list[Round]:
+        """Return the rounds that added an effect of the catalogue."""
+        return [item for item in self.rounds if item.accepted and item.accepted.candidate.settings is not None]
+
+
+def diagnose(
+    records: Sequence[Record],
+    holdouts: Sequence[Record],
+    axis: AxisSettings,
+    options: Options,
+    report: Report = lambda text, share: None,
+) -> Diagnosis:
+    """Find what the model of an axis misses.
+
+    Args:
+        records: recordings to learn from.
+        holdouts: recordings to judge on; parts of the first ones in turn if empty.
+        axis: settings with the nominal model.
+        options: how to run.
+        report: called with what is being done and the share that is done.
+
+    Raises:
+        DataError: the recordings cannot be judged at all.
+    """
+    report("audit", 0.0)
+    told = HELD if axis.filter.effort_is_held else 0.0
+    band = options.band or BAND
+    recordings = Recordings(tuple(records), tuple(holdouts), told, told, band)
+    learn, held = recordings.motions(), recordings.held_out()
+    if not learn:
+        raise DataError("no recording is long enough to learn from; record at least 3 s without a pause")
+    audited = audit.audit(learn, axis)
+    nominal, own = replace(Model.of(axis), effects=()), own_effects(axis)
+    report("refit of the file within its tolerance", 0.03)
+    fine = nominal.refined()
+    error = rms(residuals(fine.with_effects(own), learn))
+    fine = replace(fine, force_error=error)
+    refits = Refits(
+        judged_with(learn, fine.with_effects(own)), fine, options.tolerance, held=frozenset(item.name for item in own)
+    )
+    state = State(recordings, learn, held, refits, refits.of(own, None, STEPS))
+    state = state.refitted(state.current, AGAIN).timed()
+    state = state.refitted(state.current, AGAIN)
+    state = with_force_error(state)
+    notes = list(audited.notes)
+    if axis.filter.effort_is_held and state.recordings.lag < NOT_HELD:
+        notes.append("the effort is not held between samples: set filter.effort_is_held to false")
+    found, rounds = state, ()
+    if not audited.is_poor:
+        state, rounds = _search(state, own, options, report)
+        state, rounds = _pruned(state, rounds, options)
+    report("refit of the file's own elements", 0.85)
+    before, after = _as_written(found, state, nominal, options)
+    court = state.court(options)
+    return Diagnosis(
+        nominal, own, found, state, before, after, tuple(rounds), court, audited.resolution, tuple(notes),
+        audited.warnings, audited.is_poor,
+    )  # fmt: skip
+
+
+def with_force_error(state: State) -> State:
+    """Return the state in which the corner of a dead zone's inverse is as round as the needed force is uncertain."""
+    error = rms(residuals(state.current.model, state.learn))
+    fine = replace(state.refits.nominal, force_error=error)
+    model = replace(state.current.model, force_error=error)
+    return replace(
+        state, refits=replace(state.refits, nominal=fine), current=replace(state.current, model=model)
+    )
+
+
+def _search(
+    state: State, own: Sequence[EffectSettings], options: Options, report: Report
+) -> tuple[State, tuple[Round, ...]]:
+    """Add one hypothesis after another, as long as one passes every test."""
+    rounds: list[Round] = []
+    names = [name for name in catalogue_names() if name not in READ_OFF]
+    changed = list(CHANGED)
+    most = options.criteria.max_effects + len(changed)
+    for number in range(most):
+        share = 0.1 + 0.7 * number / most
+        report(f"first look at {len(names)} effects", share)
+        refits, current = state.refits, state.current
+        court = state.court(options)
+        earlier = evidence_of(current, court)
+        screen = Screen(refits.judged, current, options.tolerance, refits.freedom, names, options.workers)
+        report("full fits", share + 0.02)
+        listed = effect_candidates(refits, screen, current, options.workers, MOST)
+        listed += [changed_candidate(refits, current, name) for name in changed if is_possible(refits, name)]
+        decisions = [decide(item, current, earlier, court) for item in listed if item.refit.cost < current.cost]
+        decisions.sort(key=lambda item: -item.improvement.fall)
+        best = chosen(decisions, options.criteria)
+        if best is None or sum(item.accepted is not None for item in rounds) >= most:
+            rounds.append(Round(screen.looks, tuple(decisions), None, ()))
+            break
+        rounds.append(
+            Round(screen.looks, tuple(decisions), best, alternatives(best, decisions, options.criteria))
+        )
+        state = replace(state, refits=replace(best.candidate.refits, judged=refits.judged), current=best.candidate.refit)
+        state = with_force_error(state.refitted(state.current, STEPS).timed())
+        names = [name for name in names if name != best.candidate.name]
+        changed = [name for name in changed if name != best.candidate.name]
+        if sum(item.candidate.settings is not None for item in (r.accepted for r in rounds) if item) >= (
+            options.criteria.max_effects
+        ):
+            break
+    return state, tuple(rounds)
+
+
+MOST = 5
+"""Effects of the catalogue that are compared in one round."""
+
+
+def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None:
+    """Return the hypothesis to add: what predicts best of those that pass every test.
+
+    Where the data do not tell it from a hypothesis that moves fewer values, that one is added: an effect by name before
+    values of the file that are let go.
+
+    Args:
+        decisions: the best predicting first.
+        criteria: thresholds.
+    """
+    passed = [item for item in decisions if item.passed]
+    if not passed:
+        return None
+    best = passed[0]
+    if best.candidate.settings is not None:
+        return best
+    for item in passed[1:]:
+        apart = improvement(item.evidence.all, best.evidence.all).z_score
+        if item.candidate.parameter_count < best.candidate.parameter_count and apart < criteria.min_z_score:
+            return item
+    return best
+
+
+def is_possible(refits: Refits, name: str) -> bool:
+    """Return whether values of the file can still be let go."""
+    if name == CHANGED[0]:
+        return not refits.freedom.friction
+    if name == CHANGED[1]:
+        return not refits.freedom.elements
+    return refits.nominal.friction.model != "gms" and not refits.nominal.is_sharp
+
+
+def changed_candidate(refits: Refits, current: Refit, name: str) -> Candidate:
+    """Return the hypothesis that values of the owner's file changed.
+
+    Args:
+        refits: so far.
+        current: fit so far.
+        name: one of ``CHANGED``.
+    """
+    free = changed_refits(refits, name)
+    found = free.of(current.effects, current.logs, LAST_STEPS)
+    return Candidate(name, free, found, 1)
+
+
+def _pruned(state: State, rounds: Sequence[Round], options: Options) -> tuple[State, tuple[Round, ...]]:
+    """Leave each effect out once: what predicts no worse without it goes.
+
+    Args:
+        state: with everything that was accepted.
+        rounds: passes so far.
+        options: how to run.
+    """
+    kept = list(rounds)
+    named = [item for item in rounds if item.accepted and item.accepted.candidate.settings is not None]
+    if len(named) < 2:
+        return state, tuple(kept)
+    for item in named[:-1]:
+        assert item.accepted is not None
+        name = item.accepted.candidate.name
+        court = state.court(options)
+        full = evidence_of(to_the_end(state.refits, state.current), court)
+        effects = tuple(one for one in state.current.effects if one.name != name)
+        without = state.refits.of(effects, state.current.logs, LAST_STEPS)
+        gain = improvement(evidence_of(without, court).all, full.all)
+        test = at_least(name, "z-score beside the other effects", gain.z_score, options.criteria.min_z_score)
+        place = kept.index(item)
+        decision = replace(item.accepted, tests=(*item.accepted.tests, test))
+        if test.passed:
+            kept[place] = replace(item, accepted=decision)
+            continue
+        listed = tuple(decision if one.candidate.name == name else one for one in item.decisions)
+        kept[place] = replace(item, accepted=None, decisions=listed)
+        state = state.refitted(without, AGAIN)
+    return state, tuple(kept)
+
+
+def _as_written(found: State, state: State, nominal: Model, options: Options) -> tuple[Refit, Refit]:
+    """Return the fits with the owner's own elements, without and with what was accepted.
+
+    Args:
+        found: state after the refit within the tolerance.
+        state: state with everything that was accepted.
+        nominal: the model as it is given.
+        options: how to run.
+    """
+    plain = replace(nominal, force_error=found.current.model.force_error)
+    first = replace(found.refits, nominal=plain, judged=judged_with(found.learn, found.current.model))
+    before = first.of(found.current.effects, None, LAST_STEPS)
+    if state is found:
+        return before, before
+    later = replace(plain, is_sharp=state.refits.nominal.is_sharp, force_error=state.current.model.force_error)
+    if state.refits.freedom.elements:
+        later = replace(later.refined(), is_sharp=later.is_sharp)
+    last = replace(state.refits, nominal=later)
+    starts = [None] if state.refits.freedom.elements else [None, before.logs]
+    tried = [last.of(state.current.effects, start, LAST_STEPS) for start in starts]
+    return before, min(tried, key=lambda fit: fit.cost)
+
+
+def own_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:
+    """Return the effects an axis already has, with all their values."""
+    return tuple(EffectSettings(item.name, item.values or effect(item.name).defaults) for item in axis.effects)
+
+
+def whole_tests(gap_after: float, floor: float, predictable_z: float, criteria: Criteria) -> tuple[Test, ...]:
+    """Return the tests of the whole model: usable, and nothing predictable left.
+
+    Args:
+        gap_after: gap with everything that was found [%].
+        floor: what no predictor removes [%].
+        predictable_z: z-score of what a free-form term predicts of the rest.
+        criteria: thresholds.
+    """
+    left = max(0.0, 1.0 - (floor / gap_after) ** 2) if gap_after > 0.0 and math.isfinite(floor) else 0.0
+    surely = left if predictable_z > criteria.min_z_score else 0.0
+    return (
+        at_most("model", "share of the effort that is unexplained", 0.01 * gap_after, criteria.max_unexplained),
+        at_most("model", "surely predictable share of the rest", surely, criteria.min_predictable_share),
+    )
+
+
