@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from sgms_observer.observer.samples import Estimates, Floats, Samples
     from sgms_observer.settings.axis import AxisSettings, Settings
     from sgms_observer.settings.units import Scales
+    from sim_plant.closed_loop import ObserverStep, TableObserver
     from sim_plant.record import StageRecord
     from sim_plant.table import SimulatedTable
 
@@ -117,12 +118,21 @@ def run(args: argparse.Namespace) -> Outcome:
 
 def _observed(settings: Settings, table: SimulatedTable) -> TableStep:
     """Return the step of the table with one observer per axis in the loop."""
-    from sgms_observer.observer.axis_observer import AxisObserver
+    from sgms_observer.observer.all_axes import AllAxes
     from sim_plant.closed_loop import ClosedLoop
 
-    observers = [_observer(axis, AxisObserver(axis, settings.sample_period).step) for axis in settings.axes]
+    observers = AllAxes(settings.axes, settings.sample_period)
+    scales = [axis.scales for axis in settings.axes]
+    if observers.is_coupled:
+
+        def together(blocks: Mapping[int, Samples]) -> Iterator[tuple[int, Estimates]]:
+            return observers.step({i: block.in_topic_units(scales[i]).in_si(scales[i]) for i, block in blocks.items()})
+
+        steps: TableObserver | list[ObserverStep] = together
+    else:
+        steps = [_observer(axis, one.step) for axis, one in zip(settings.axes, observers.observers, strict=True)]
     has_feedback = any(axis.compensation.enabled and axis.stage.accept_compensation for axis in settings.axes)
-    return ClosedLoop(table, observers, has_feedback).step
+    return ClosedLoop(table, steps, has_feedback).step
 
 
 def _observer(axis: AxisSettings, step: Callable[[Samples], Estimates]) -> Callable[[Samples], Estimates]:

@@ -84,6 +84,11 @@ class Answer:
     residual_before: tuple[Floats, ...]
     residual_after: tuple[Floats, ...]
 
+    @property
+    def gap_with_learnt(self) -> float:
+        """Return the gap with everything that was found, learnt maps included [%]."""
+        return 100.0 * rms(self.residual_after) / effort_rms(self.motions)
+
 
 @dataclass(frozen=True)
 class _Bench:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sgms_observer.diagnosis.answer import Answer
+from sgms_observer.diagnosis.contact import SETTLE
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.effects import named_values
@@ -132,7 +133,7 @@ def changes_of(answer: Answer) -> dict[str, Any]:
         changes["friction.element_damping"] = [0.0] * count
     if model.is_sharp and friction.model != "gms":
         changes["friction.model"] = "gms"
-        changes["friction.attraction_rate"] = friction.coulomb_force / SETTLE_TIME
+        changes["friction.attraction_rate"] = friction.coulomb_force / SETTLE
     elif friction.model == "gms":
         changes["friction.attraction_rate"] = friction.attraction_rate
     if effects:

@@ -24,7 +24,7 @@ from sgms_observer.diagnosis.gap import noise_floor
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD, Motion, motion_of
-from sgms_observer.diagnosis.record import Record
+from sgms_observer.offline.recording import Recording
 from sgms_observer.diagnosis.screen import Look, Screen
 from sgms_observer.diagnosis.timing import NOT_HELD, timing
 from sgms_observer.effects.catalogue import effect
@@ -73,8 +73,8 @@ class Recordings:
         band: residuals are judged below this frequency [Hz].
     """
 
-    records: tuple[Record, ...]
-    holdouts: tuple[Record, ...]
+    records: tuple[Recording, ...]
+    holdouts: tuple[Recording, ...]
     told: float
     lag: float
     band: float
@@ -192,8 +192,8 @@ class Diagnosis:
 
 
 def diagnose(
-    records: Sequence[Record],
-    holdouts: Sequence[Record],
+    records: Sequence[Recording],
+    holdouts: Sequence[Recording],
     axis: AxisSettings,
     options: Options,
     report: Report = lambda text, share: None,

@@ -148,10 +148,10 @@ class CompiledEffects:
         return arrived
 
     def needed_command(self, force: Floats, period: float | None = None) -> Floats:
-        """Return the effort that had to be commanded for a force to reach the mass [N]: the reverse of the effort's path.
+        """Return the command that lets a force reach the mass [N]: the reverse of the effort's path.
 
-        Where the path leaves it open (beyond a saturation, inside a dead zone) it is the limit, and 0. A delay makes the
-        command lead the force; at the end of the block the last force is held.
+        Where the path leaves it open (beyond a saturation, inside a dead zone) it is the limit, and 0. A delay makes
+        the command lead the force; at the end of the block the last force is held.
 
         Args:
             force: needed at the mass [N], shape (n,); smooth between its samples.
