@@ -14,9 +14,10 @@ from sgms_observer.diagnosis.advice import Named, detectable, next_experiment
 from sgms_observer.diagnosis.ceiling import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.criteria import Test, at_least, at_most
-from sgms_observer.diagnosis.evidence import blocks_of, improvement
-from sgms_observer.diagnosis.fit import Refits, judged_with
+from sgms_observer.diagnosis.evidence import Improvement, blocks_of, improvement
+from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
 from sgms_observer.diagnosis.gap import Gap, effort_rms, halves, interval, noise_floor, residuals, rms
+from sgms_observer.diagnosis.homing import unhomed
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES, Learnt, learn
 from sgms_observer.diagnosis.locate import Located, locate
 from sgms_observer.diagnosis.model import Model
@@ -170,9 +171,11 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options) -> Answer:
     rest = at_most("model", "surely predictable share of the rest", surely, criteria.min_predictable_share)
     tests += [whole, rest]
     warnings = list(found.warnings)
+    warnings += unhomed([d.candidate.refit.model for item in found.rounds for d in item.decisions], found.court)
     if not whole.passed:
         warnings.append(
-            f"unusable model: {gap.after:.0f} % of the effort is unexplained; identify the axis first, or record more motion"
+            f"unusable model: {gap.after:.0f} % of the effort is unexplained; identify the axis first, or record more"
+            " motion"
         )
     effects = _named(found, accepted, fit, motions, gap, percent, axis, options)
     effects += _read_off(found)
@@ -191,7 +194,9 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options) -> Answer:
     )  # fmt: skip
 
 
-def _improvement(before, after, motions, length):  # type: ignore[no-untyped-def]
+def _improvement(
+    before: Sequence[Floats], after: Sequence[Floats], motions: Sequence[Motion], length: float
+) -> Improvement:
     """Return what the later residuals improve, by blocks."""
     one, other = [], []
     for motion, early, late in zip(motions, before, after, strict=True):
@@ -201,7 +206,12 @@ def _improvement(before, after, motions, length):  # type: ignore[no-untyped-def
 
 
 def _ceiling(
-    found: Diagnosis, model: Model, motions: Sequence[Motion], after: Sequence[Floats], has_held_out: bool, options: Options
+    found: Diagnosis,
+    model: Model,
+    motions: Sequence[Motion],
+    after: Sequence[Floats],
+    has_held_out: bool,
+    options: Options,
 ) -> FreeForm:
     """Return what a free-form term over all coordinates predicts of the rest."""
     if has_held_out:
@@ -222,7 +232,7 @@ def _floor(
     surely: float,
     options: Options,
 ) -> float:
-    """Return what no predictor removes [N]: noise and encoder, or what the best predictor leaves, whichever is larger."""
+    """Return what no predictor removes [N]: noise and encoder, or what the best predictor leaves if that is more."""
     noise = noise_floor(motions, found.state.current.model, found.state.refits.judged.noise, options.seed)
     left = [rms(before), rms(after), rms(total)]
     if surely > 0.0:
@@ -257,7 +267,7 @@ def _verdict(found: Diagnosis, effects: Sequence[Named], rest: Test, whole: Test
 def _named(
     found: Diagnosis,
     accepted: Sequence[Round],
-    fit,  # type: ignore[no-untyped-def]
+    fit: Refit,
     motions: Sequence[Motion],
     gap: Gap,
     percent: float,

@@ -54,7 +54,8 @@ def changed_values(found: Diagnosis, fit: Refit, options: Options) -> tuple[Chan
             continue
         one, other = float(getattr(old, name)), float(getattr(new, name))
         error = float(errors[place])
-        is_beyond = one > 0.0 and abs(np.log(other / one)) > np.log1p(options.tolerance) + criteria.interval_z_score * error
+        width = np.log1p(options.tolerance) + criteria.interval_z_score * error
+        is_beyond = one > 0.0 and abs(np.log(other / one)) > width
         if is_beyond:
             listed.append(Changed(f"friction.{name}", one, other, other * error, closes))
     if freedom.elements:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sgms_observer.diagnosis.motion import HELD, later, motion_of
-from sgms_observer.offline.recording import Recording
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 
 SKIPPED = 0.5  # s, while filters fill

@@ -138,7 +138,8 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> D
     if court.has_held_out:
         tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
     closable = max(gap.before - _floor_square(earlier.force, court), 1.0e-300)
-    tests.append(at_least(item.name, "share of the closable squared gap", gap.fall / closable, criteria.min_closed_share))
+    share = gap.fall / closable
+    tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     tests += bounds(item, court)
     if item.settings is not None:
         tests += physical(item, court)
@@ -204,7 +205,8 @@ def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> lis
         replaced[k] = part - guess[start : start + len(part)]
         start += len(part)
     better = improvement(later.force, replaced)
-    return [at_most(item.name, f"z-score of a free-form term over {' and '.join(names)}", better.z_score, criteria.min_z_score)]
+    title = f"z-score of a free-form term over {' and '.join(names)}"
+    return [at_most(item.name, title, better.z_score, criteria.min_z_score)]
 
 
 def term(names: Sequence[str], model: Model, court: Court) -> FreeForm:
@@ -247,9 +249,8 @@ def held_judged(motions: Sequence[Motion], judged: Judged, model: Model) -> Judg
     """
     loudest = max(judged.noise, key=lambda noise: noise.rms)
     noises = tuple(replace(loudest, period=motion.residual_period) for motion in motions)
-    weights = tuple(
-        noise.weights(motion.thinned(predict(model, motion).doubt)) for motion, noise in zip(motions, noises, strict=True)
-    )
+    pairs = zip(motions, noises, strict=True)
+    weights = tuple(noise.weights(motion.thinned(predict(model, motion).doubt)) for motion, noise in pairs)
     return Judged(tuple(motions), noises, weights)
 
 

@@ -26,8 +26,8 @@ FREED_ELEMENTS = np.log(3.0)
 """The same of an element's stiffness and share: a factor of three."""
 STEP = 1.0e-4
 """Step of numerical derivatives, in units of the parameters."""
-UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,)}
-"""Parameters that are a unit of others and never fitted: (effect, indices)."""
+UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,), "gravity": (2,)}
+"""Parameters that are a unit of others, or follow from the joint, and are never fitted: (effect, indices)."""
 REFRESH = 3
 """Steps after which derivatives by the nominal parameters are computed anew."""
 BY_RATIO = (

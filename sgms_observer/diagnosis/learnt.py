@@ -171,9 +171,9 @@ def _penalty(empty: LearntMap) -> Floats:
             continue
         second = np.diff(np.eye(sizes[place]), 2, axis=0)
         parts = [second.T @ second if i == place else np.eye(size) for i, size in enumerate(sizes)]
-        whole = parts[0]
+        whole: Floats = np.asarray(parts[0], dtype=np.float64)
         for part in parts[1:]:
-            whole = np.kron(whole, part)
+            whole = np.asarray(np.kron(whole, part), dtype=np.float64)
         total += whole
     return total + 1.0e-3 * np.eye(len(total))
 

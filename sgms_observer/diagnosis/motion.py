@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from sgms_observer.offline.recording import Recording
 from sgms_observer.errors import DataError
 from sgms_observer.jit import njit
+from sgms_observer.offline.recording import Recording
 
 Floats = NDArray[np.float64]
 Kept = TypeVar("Kept")

@@ -1,4 +1,4 @@
-"""The workflow: refit the file, add the hypothesis that predicts best what it was not fitted to, repeat, judge the whole."""
+"""The workflow: refit the file, add the hypothesis that predicts best what it was not fitted to, and repeat."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from sgms_observer.diagnosis.gap import noise_floor
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD, Motion, motion_of
-from sgms_observer.offline.recording import Recording
 from sgms_observer.diagnosis.screen import Look, Screen
 from sgms_observer.diagnosis.timing import NOT_HELD, timing
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
 from sgms_observer.errors import DataError
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 Report = Callable[[str, float], None]
@@ -58,7 +58,7 @@ class Options:
     seed: int = 1
     workers: int = 2
     band: float = 0.0
-    criteria: Criteria = Criteria()
+    criteria: Criteria = field(default_factory=Criteria)
 
 
 @dataclass(frozen=True)
@@ -230,7 +230,8 @@ def diagnose(
     notes = list(audited.notes)
     if axis.filter.effort_is_held and state.recordings.lag < NOT_HELD:
         notes.append("the effort is not held between samples: set filter.effort_is_held to false")
-    found, rounds = state, ()
+    found = state
+    rounds: tuple[Round, ...] = ()
     if not audited.is_poor:
         state, rounds = _search(state, own, options, report)
         state, rounds = _pruned(state, rounds, options)
@@ -267,10 +268,11 @@ def _search(
         if best is None or sum(item.accepted is not None for item in rounds) >= most:
             rounds.append(Round(screen.looks, tuple(decisions), None, ()))
             break
+        item = best.candidate
         rounds.append(
             Round(screen.looks, tuple(decisions), best, alternatives(best, decisions, options.criteria))
         )
-        state = replace(state, refits=replace(best.candidate.refits, judged=refits.judged), current=best.candidate.refit)
+        state = replace(state, refits=replace(item.refits, judged=refits.judged), current=item.refit)
         state = state.refitted(state.current, STEPS).timed()
         names = [name for name in names if name != best.candidate.name]
         changed = [name for name in changed if name != best.candidate.name]
