@@ -30,6 +30,9 @@ SIDED = "asymmetric_coulomb"
 BY_LEVEL = ("frictional_lag", "backlash")
 """Effects that depend on the level."""
 
+SPREAD_COUNT = 8
+"""Elements that stand for an unknown contact: two a decade over four decades."""
+
 MASS, VISCOUS, COULOMB, STATIC, KNEE = range(5)
 SHARED = ("mass", "viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity")
 
@@ -101,6 +104,24 @@ class Model:
         n_z = len(stiffness)
         friction = replace(
             old, element_stiffness=tuple(stiffness), element_fraction=tuple(fraction), element_damping=(0.0,) * n_z
+        )
+        return replace(self, friction=friction)
+
+    def spread(self, smallest: float, largest: float) -> Model:
+        """Return the model with elements whose slip deflections are spread evenly over a range of decades.
+
+        They stand for a contact whose elements the file does not know: each carries the same share in the beginning.
+
+        Args:
+            smallest, largest: slip deflections of the first and of the last element [m].
+        """
+        deflection = np.geomspace(smallest, largest, SPREAD_COUNT)
+        share = 1.0 / SPREAD_COUNT
+        friction = replace(
+            self.friction,
+            element_stiffness=tuple((share * self.friction.coulomb_force / deflection).tolist()),
+            element_fraction=(share,) * SPREAD_COUNT,
+            element_damping=(0.0,) * SPREAD_COUNT,
         )
         return replace(self, friction=friction)
 
