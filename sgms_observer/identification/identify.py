@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.errors import DataError
-from sgms_observer.identification.confidence import Confidence, judge, step_to
+from sgms_observer.identification.confidence import Confidence, judge, step_to, widened
 from sgms_observer.identification.effect_terms import (
     GRAVITY,
     NO_EFFECTS,
@@ -53,7 +53,7 @@ Floats = NDArray[np.float64]
 
 MAX_UNEXPLAINED = 1.0 / 3.0
 """Share of the rms effort that held-out chunks may leave unexplained; above it the model must not be used."""
-MIN_REVERSALS = 3
+MIN_REVERSALS = 2
 """Fewer reversals cannot tell friction from whatever else changed at that time."""
 _REVERSAL_SHARE = 0.02  # of the travel: a shorter way back is no reversal of the sliding
 _MIN_GRAVITY_GAIN = 0.05  # share of the squared residual that gravity has to explain where the file does not have it
@@ -272,6 +272,28 @@ def force_error(
     return float(np.sqrt(total / rows))
 
 
+def unexplained_share(recordings: Sequence[Recording], result: Identification, axis: AxisSettings) -> float:
+    """Return the rms force residual of an identification on other recordings, over the rms effort [-].
+
+    Args:
+        recordings: evenly sampled pieces.
+        result: from ``identify``.
+        axis: the settings that it started from.
+
+    Raises:
+        DataError: if the axis never slides far enough there.
+    """
+    shape = ElementShape.of(axis.friction, result.model)
+    residuals, efforts = [], []
+    for piece in prepare_all(recordings, result.cutoff, result.terms):
+        mask = piece.settled(float(result.parameters.slip_deflection.max()))
+        residuals.append(residual_and_jacobian(piece, result.parameters, shape)[0][mask])
+        efforts.append(piece.effort(piece.time)[mask])
+    if not sum(len(part) for part in residuals):
+        raise DataError("these recordings never slide far enough for the elements to forget how they started")
+    return float(np.linalg.norm(np.concatenate(residuals)) / np.linalg.norm(np.concatenate(efforts)))
+
+
 def _long_enough(recordings: Sequence[Recording], cutoff: float) -> tuple[list[Recording], list[str]]:
     """Return the pieces that are long enough for the cutoff, and a note about the others."""
     pieces = [piece for piece in recordings if piece.duration >= MIN_PERIODS / cutoff]
@@ -364,18 +386,24 @@ def _final(
 def _without_hopeless(
     data: Rows, fit: Fit, shape: ElementShape, frozen: tuple[int, ...], at_start: Floats
 ) -> tuple[Fit, Confidence, tuple[int, ...]]:
-    """Put back what the data cannot tell, the least essential first, and fit the others again."""
+    """Put back what the data cannot tell, the least essential first, and fit the others again.
+
+    How far the others move by that is part of their intervals.
+    """
+    moved = np.zeros(len(at_start))
     for group in ((RHO, V_S, RATE, DELAY), range(fit.parameters.first_effect, len(at_start)), (MASS, VISCOUS, OFFSET)):
         confidence = _judge(data, fit, shape, frozen)
         found = _hopeless(fit.parameters, confidence, shape.is_gms, at_start)
         hopeless = [index for index in found if index in group and index not in frozen]
         if hopeless:
             frozen = (*frozen, *hopeless)
-            values = fit.parameters.vector()
+            before = fit.parameters.vector()
+            values = before.copy()
             values[hopeless] = at_start[hopeless]
             start = fit.parameters.with_vector(values)
             fit = search(data.main, data.masks, start, shape, frozen, iterations=_ITERATIONS, tolerance=1e-5)
-    return fit, _judge(data, fit, shape, frozen), frozen
+            moved += np.abs(fit.parameters.vector() - before)
+    return fit, widened(_judge(data, fit, shape, frozen), moved, fit.parameters), frozen
 
 
 def _asks_negative_delay(data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int]) -> bool:
@@ -385,7 +413,7 @@ def _asks_negative_delay(data: Rows, parameters: Parameters, shape: ElementShape
     free = parameters.free([j for j in frozen if j != DELAY], shape.is_gms)
     width = judge(data.main, data.masks, data.others, parameters, shape, free).half_width[DELAY]
     step = float(step_to(data.main, data.masks, parameters, shape, free)[free.index(DELAY)])
-    return -step > width
+    return bool(-step > width)
 
 
 def _judge(data: Rows, fit: Fit, shape: ElementShape, frozen: Sequence[int]) -> Confidence:
