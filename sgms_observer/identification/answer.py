@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -179,6 +179,20 @@ def least_squares_answer(fit: InverseModelFit, axis: AxisSettings, is_opposed: b
     return Answer(changes, remarks, rows, summary, tuple(f"Warning: {one}" for one in warnings), not warnings)
 
 
+def judged_on_held_out(answer: Answer, axis: AxisSettings, unexplained: float) -> Answer:
+    """Return an answer that is not usable if the model fails on held-out bags.
+
+    Args:
+        answer: of the identification.
+        axis: start settings.
+        unexplained: rms residual over rms effort there [-].
+    """
+    if unexplained <= MAX_UNEXPLAINED:
+        return answer
+    warning = f"Warning: {_unexplained_sentence(axis, unexplained, ' on held-out bags')}"
+    return replace(answer, warnings=(*answer.warnings, warning), is_usable=False)
+
+
 def _opposed_sentence(axis: AxisSettings) -> str:
     return (
         f"{axis.name}: control_effort counts against the position: its sign is reversed; set effort_scale:"
@@ -344,10 +358,10 @@ def identification_warnings(result: Identification, axis: AxisSettings, rows: Se
     for row in rows:
         if not math.isfinite(row.half_width) and not _is_told_elsewhere(row.name, result):
             note = f": {row.note}" if row.note else ""
-            out.append(
-                f"{axis.name}.{row.name} is not identifiable from this recording; {row.value:.6g} {row.unit} of the"
-                f" parameter file stays{note}"
-            )
+            kept = f"{row.value:.6g} {row.unit} of the parameter file stays"
+            if row.name == "friction.static_force":
+                kept = f"the parameter file's ratio to coulomb_force stays, {result.parameters.scalars[RHO]:.4g}"
+            out.append(f"{axis.name}.{row.name} is not identifiable from this recording; {kept}{note}")
     return tuple(f"Warning: {sentence}" for sentence in out)
 
 

@@ -281,16 +281,18 @@ def unexplained_share(recordings: Sequence[Recording], result: Identification, a
         axis: the settings that it started from.
 
     Raises:
-        DataError: if the axis never slides far enough there.
+        DataError: if no piece is long enough.
     """
     shape = ElementShape.of(axis.friction, result.model)
+    pieces, _notes = _long_enough(recordings, result.cutoff)
+    if result.is_opposed:
+        pieces = [replace(piece, effort=-piece.effort) for piece in pieces]
     residuals, efforts = [], []
-    for piece in prepare_all(recordings, result.cutoff, result.terms):
+    for piece in prepare_all(pieces, result.cutoff, result.terms):
         mask = piece.settled(float(result.parameters.slip_deflection.max()))
+        mask = mask if np.any(mask) else piece.usable
         residuals.append(residual_and_jacobian(piece, result.parameters, shape)[0][mask])
         efforts.append(piece.effort(piece.time)[mask])
-    if not sum(len(part) for part in residuals):
-        raise DataError("these recordings never slide far enough for the elements to forget how they started")
     return float(np.linalg.norm(np.concatenate(residuals)) / np.linalg.norm(np.concatenate(efforts)))
 
 
@@ -350,8 +352,8 @@ def _check_reversals(data: Sequence[Prepared], scales: Scales) -> None:
         reversals += turns
     if reversals < MIN_REVERSALS:
         raise DataError(
-            f"the axis reverses {reversals} times only: these recordings cannot show its friction, which offset,"
-            f" gravity and slow changes imitate; record {MIN_REVERSALS} reversals or more (sgms excite)"
+            f"the axis reverses {'once' if reversals else 'never'}: these recordings cannot show its friction, which"
+            f" offset, gravity and slow changes imitate; record {MIN_REVERSALS} reversals or more (sgms excite)"
         )
 
 
