@@ -36,6 +36,7 @@ from sgms_observer.identification.problem import (
 from sgms_observer.identification.scales import Scales, scales_of
 from sgms_observer.identification.search import Fit, search
 from sgms_observer.identification.selection import (
+    AS_GOOD,
     Rows,
     by_deflection,
     choose_count,
@@ -390,21 +391,25 @@ def _without_hopeless(
 ) -> tuple[Fit, Confidence, tuple[int, ...]]:
     """Put back what the data cannot tell, the least essential first, and fit the others again.
 
-    How far the others move by that is part of their intervals.
+    Values that fit clearly worse when put back stay as fitted, with their wide intervals. A delay is put back in any
+    case: it stands for whatever leads or lags. How far the others move is part of their intervals.
     """
     moved = np.zeros(len(at_start))
-    for group in ((RHO, V_S, RATE, DELAY), range(fit.parameters.first_effect, len(at_start)), (MASS, VISCOUS, OFFSET)):
+    effects = range(fit.parameters.first_effect, len(at_start))
+    for group in ((DELAY,), (RHO, V_S, RATE), effects, (MASS, VISCOUS, OFFSET)):
         confidence = _judge(data, fit, shape, frozen)
         found = _hopeless(fit.parameters, confidence, shape.is_gms, at_start)
         hopeless = [index for index in found if index in group and index not in frozen]
         if hopeless:
-            frozen = (*frozen, *hopeless)
             before = fit.parameters.vector()
             values = before.copy()
             values[hopeless] = at_start[hopeless]
             start = fit.parameters.with_vector(values)
-            fit = search(data.main, data.masks, start, shape, frozen, iterations=_ITERATIONS, tolerance=1e-5)
-            moved += np.abs(fit.parameters.vector() - before)
+            held = (*frozen, *hopeless)
+            again = search(data.main, data.masks, start, shape, held, iterations=_ITERATIONS, tolerance=1e-5)
+            if again.cost <= (1.0 + AS_GOOD) * fit.cost or DELAY in group:
+                fit, frozen = again, held
+                moved += np.abs(fit.parameters.vector() - before)
     return fit, widened(_judge(data, fit, shape, frozen), moved, fit.parameters), frozen
 
 
