@@ -37,6 +37,7 @@ class EffectParameter:
         maximum: largest physical value [``unit``].
         description: one sentence for people.
         is_strength: whether the effect vanishes with this parameter (otherwise it shapes the effect).
+        prismatic_default: value on a prismatic axis when the YAML is silent; None where it is ``default``.
     """
 
     name: str
@@ -46,6 +47,7 @@ class EffectParameter:
     maximum: float
     description: str
     is_strength: bool = False
+    prismatic_default: float | None = None
 
     def __post_init__(self) -> None:
         """Check the range.

@@ -89,7 +89,8 @@ FORCE_EFFECTS = (
                 -1.0e3,
                 1.0e3,
                 "angle of the centre of mass per position: 1 on a revolute joint, 1 over the gear ratio for a position"
-                " of the motor, always 0 on a prismatic axis",
+                " of the motor",
+                prismatic_default=0.0,
             ),
         ),
         "F = A sin(ratio q + angle)",

@@ -44,8 +44,11 @@ def _row(parameter: EffectParameter) -> str:
     """Return the table's row of one parameter."""
     bounds = f"{parameter.minimum:g} .. {parameter.maximum:g}"
     kind = " (strength)" if parameter.is_strength else ""
+    default = f"{parameter.default:g}"
+    if parameter.prismatic_default is not None:
+        default += f"; {parameter.prismatic_default:g} on a prismatic axis"
     return (
-        f"| `{parameter.name}` | {parameter.unit} | {parameter.default:g} | {bounds} | {parameter.description}{kind} |"
+        f"| `{parameter.name}` | {parameter.unit} | {default} | {bounds} | {parameter.description}{kind} |"
     )
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.errors import DataError
-from sgms_observer.identification.problem import V_S, Parameters, Prepared, chunk_numbers, residual_and_jacobian
+from sgms_observer.identification.prepared import Prepared
+from sgms_observer.identification.problem import V_S, Parameters, chunk_numbers, residual_and_jacobian
 from sgms_observer.identification.search import Fit, search
 from sgms_observer.identification.simulation import ElementShape
 from sgms_observer.identification.start_values import Atoms, merge_elements, start_parameters
@@ -19,7 +20,7 @@ Booleans = NDArray[np.bool_]
 
 _CHUNKS = 30  # of equal duration; every third judges and does not teach
 _FEWEST_ROWS = 500
-_AS_GOOD = 0.04  # excess of the mean squared error that is not worth another element
+AS_GOOD = 0.04  # excess of the mean squared error that is not worth another element
 _STARTS = (1.0, 5.0, 0.2)  # times the start's Stribeck velocity
 _BETTER = 0.995  # cost over that of one element less: worth merging back from
 
@@ -62,8 +63,8 @@ def rows_to_use(main: list[Prepared], others: Sequence[list[Prepared]], deflecti
     masks = [piece.settled(deflection) for piece in main]
     if sum(int(mask.sum()) for mask in masks) < _FEWEST_ROWS:
         raise DataError(
-            f"these recordings never slide {3.0 * deflection:.2g} m in one direction, which the elements need to forget"
-            " how they started; record longer strokes (sgms excite)"
+            f"these recordings never slide {3.0 * deflection:.2g} {main[0].unit} in one direction, which the elements"
+            " need to forget how they started; record longer strokes (sgms excite)"
         )
     chunks = chunk_numbers(main, _CHUNKS)
     judges = [number % 3 == 2 for number in chunks]
@@ -139,7 +140,7 @@ def choose_count(errors: dict[int, Floats]) -> int:
     for count in sorted(errors):
         excess = errors[count] - errors[best]
         scatter = float(np.std(excess, ddof=1)) / np.sqrt(len(excess)) if len(excess) > 1 else 0.0
-        if float(np.mean(excess)) <= max(scatter, _AS_GOOD * float(np.mean(errors[best]))):
+        if float(np.mean(excess)) <= max(scatter, AS_GOOD * float(np.mean(errors[best]))):
             return count
     return best
 

@@ -22,6 +22,8 @@ class EffectParameter(Protocol):
     @property
     def default(self) -> float: ...
     @property
+    def prismatic_default(self) -> float | None: ...
+    @property
     def minimum(self) -> float: ...
     @property
     def maximum(self) -> float: ...
@@ -45,12 +47,13 @@ def declared_parameter(parameter: EffectParameter, joint_type: str = PRISMATIC) 
 
     Args:
         parameter: entry of the catalogue.
-        joint_type: of the axis that the effect acts on; the unit follows it.
+        joint_type: of the axis that the effect acts on; the unit follows it, and some defaults do.
     """
+    is_own = joint_type == PRISMATIC and parameter.prismatic_default is not None
     return Declared(
         parameter.name,
         DOUBLE,
-        parameter.default,
+        parameter.prismatic_default if is_own else parameter.default,
         parameter.description,
         Units(joint_type).of(parameter.unit),
         minimum=parameter.minimum,

@@ -117,3 +117,10 @@ def test_declared_parameters_of_a_node_have_the_units_of_the_joint_type() -> Non
     assert found["x.effects.cogging.pitch"].unit == "rad"
     assert found["z.friction.static_force"].unit == "N"
     assert {declaration.unit for declaration in flatten(["z"]) if declaration.name.endswith("_scale")} <= {"-", "N"}
+
+
+def test_gravity_turns_on_a_revolute_joint_and_stands_on_a_prismatic_axis() -> None:
+    for joint_type, expected in (("revolute", 1.0), ("prismatic", 0.0)):
+        gravity = {"names": ["gravity"], "gravity": {"amplitude": 56.0, "angle": 0.4}}
+        found = settings_from_tree({"axes": ["x"], "x": {"joint_type": joint_type, "effects": gravity}})
+        assert found.axes[0].effects[0].values == (56.0, 0.4, expected)
