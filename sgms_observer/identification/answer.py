@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.errors import RecordingError
 from sgms_observer.identification.identify import MAX_UNEXPLAINED, Identification
-from sgms_observer.identification.least_squares import InverseModelFit
+from sgms_observer.identification.least_squares import GRAVITY, SYMMETRIC, InverseModelFit
 from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RELAXATION, RHO, V_S, VISCOUS
 from sgms_observer.settings.axis import AxisSettings
 
@@ -122,27 +122,38 @@ def _with_effects(axis: AxisSettings, values: Mapping[str, Mapping[str, float]],
         changes.update({f"effects.{name}.{key}": _rounded(value) for key, value in own.items()})
 
 
-def least_squares_answer(fit: InverseModelFit, axis: AxisSettings) -> Answer:
+def least_squares_answer(fit: InverseModelFit, axis: AxisSettings, is_opposed: bool = False) -> Answer:
     """Return the settings of an inverse-dynamic-model fit.
 
     Args:
-        fit: symmetric fit.
+        fit: symmetric fit, with gravity on a revolute joint.
         axis: start settings.
+        is_opposed: whether the effort was reversed for it.
     """
-    error = 1.96 * fit.std_error
-    mass, viscous, coulomb, offset = (fit.value(name) for name in fit.names)
-    own = axis.units
-    units = (own.mass, own.damping, own.effort, own.effort)
-    names = ("mass", "friction.viscous_coefficient", "friction.coulomb_force", "effects.offset.force")
+    unit = axis.units.of
+    error = dict(zip(fit.names, 1.96 * fit.std_error, strict=True))
+    mass, viscous, coulomb, offset = (fit.value(name) for name in SYMMETRIC)
+    yaml_names = ("mass", "friction.viscous_coefficient", "friction.coulomb_force", "effects.offset.force")
+    units = ("kg", "N s/m", "N", "N")
+    values = [
+        (name, fit.value(own), float(error[own]), unit(one))
+        for name, own, one in zip(yaml_names, SYMMETRIC, units, strict=True)
+    ]
+    effects = {_OFFSET_EFFECT: {"force": offset}}
+    if GRAVITY[0] in fit.names:
+        sine, cosine = (fit.value(name) for name in GRAVITY)
+        width = math.hypot(*(error[name] for name in GRAVITY))
+        amplitude, angle = math.hypot(sine, cosine), math.atan2(cosine, sine)
+        effects["gravity"] = {"amplitude": amplitude, "angle": angle, "ratio": 1.0}
+        values.append(("effects.gravity.amplitude", amplitude, width, unit("N")))
+        values.append(("effects.gravity.angle", angle, width / amplitude, "rad"))
     rows = tuple(
-        Row(name, value, float(width), unit, bool(width <= 0.05 * abs(value)))
-        for name, value, width, unit in zip(names, (mass, viscous, coulomb, offset), error, units, strict=True)
+        Row(name, value, width, one, bool(width <= 0.05 * abs(value))) for name, value, width, one in values
     )
     if viscous < 0.0 or mass <= 0.0 or coulomb <= 0.0:
         raise RecordingError(
-            f"least squares gives mass {mass:.3g} {own.mass}, viscous {viscous:.3g} {own.damping}, Coulomb"
-            f" {coulomb:.3g} {own.effort};"
-            " check the sign and factor of control_effort"
+            f"least squares gives mass {mass:.3g} {unit('kg')}, viscous {viscous:.3g} {unit('N s/m')}, Coulomb"
+            f" {coulomb:.3g} {unit('N')}; check the sign and factor of control_effort (effort_scale)"
         )
     changes: dict[str, Any] = {
         "mass": _rounded(mass),
@@ -150,14 +161,51 @@ def least_squares_answer(fit: InverseModelFit, axis: AxisSettings) -> Answer:
         "friction.coulomb_force": _rounded(coulomb),
         "friction.static_force": _rounded(coulomb),
     }
-    _with_effects(axis, {_OFFSET_EFFECT: {"force": offset}}, changes)
+    if is_opposed:
+        changes["effort_scale"] = -axis.effort_scale
+    _with_effects(axis, effects, changes)
     remarks = {row.name: row.remark for row in rows}
-    remarks["friction.static_force"] = f"{own.effort}; this model has no Stribeck effect: equal to coulomb_force"
+    remarks["friction.static_force"] = f"{unit('N')}; this model has no Stribeck effect: equal to coulomb_force"
+    word = axis.units.effort_word
     summary = (
         f"{axis.name}: inverse dynamic model by least squares, low-pass {fit.cutoff:g} Hz;"
-        f" {own.effort_word} residual {100.0 * fit.relative_error:.2f} % of the {own.effort_word}'s norm",
+        f" {word} residual {100.0 * fit.relative_error:.2f} % of the {word}'s norm",
     )
-    return Answer(changes, remarks, rows, summary)
+    warnings = []
+    if is_opposed:
+        warnings.append(_opposed_sentence(axis))
+    if fit.relative_error > MAX_UNEXPLAINED:
+        warnings.append(_unexplained_sentence(axis, fit.relative_error, ""))
+    return Answer(changes, remarks, rows, summary, tuple(f"Warning: {one}" for one in warnings), not warnings)
+
+
+def judged_on_held_out(answer: Answer, axis: AxisSettings, unexplained: float) -> Answer:
+    """Return an answer that is not usable if the model fails on held-out bags.
+
+    Args:
+        answer: of the identification.
+        axis: start settings.
+        unexplained: rms residual over rms effort there [-].
+    """
+    if unexplained <= MAX_UNEXPLAINED:
+        return answer
+    warning = f"Warning: {_unexplained_sentence(axis, unexplained, ' on held-out bags')}"
+    return replace(answer, warnings=(*answer.warnings, warning), is_usable=False)
+
+
+def _opposed_sentence(axis: AxisSettings) -> str:
+    return (
+        f"{axis.name}: control_effort counts against the position: its sign is reversed; set effort_scale:"
+        f" {-axis.effort_scale:g}, as in the file that was written, and check the wiring before any effort is sent"
+    )
+
+
+def _unexplained_sentence(axis: AxisSettings, share: float, where: str) -> str:
+    return (
+        f"{axis.name}: the model is unusable: {100.0 * share:.0f} % of the rms {axis.units.effort_word} is unexplained"
+        f"{where} (at most {100.0 * MAX_UNEXPLAINED:.0f} %); check units, sign and axis, or find what acts with"
+        " sgms diagnose"
+    )
 
 
 def identification_answer(result: Identification, axis: AxisSettings, sample_period: float) -> Answer:
@@ -255,7 +303,8 @@ def _rows(result: Identification, axis: AxisSettings) -> tuple[Row, ...]:
     rows.append(Row(f"{_DAMPING} over stiffness", relaxation, wide[RELAXATION], "s", bool(shown[RELAXATION]), note))
     if result.model == "gms":
         width = wide[RATE] * coulomb
-        rows.append(Row("friction.attraction_rate", scalars[RATE] * coulomb, width, unit("N/s"), bool(shown[RATE]), slow))
+        attraction = scalars[RATE] * coulomb
+        rows.append(Row("friction.attraction_rate", attraction, width, unit("N/s"), bool(shown[RATE]), slow))
     rows += _effect_rows(result, axis, wide)
     for i in range(n_z):
         kappa = ELEMENTS + i
@@ -296,16 +345,9 @@ def identification_warnings(result: Identification, axis: AxisSettings, rows: Se
     """
     out = []
     if result.is_opposed:
-        out.append(
-            f"{axis.name}: control_effort counts against the position: its sign is reversed; set effort_scale:"
-            f" {-axis.effort_scale:g}, as in the file that was written, and check the wiring before any effort is sent"
-        )
+        out.append(_opposed_sentence(axis))
     if not result.unexplained <= MAX_UNEXPLAINED:
-        out.append(
-            f"{axis.name}: the model is unusable: {100.0 * result.unexplained:.0f} % of the rms effort is unexplained on"
-            f" held-out chunks (at most {100.0 * MAX_UNEXPLAINED:.0f} %); check units, sign and axis, or list the effects"
-            " that act (sgms diagnose)"
-        )
+        out.append(_unexplained_sentence(axis, result.unexplained, " on held-out chunks"))
     if not result.is_converged:
         out.append(f"{axis.name}: the fit did not converge; rerun from the file that was written, or record longer")
     if result.asks_negative_delay:
@@ -316,10 +358,10 @@ def identification_warnings(result: Identification, axis: AxisSettings, rows: Se
     for row in rows:
         if not math.isfinite(row.half_width) and not _is_told_elsewhere(row.name, result):
             note = f": {row.note}" if row.note else ""
-            out.append(
-                f"{axis.name}.{row.name} is not identifiable from this recording; {row.value:.6g} {row.unit} of the"
-                f" parameter file stays{note}"
-            )
+            kept = f"{row.value:.6g} {row.unit} of the parameter file stays"
+            if row.name == "friction.static_force":
+                kept = f"the parameter file's ratio to coulomb_force stays, {result.parameters.scalars[RHO]:.4g}"
+            out.append(f"{axis.name}.{row.name} is not identifiable from this recording; {kept}{note}")
     return tuple(f"Warning: {sentence}" for sentence in out)
 
 

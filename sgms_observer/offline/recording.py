@@ -6,7 +6,7 @@ Pauses cut the recording into pieces; pieces too short to learn from are left ou
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -136,6 +136,7 @@ def read_recordings(
     *,
     sample_period: float | None = None,
     sha256: str = "",
+    topics: Mapping[str, str] | None = None,
 ) -> Recordings:
     """Read the pieces of a bag, in SI units.
 
@@ -145,6 +146,7 @@ def read_recordings(
         other: another axis of the same recording, or None.
         sample_period: nominal time between two samples [s]; None takes it from the recording.
         sha256: hash of the bag.
+        topics: names of ``position``, ``control_effort`` and ``reference`` where they differ.
 
     Raises:
         RecordingError: the bag cannot be read.
@@ -154,7 +156,7 @@ def read_recordings(
 
     wanted = {entry.name: entry.scales for entry in (axis, other) if entry is not None}
     blocks: dict[str, list[Samples]] = {name: [] for name in wanted}
-    for name, samples in BagSamples(path, wanted, sample_period):
+    for name, samples in BagSamples(path, wanted, sample_period, topics=topics):
         blocks[name].append(samples)
     label = Path(path).name
     second = join_samples(blocks[other.name]) if other is not None else None
