@@ -28,6 +28,7 @@ JOINT = f"""/**:
       mass: 3.0
       friction: {{element_stiffness: [4.0e3, 1.0e3], element_fraction: [0.4, 0.6], static_force: 5.0,
                  coulomb_force: 4.0, stribeck_velocity: 0.02, viscous_coefficient: 2.0}}
+      effects: {{names: [gravity], gravity: {{amplitude: 8.0, angle: 0.3}}}}
       stage:
         controller: {{bandwidth: 20.0}}
         reference: {{kind: sine, amplitude: 0.1, frequency: 2.0}}
