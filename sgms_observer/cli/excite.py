@@ -64,6 +64,8 @@ def run(args: argparse.Namespace) -> Outcome:
     """
     from dataclasses import replace
 
+    import numpy as np
+
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.identification.excitation import CAUTIOUS_LIMITS, build_excitation
     from sgms_observer.settings.load import load_settings
@@ -84,6 +86,14 @@ def run(args: argparse.Namespace) -> Outcome:
     reference = build_excitation(axis, limits, settings.sample_period)
     for section in reference.sections:
         print(f"{section.start:8.2f} s to {section.end:8.2f} s: {section.name}, for {section.shows}")
+    readable = axis.units.readable
+    low, high = float(reference.position.min()), float(reference.position.max())
+    print(
+        f"{axis.name}: from {readable(low)} to {readable(high)} around the start, at most"
+        f" {readable(float(abs(reference.velocity).max()), 'm/s')} and"
+        f" {readable(float(abs(np.diff(reference.velocity)).max()) / settings.sample_period, 'm/s^2')},"
+        f" {reference.time[-1]:.2f} s"
+    )
     if args.out:
         _write(args.out, reference, args.centre or 0.0)
         print(f"wrote {args.out}: {reference.time[-1]:.2f} s, {len(reference.time)} samples")
