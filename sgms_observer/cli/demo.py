@@ -10,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sgms_observer.cli.options import add_output_options, add_overwrite_option
+
 if TYPE_CHECKING:
     from sgms_observer.nodes.conductor import Conductor
 
@@ -38,6 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--duration", type=float, default=20.0, metavar="S", help="time on the graph [s], half of it compensated"
     )
     parser.add_argument("--config", metavar="F", help="parameter file of both nodes (default: config/demo.yaml)")
+    add_overwrite_option(parser)
+    add_output_options(parser, has_result=False)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,6 +53,7 @@ def run(args: argparse.Namespace) -> int:
     Returns:
         The exit code, 0 only on success.
     """
+    from sgms_observer.bags.replacement import refuse_existing_bag
     from sgms_observer.errors import ConfigurationError, DataError
     from sgms_observer.settings.load import load_settings
     from sgms_observer.shipped import shipped_file
@@ -65,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
 
     out = Path(args.out)
     bag = out / "bag"
+    refuse_existing_bag(bag, args.overwrite)
     shutil.rmtree(bag, ignore_errors=True)
     switched_ns, said = _play(config, [axis.name for axis in settings.axes], out, bag, args.duration)
     result = present(bag, settings, switched_ns, out)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sgms_observer.cli.options import add_axis_option, add_output_options, add_overwrite_option, axis_from
+from sgms_observer.cli.outcome import Outcome
 from sgms_observer.fleet.arguments import add_fleet_arguments
 
 if TYPE_CHECKING:
@@ -15,6 +19,9 @@ if TYPE_CHECKING:
 
 NAME = "diagnose"
 HELP = "find the effect that the model misses, name it, add it to the model, and show the gap shrink"
+
+FILES = ("result.json", "augmented.yaml", "report.html")
+"""What a diagnosis writes into its folder."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BAG",
         help="recordings to judge on, never fitted to",
     )
-    parser.add_argument("--axis", metavar="NAME", help="axis to diagnose (default: the first of the YAML)")
+    add_axis_option(parser, "the first of the file")
     parser.add_argument(
         "--tolerance",
         type=float,
@@ -51,34 +58,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="diagnose every bag by itself, many at once: DIR/BAG/ for each, and one summary, DIR/report.html",
     )
     add_fleet_arguments(parser)
+    add_overwrite_option(parser)
+    add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int | Outcome:
     """Do the job.
 
     Args:
         args: what the user gave.
 
     Returns:
-        The exit code, 0 only on success.
+        The exit code and the result.
     """
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
+    from sgms_observer.whole_file import refuse_existing_files
 
     if not 0.0 < args.tolerance < 1.0:
         raise ConfigurationError([f"--tolerance {args.tolerance:g} must lie between 0 and 1; 0.05 is five per cent"])
     if args.workers < 0 or args.seed < 0:
         raise ConfigurationError(["--workers and --seed must not be negative; leave them out for the defaults"])
+    axis = axis_from(args.axis, NAME)
     if args.each:
         from sgms_observer.fleet.command import diagnose_each
 
         return diagnose_each(args)
     if args.scheduler is not None:
         raise ConfigurationError(["--scheduler is for many diagnoses; add --each, or leave it out"])
+    refuse_existing_files([Path(args.out) / name for name in FILES], args.overwrite)
     workers = args.workers or os.cpu_count() or 1
     with Progress("diagnose", 1.0) as progress:
         answer, closings = diagnose_bags(
-            args.bags, args.holdout, args.config, args.out, args.axis, args.tolerance, args.seed, workers, progress.show
+            args.bags, args.holdout, args.config, args.out, axis, args.tolerance, args.seed, workers, progress.show
         )
     gap = answer.gap
     print(f"verdict: {answer.verdict} (seed {args.seed})")
@@ -93,8 +105,8 @@ def run(args: argparse.Namespace) -> int:
     print(f"left to the controller after compensation: {left} N rms")
     if answer.next_experiment:
         print(f"next: {answer.next_experiment}")
-    print(f"wrote {args.out}/result.json, augmented.yaml, report.html")
-    return 0
+    print(f"wrote {args.out}/{', '.join(FILES)}")
+    return Outcome(result=json.loads((Path(args.out) / FILES[0]).read_text(encoding="utf-8")))
 
 
 def diagnose_bags(
@@ -127,8 +139,6 @@ def diagnose_bags(
     Raises:
         SgmsError: something cannot be read, written or made sense of.
     """
-    from pathlib import Path
-
     from sgms_observer.discrepancy.answer import answer_of, write
     from sgms_observer.discrepancy.closing import closing
     from sgms_observer.discrepancy.record import read_records

@@ -9,6 +9,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
+from sgms_observer.cli.options import add_output_options, add_overwrite_option
+from sgms_observer.cli.outcome import Outcome
+
 if TYPE_CHECKING:
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.observer.samples import Estimates, Floats, Samples
@@ -51,22 +54,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the bag (default: mcap)"
     )
+    add_overwrite_option(parser)
+    add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> Outcome:
     """Do the job.
 
     Args:
         args: what the user gave.
 
     Returns:
-        The exit code, 0 only on success.
+        The exit code and the result.
     """
+    from sgms_observer.bags.replacement import refuse_existing_bag
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.cli.progress import Progress
     from sgms_observer.settings.load import load_settings
     from sim_plant.table import SimulatedTable
 
+    refuse_existing_bag(args.out, args.overwrite)
     settings = load_settings(args.config)
     table = SimulatedTable(settings, START_NS, args.seed)
     scales = tuple(axis.scales for axis in settings.axes)
@@ -79,7 +86,10 @@ def run(args: argparse.Namespace) -> int:
     settling = round(_SETTLING / settings.sample_period) if duration >= 1.0 else 0
     errors = _Errors(settings.axes, settling, other is not None)
     start = time.perf_counter()
-    with BagWriter(args.out, args.storage) as bag, Progress("simulate", count) as progress:
+    with (
+        BagWriter(args.out, args.storage, is_overwriting=args.overwrite) as bag,
+        Progress("simulate", count) as progress,
+    ):
         done = 0
         while done < count:
             records, estimates = step(min(_SAMPLES_PER_BLOCK, count - done))
@@ -94,7 +104,18 @@ def run(args: argparse.Namespace) -> int:
         print(line)
     messages = sum(bag.counts.values())
     print(f"{args.out}: {messages} messages in {seconds:.1f} s, {duration / seconds:.1f} times real time")
-    return 0
+    return Outcome(
+        result={
+            "schema": 1,
+            "bag": args.out,
+            "axes": list(table.names),
+            "seeds": {stage.axis.name: stage.axis.stage.seed for stage in table.stages},
+            "duration_s": duration,
+            "samples": count,
+            "messages": messages,
+            "errors": errors.lines(),
+        }
+    )
 
 
 def _observed(settings: Settings, table: SimulatedTable) -> TableStep:
