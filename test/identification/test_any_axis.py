@@ -28,7 +28,8 @@ def _turning(amplitude: float = AMPLITUDE, seed: int = 1) -> tuple[np.ndarray, n
     """Return angle [rad] and torque [N m] of a joint under gravity."""
     angle = -0.3 + 0.9 * np.sin(0.9 * TIME) + 0.25 * np.sin(2.3 * TIME) + 0.1 * np.sin(5.1 * TIME)
     velocity = np.gradient(angle, PERIOD)
-    torque = INERTIA * np.gradient(velocity, PERIOD) + VISCOUS_FRICTION * velocity + COULOMB * np.tanh(velocity / 1e-3)
+    torque = INERTIA * np.gradient(velocity, PERIOD) + VISCOUS_FRICTION * velocity
+    torque += COULOMB * np.tanh(velocity / 1e-3)
     torque += amplitude * np.sin(angle + ANGLE) + OFFSET
     return angle, torque + np.random.default_rng(seed).normal(0.0, 1.0, len(TIME))
 
