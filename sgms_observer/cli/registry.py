@@ -24,6 +24,7 @@ COMMANDS = {
     "paper": "it comes with the reproduction of the paper",
     "excite": "it comes with identification",
     "bench": "it comes with the benchmarks",
+    "compile": "it comes with the kernels",
 }
 
 

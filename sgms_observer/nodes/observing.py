@@ -15,6 +15,7 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
+from sgms_observer.application.kernels import OF_OBSERVER
 from sgms_observer.bags.diagnostics_cdr import encode_diagnostics
 from sgms_observer.errors import SgmsError
 from sgms_observer.nodes.commands import COMMANDS, CommandTopic
@@ -52,7 +53,7 @@ class ObserverNode(ManagedNode):
         SgmsError: the node cannot start; its sentences say why.
     """
 
-    kernels = "sgms_observer.estimators.block"
+    parts = OF_OBSERVER
 
     def __init__(self, name: str, executor: Executor) -> None:
         super().__init__(name, executor)
@@ -74,7 +75,6 @@ class ObserverNode(ManagedNode):
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(Trigger, "~/save_parameters", self._save_parameters)
         self.create_timer(_REPORT_PERIOD, self.guarded(self._report), clock=self.steady_clock)
-        self.start_by_itself()
 
     def warm_up(self) -> None:
         """Make the engine and run its kernels once."""
