@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 _ROOT = Path(__file__).resolve().parent.parent
-_KEPT_KEYS = 64
+_KEPT_KEYS = 1024  # about thirty of each version of the source, 60 kB each
 _KEY = re.compile(r"[0-9a-f]{16}")
 _IMPORT = re.compile(
     r"^\s*(?:from|import)\s+((?:sgms_observer|sim_plant)[\w.]*)(?:\s+import\s+(\([^)]*\)|[^\n#]*))?", re.MULTILINE

@@ -22,7 +22,7 @@ class Part:
 
     Attributes:
         module: full name of the module whose kernel calls all others of the part.
-        weight: share of the computing time, measured on one machine; only for telling how far it is.
+        weight: computing time, measured on one machine [s]; only for telling how far it is.
         functions: how many functions are compiled; likewise.
         after: parts whose kernels this one uses, so that they are compiled first and once.
     """
@@ -35,10 +35,10 @@ class Part:
 
 #: Longest first.
 PARTS = {
-    "estimator": Part("sgms_observer.estimators.block", 0.5, 80),
-    "stage": Part("sim_plant.kernel", 0.2, 80),
-    "filter": Part("sgms_observer.filters.kernel", 0.18, 40),
-    "observer": Part("sgms_observer.observer.axis_observer", 0.12, 60, ("estimator", "stage", "filter")),
+    "estimator": Part("sgms_observer.estimators.block", 12.3, 66),
+    "stage": Part("sim_plant.kernel", 7.0, 94),
+    "filter": Part("sgms_observer.filters.kernel", 4.8, 18),
+    "observer": Part("sgms_observer.observer.axis_observer", 8.2, 107, ("estimator", "stage", "filter")),
 }
 OF_OBSERVER = ("estimator", "filter", "stage", "observer")
 OF_STAGE = ("stage",)

@@ -33,7 +33,6 @@ from sgms_observer.settings.write import write_settings
 
 _REPORT_PERIOD = 1.0  # s
 _LONGEST_END = 1.0  # s for the compensation to go to zero within its slew limit when the node stops
-_KEPT_BACK = "the compensation stays at zero until only one node publishes it"
 _SHORTEST_REPORT = 0.8  # s; the first after the activation tells of about a period as well
 
 
@@ -253,7 +252,10 @@ class ObserverNode(ManagedNode):
             statistics.start_anew()
         self._diagnostics.publish(encode_diagnostics(self.get_clock().now().nanoseconds, entries))
         for sentence in self._sentences.new([*faults, *sentences]):
-            (self.get_logger().error if sentence in faults else self.get_logger().warning)(sentence)
+            if sentence in faults:
+                self.get_logger().error(sentence)
+            else:
+                self.get_logger().warning(sentence)
 
     def _judge_rivals(self) -> list[str]:
         """Keep the compensation back while another node publishes it too; return the sentence about that."""
@@ -264,7 +266,11 @@ class ObserverNode(ManagedNode):
             if not rivals:
                 self.get_logger().info("no other node publishes the compensation any more: it follows its settings")
         self._rivals = rivals
-        return [f"{topic} is published by another node as well; {_KEPT_BACK}; stop it" for topic in rivals]
+        return [
+            f"{topic} is published by another node as well; the compensation stays at zero until only one node does;"
+            " stop one of them or give it a namespace of its own"
+            for topic in rivals
+        ]
 
     def _other_publishers(self) -> tuple[str, ...]:
         """Return the topics of the compensation that somebody else publishes too."""
