@@ -19,7 +19,7 @@ def generate_launch_description() -> LaunchDescription:
                 default_value=PathJoinSubstitution([share, "config", "demo.yaml"]),
                 description="parameter file of both nodes",
             ),
-            DeclareLaunchArgument("namespace", default_value="", description="namespace of both nodes and their topics"),
+            DeclareLaunchArgument("namespace", default_value="", description="namespace of nodes and topics"),
             DeclareLaunchArgument("use_sim_time", default_value="false", description="true: take the time from /clock"),
             DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn, error or fatal"),
             DeclareLaunchArgument(

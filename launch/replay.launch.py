@@ -50,7 +50,7 @@ def generate_launch_description() -> LaunchDescription:
                 default_value=PathJoinSubstitution([share, "config", "table.yaml"]),
                 description="parameter file of the observer",
             ),
-            DeclareLaunchArgument("namespace", default_value="", description="namespace of the observer and its topics"),
+            DeclareLaunchArgument("namespace", default_value="", description="namespace of node and topics"),
             DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn, error or fatal"),
             IncludeLaunchDescription(
                 PythonLaunchDescriptionSource(PathJoinSubstitution([share, "launch", "table.launch.py"])),

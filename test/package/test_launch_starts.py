@@ -1,4 +1,4 @@
-"""Launch files by starting them: what comes up, in which namespace, and that nothing is left when something is missing."""
+"""Launch files by starting them: what comes up, in which namespace, and that nothing is left where something lacks."""
 
 from __future__ import annotations
 
