@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import time
 
+from sgms_observer.cli.options import add_output_options
+
 NAME = "compile"
 HELP = "compile the numerical kernels ahead, so that the first start of a node or command is as quick as any"
 
@@ -15,6 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     Args:
         parser: the command's own parser.
     """
+    add_output_options(parser, has_result=False)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -137,7 +137,6 @@ def read_recordings(
     sample_period: float | None = None,
     topics: Mapping[str, str] | None = None,
     sha256: str = "",
-    topics: Mapping[str, str] | None = None,
 ) -> Recordings:
     """Read the pieces of a bag, in SI units.
 
@@ -148,7 +147,6 @@ def read_recordings(
         sample_period: nominal time between two samples [s]; None takes it from the recording.
         topics: names of the input topics where they differ.
         sha256: hash of the bag.
-        topics: names of ``position``, ``control_effort`` and ``reference`` where they differ.
 
     Raises:
         RecordingError: the bag cannot be read.
