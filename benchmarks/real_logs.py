@@ -6,8 +6,8 @@ The script runs the commands of docs/real_logs.md, machine by machine, and print
 residual on the part that nothing learnt from, in % of its rms effort, within one judging band for all models.
 
 The classic models get the same help: mass, offset and, on a revolute joint, gravity. Coulomb-viscous is linear least
-squares; Stribeck and LuGre are fitted by ``scipy.optimize.least_squares`` from several starts, LuGre by simulation along
-the measured motion. All of them learn on the rows that ``sgms identify`` filters, and are judged on the same rows.
+squares; Stribeck and LuGre are fitted by ``scipy.optimize.least_squares`` from several starts, LuGre by simulation
+along the measured motion. All of them learn on the rows that ``sgms identify`` filters, and are judged on such rows.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from scipy.optimize import least_squares
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from sgms_observer.cli.main import main as sgms
-from sgms_observer.identification.prepared import Prepared, prepare_all
-from sgms_observer.identification.effect_terms import NO_EFFECTS
-from sgms_observer.jit import njit
-from sgms_observer.offline.recording import Recordings, read_recordings
-from sgms_observer.settings.axis import AxisSettings
-from sgms_observer.settings.load import load_settings
+from sgms_observer.cli.main import main as sgms  # noqa: E402
+from sgms_observer.identification.effect_terms import NO_EFFECTS  # noqa: E402
+from sgms_observer.identification.prepared import Prepared, prepare_all  # noqa: E402
+from sgms_observer.jit import njit  # noqa: E402
+from sgms_observer.offline.recording import Recordings, read_recordings  # noqa: E402
+from sgms_observer.settings.axis import AxisSettings  # noqa: E402
+from sgms_observer.settings.load import load_settings  # noqa: E402
 
 Floats = NDArray[np.float64]
 
@@ -162,7 +162,7 @@ def _linear_columns(piece: Prepared, axis: AxisSettings) -> list[Floats]:
 def _held_out(
     learn: Sequence[Prepared], held: Sequence[Prepared], axis: AxisSettings, force: Callable[[Prepared], Floats]
 ) -> tuple[float, float]:
-    """Fit what is linear beside given friction columns; return the squared residual learnt and the held-out error in %."""
+    """Fit what is linear beside given friction columns; return the squared residual and the held-out error [%]."""
 
     def stacked(pieces: Sequence[Prepared]) -> tuple[Floats, Floats]:
         matrix = [np.column_stack([*_linear_columns(piece, axis), piece.low_pass(force(piece))])[piece.usable]

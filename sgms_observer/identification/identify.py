@@ -418,9 +418,11 @@ def _asks_negative_delay(data: Rows, parameters: Parameters, shape: ElementShape
     if parameters.scalars[DELAY] > 0.0:
         return False
     free = parameters.free([j for j in frozen if j != DELAY], shape.is_gms)
-    width = judge(data.main, data.masks, data.others, parameters, shape, free).half_width[DELAY]
-    step = float(step_to(data.main, data.masks, parameters, shape, free)[free.index(DELAY)])
-    return bool(-step > width)
+    place = free.index(DELAY)
+    error = judge(data.main, data.masks, (), parameters, shape, free).half_width[DELAY]
+    step = float(step_to(data.main, data.masks, parameters, shape, free)[place])
+    others = [float(step_to(other, rows, parameters, shape, free)[place]) for other, rows in data.others]
+    return bool(-step > error + sum(abs(one - step) for one in others))
 
 
 def _judge(data: Rows, fit: Fit, shape: ElementShape, frozen: Sequence[int]) -> Confidence:
