@@ -94,10 +94,10 @@ def arriving_effort(demand: float, p: Floats) -> float:
         demand: effort of the controller [N].
         p: hidden parameters.
     """
-    arrived = demand * (1.0 - p[s.LOST_GAIN])
+    arrived = float(demand * (1.0 - p[s.LOST_GAIN]))
     if abs(arrived) <= p[s.DEAD_WIDTH]:
         return 0.0
-    return arrived - math.copysign(p[s.DEAD_WIDTH], arrived)
+    return arrived - math.copysign(float(p[s.DEAD_WIDTH]), arrived)
 
 
 @njit

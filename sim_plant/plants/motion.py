@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -12,7 +13,8 @@ from sim_plant.plants.machine import Machine
 
 Floats = NDArray[np.float64]
 KINDS = ("rich", "steps")
-TOP_TONE = 8.0  # Hz
+GROUPS = ((0.07, 0.17, 2), (0.35, 0.9, 3), (1.6, 8.0, 4))
+"""Lowest and highest frequency [Hz] and number of the tones that use the stroke, the speed, the acceleration."""
 
 
 @dataclass(frozen=True)
@@ -52,22 +54,29 @@ def make_motion(machine: Machine, kind: str, duration: float, rng: Generator) ->
 
 
 def _rich(machine: Machine, count: int, period: float, rng: Generator) -> Floats:
-    """Return tones over two decades of frequency; the time runs slowly, or rests, at random times."""
-    frequency = np.geomspace(0.07, TOP_TONE, 9) * rng.uniform(0.9, 1.1, 9)
-    omega = 2.0 * np.pi * frequency
-    size = np.minimum(0.8 * machine.half_stroke, 0.4 * machine.speed / omega)
-    size = np.minimum(size, 0.4 * machine.acceleration / omega**2) * rng.uniform(0.7, 1.0, 9)
-    pace = _pace(count, period, rng)
-    inner = period * np.concatenate(([0.0], np.cumsum(pace)[:-1]))
-    phase = rng.uniform(0.0, 2.0 * np.pi, 9)
+    """Return slow tones that use the stroke, middle ones for the speed, fast ones for the acceleration.
+
+    The time of the tones runs slowly, or rests, at random times.
+    """
+    inner = period * np.concatenate(([0.0], np.cumsum(_pace(count, period, rng))[:-1]))
+    limits = np.array([0.95 * machine.half_stroke, machine.speed, machine.acceleration])
     path = np.zeros(count)
-    for a, w, angle in zip(size, omega, phase, strict=True):
-        path += a * np.sin(w * inner + angle)
+    for derivative, (lowest, highest, tones) in enumerate(GROUPS):
+        frequency = np.geomspace(lowest, highest, tones) * rng.uniform(0.9, 1.1, tones)
+        group = np.zeros(count)
+        for omega in 2.0 * np.pi * frequency:
+            size = rng.uniform(0.7, 1.0) / omega**derivative
+            group += size * np.sin(omega * inner + rng.uniform(0.0, 2.0 * np.pi))
+        path += group * 0.6 * limits[derivative] / _peaks(group, period)[derivative]
     middle = 0.5 * (path.max() + path.min())
+    return np.asarray((path - middle) * np.min(limits / _peaks(path, period)))
+
+
+def _peaks(path: Floats, period: float) -> Floats:
+    """Return half of the range [m], the largest speed [m/s] and the largest acceleration [m/s^2] of a path."""
     velocity = np.gradient(path, period)
-    peaks = (0.5 * np.ptp(path), np.max(np.abs(velocity)), np.max(np.abs(np.gradient(velocity, period))))
-    limits = (0.95 * machine.half_stroke, machine.speed, machine.acceleration)
-    return np.asarray((path - middle) * min(limit / peak for limit, peak in zip(limits, peaks, strict=True)))
+    acceleration = np.gradient(velocity, period)
+    return np.array([0.5 * np.ptp(path), np.max(np.abs(velocity)), np.max(np.abs(acceleration))])
 
 
 def _pace(count: int, period: float, rng: Generator) -> Floats:
@@ -79,8 +88,9 @@ def _pace(count: int, period: float, rng: Generator) -> Floats:
         slow = 0.0 if rng.random() < 0.6 else float(np.exp(rng.uniform(np.log(0.03), np.log(0.3))))
         wait = float(np.exp(rng.uniform(np.log(0.1), np.log(1.5))))
         edge = 0.25
-        dip = _blend((t - at) / edge) * _blend((at + wait + 2.0 * edge - t) / edge)
-        pace *= 1.0 - (1.0 - slow) * dip
+        part = slice(int(at / period), int((at + wait + 2.0 * edge) / period) + 1)
+        dip = _blend((t[part] - at) / edge) * _blend((at + wait + 2.0 * edge - t[part]) / edge)
+        pace[part] *= 1.0 - (1.0 - slow) * dip
         at += wait + 2.0 * edge + rng.uniform(1.0, 4.0)
     return pace
 
@@ -107,7 +117,7 @@ def _steps(machine: Machine, count: int, period: float, rng: Generator) -> Float
     return np.asarray(np.concatenate(pieces)[:count])
 
 
-def _blend(x: Floats) -> Floats:
+def _blend(x: NDArray[np.floating[Any]]) -> Floats:
     """Return 0 below 0, 1 above 1 and a polynomial with two continuous derivatives between."""
     x = np.clip(x, 0.0, 1.0)
-    return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x**2))
+    return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x**2), dtype=np.float64)

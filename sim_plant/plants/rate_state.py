@@ -106,4 +106,4 @@ def step(velocity: float, duration: float, scale: float, curve: Floats, law: Flo
     state[AGE] = state[AGE] * math.exp(-x) + duration * mean
     force = side * load * unit
     state[DEFLECTION] = force / law[STIFFNESS]
-    return force
+    return float(force)

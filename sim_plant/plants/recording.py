@@ -19,7 +19,7 @@ from sim_plant.plants.machine import Machine
 from sim_plant.plants.motion import make_motion
 
 Floats = NDArray[np.float64]
-LARGEST_STEP = 2.0e-5  # s
+LARGEST_STEP = 2.5e-5  # s
 FORCE_BAND = 100.0
 """Hidden forces count below this frequency [Hz], or below 0.4 of the log's rate."""
 CALIBRATION_DURATION = 15.0  # s
