@@ -30,10 +30,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(ROOT))
 
 import yaml  # noqa: E402
-from cases import AMOUNTS, SECOND, Case, cases  # noqa: E402
-from make import Files, files_of, make_case  # noqa: E402
-from score import Score, score  # noqa: E402
-from table import effects_text, table_text  # noqa: E402
+from plant_cases import AMOUNTS, SECOND, Case, cases  # noqa: E402
+from plant_files import Files, files_of, make_case  # noqa: E402
+from plant_score import Score, score  # noqa: E402
+from plant_table import effects_text, table_text  # noqa: E402
 
 from sim_plant.blind.seal import open_seal  # noqa: E402
 from sim_plant.plants.plants import PLANTS  # noqa: E402

@@ -60,23 +60,23 @@ def _rich(machine: Machine, count: int, period: float, rng: Generator) -> Floats
     """
     inner = period * np.concatenate(([0.0], np.cumsum(_pace(count, period, rng))[:-1]))
     limits = np.array([0.95 * machine.half_stroke, machine.speed, machine.acceleration])
-    path = np.zeros(count)
-    for derivative, (lowest, highest, tones) in enumerate(GROUPS):
-        frequency = np.geomspace(lowest, highest, tones) * rng.uniform(0.9, 1.1, tones)
-        group = np.zeros(count)
-        for omega in 2.0 * np.pi * frequency:
-            size = rng.uniform(0.7, 1.0) / omega**derivative
-            group += size * np.sin(omega * inner + rng.uniform(0.0, 2.0 * np.pi))
-        path += group * 0.6 * limits[derivative] / _peaks(group, period)[derivative]
-    middle = 0.5 * (path.max() + path.min())
-    return np.asarray((path - middle) * np.min(limits / _peaks(path, period)))
+    groups = np.zeros((len(GROUPS), 3, count))
+    for group, (order, (lowest, highest, tones)) in zip(groups, enumerate(GROUPS), strict=True):
+        for omega in 2.0 * np.pi * np.geomspace(lowest, highest, tones) * rng.uniform(0.9, 1.1, tones):
+            group[0] += rng.uniform(0.7, 1.0) / omega**order * np.sin(omega * inner + rng.uniform(0.0, 2.0 * np.pi))
+        group[1] = np.gradient(group[0], period)
+        group[2] = np.gradient(group[1], period)
+    weights = np.array([0.6 * limits[i] / _peaks(group)[i] for i, group in enumerate(groups)])
+    for _ in range(4):  # until each group fills what the others leave of its limit
+        weights *= limits / _peaks(np.tensordot(weights, groups, 1))
+    path = np.tensordot(weights, groups, 1)
+    middle = 0.5 * (path[0].max() + path[0].min())
+    return np.asarray((path[0] - middle) * np.min(limits / _peaks(path)))
 
 
-def _peaks(path: Floats, period: float) -> Floats:
-    """Return half of the range [m], the largest speed [m/s] and the largest acceleration [m/s^2] of a path."""
-    velocity = np.gradient(path, period)
-    acceleration = np.gradient(velocity, period)
-    return np.array([0.5 * np.ptp(path), np.max(np.abs(velocity)), np.max(np.abs(acceleration))])
+def _peaks(path: Floats) -> Floats:
+    """Return half of the range [m], the largest speed [m/s] and the largest acceleration [m/s^2] of the three rows."""
+    return np.array([0.5 * np.ptp(path[0]), np.max(np.abs(path[1])), np.max(np.abs(path[2]))])
 
 
 def _pace(count: int, period: float, rng: Generator) -> Floats:

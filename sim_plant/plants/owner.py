@@ -186,7 +186,10 @@ def axis_tree(machine: Machine, *, with_joint_type: bool) -> dict[str, Any]:
             "stribeck_velocity": float(nominal.knee),
             "attraction_rate": float(nominal.attraction),
         },
-        "stage": {"encoder": {"resolution": float(machine.resolution)}},
+        "stage": {
+            "encoder": {"resolution": float(machine.resolution)},
+            "controller": {"bandwidth": float(machine.bandwidth)},
+        },
         "filter": {"window": 11.0 * period, "degree": 3, "effort_is_held": machine.is_held},
         "estimator": {"correction_every": 2},
     }

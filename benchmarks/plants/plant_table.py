@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from statistics import median
 
-from score import NAMING, Score
+from plant_score import NAMING, Score
 
 from sim_plant.blind.interval import count
 

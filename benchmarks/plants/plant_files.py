@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from cases import NOTHING, SECOND, SECOND_OUTSIDE, SECOND_SHARE, Case
+from plant_cases import NOTHING, SECOND, SECOND_OUTSIDE, SECOND_SHARE, Case
 
 from sgms_observer.settings.axis import AxisSettings
 from sim_plant.blind.seal import seal

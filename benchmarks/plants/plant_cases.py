@@ -22,6 +22,8 @@ SECOND_SHARE = 0.17
 NOTHING = "nothing"
 SMALL = 0.05
 MODERATE = (0.10, 0.25)
+BEYOND_TOLERANCE = (0.15, 0.25)
+"""Sizes of effects that scale what the owner's file may have wrong by 5 % anyway: mass and gain."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,8 @@ def cases(plant: str, amount: str, first_seed: int) -> list[Case]:
                 if plant == SECOND:
                     size = SECOND_SHARE * (0.5 if is_small else 1.0)
                 else:
-                    size = SMALL if is_small else round(float(rng.uniform(*MODERATE)), 3)
+                    sizes = MODERATE if KINDS[effect].has_small else BEYOND_TOLERANCE
+                    size = SMALL if is_small else round(float(rng.uniform(*sizes)), 3)
                 listed.append(Case(plant, first_seed + turn % max(4, number.nothing), effect, size))
                 turn += 1
     return [listed[i] for i in rng.permutation(len(listed))]
