@@ -19,7 +19,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from pathlib import Path
@@ -134,15 +134,28 @@ def run_cases(
     out.mkdir(parents=True, exist_ok=True)
     done = {Case(**line["case"]) for line in read_lines(out)}
     waiting = [case for case in listed if case not in done]
-    with ProcessPoolExecutor(workers) as pool, (out / "results.jsonl").open("a", encoding="utf-8") as results:
-        jobs = {pool.submit(run_case, case, out, duration, shared, keep, diagnose): case for case in waiting}
-        for number, job in enumerate(as_completed(jobs), 1):
-            case, line = jobs[job], job.result()
+    rest = (out, duration, shared, keep, diagnose)
+    with (out / "results.jsonl").open("a", encoding="utf-8") as results:
+        for number, (case, line) in enumerate(_finished(waiting, workers, rest), 1):
             results.write(json.dumps(line) + "\n")
             results.flush()
             verdict = (line["result"] or {}).get("verdict", f"exit code {line['exit_code']}, see spoken.txt")
             code = files_of(case, out).folder.name
             print(f"{number}/{len(waiting)} {code}: {verdict}, {line['seconds']:.0f} s", file=sys.stderr, flush=True)
+
+
+def _finished(
+    waiting: Sequence[Case], workers: int, rest: tuple[Any, ...]
+) -> Iterator[tuple[Case, dict[str, Any]]]:
+    """Yield each case with its line as it is done; a single worker is this process."""
+    if workers == 1:
+        for case in waiting:
+            yield case, run_case(case, *rest)
+        return
+    with ProcessPoolExecutor(workers) as pool:
+        jobs = {pool.submit(run_case, case, *rest): case for case in waiting}
+        for job in as_completed(jobs):
+            yield jobs[job], job.result()
 
 
 def read_lines(out: Path) -> list[dict[str, Any]]:

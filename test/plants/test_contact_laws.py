@@ -24,7 +24,9 @@ def machine_of(law: str) -> Machine:
     return draw(3, law)
 
 
-def force_along(machine: Machine, velocity: Floats, step: float, state: Floats | None = None, scale: float = 1.0) -> Floats:
+def force_along(
+    machine: Machine, velocity: Floats, step: float, state: Floats | None = None, scale: float = 1.0
+) -> Floats:
     """Return the contact's force [N] after each step of ``velocity`` [m/s]."""
     state = rested_state() if state is None else state
     number = LAWS.index(machine.law)
