@@ -42,6 +42,7 @@ TRUE_OF_THE_CONTACT = {
     "lugre": {"frictional_lag", "presliding"},
     "elasto_plastic": {"frictional_lag", "presliding"},
     "bouc_wen": {"presliding"},
+    "leuven": {"frictional_lag", "presliding"},
     "rate_state": {"frictional_lag", "presliding", "dwell_breakaway", "stribeck", "nonlinear_viscous"},
     "maxwell_slip": {"presliding"},
 }

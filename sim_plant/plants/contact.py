@@ -7,14 +7,15 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from sgms_observer.jit import njit
-from sim_plant.plants import bouc_wen, elasto_plastic, lugre, rate_state
+from sim_plant.plants import bouc_wen, elasto_plastic, leuven, lugre, rate_state
 from sim_plant.plants.bouc_wen import step as bouc_wen_step
 from sim_plant.plants.elasto_plastic import step as elasto_plastic_step
+from sim_plant.plants.leuven import step as leuven_step
 from sim_plant.plants.lugre import step as lugre_step
 from sim_plant.plants.rate_state import step as rate_state_step
 
 Floats = NDArray[np.float64]
-LAWS = ("lugre", "elasto_plastic", "bouc_wen", "rate_state")
+LAWS = ("lugre", "elasto_plastic", "bouc_wen", "rate_state", "leuven")
 """Names of the contact laws; their place here is their number in the compiled step."""
 
 _DRAWS = {
@@ -22,6 +23,7 @@ _DRAWS = {
     "elasto_plastic": elasto_plastic.draw,
     "bouc_wen": bouc_wen.draw,
     "rate_state": rate_state.draw,
+    "leuven": leuven.draw,
 }
 
 
@@ -46,7 +48,9 @@ def draw_law(law: str, rng: Generator, curve: Floats, distance: float, mass: flo
 
 def rested_state() -> Floats:
     """Return the state of an unloaded contact that has rested for a second."""
-    return np.array([0.0, 1.0, 0.0, 0.0])
+    state = np.zeros(leuven.STACK + 2 * leuven.MOST_OPEN)
+    state[rate_state.AGE] = 1.0
+    return state
 
 
 @njit
@@ -70,4 +74,6 @@ def advance(
         return elasto_plastic_step(velocity, duration, scale, curve, law, state)
     if number == 2:
         return bouc_wen_step(velocity, duration, scale, curve, law, state)
-    return rate_state_step(velocity, duration, scale, curve, law, state)
+    if number == 3:
+        return rate_state_step(velocity, duration, scale, curve, law, state)
+    return leuven_step(velocity, duration, scale, curve, law, state)

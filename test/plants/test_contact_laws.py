@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -92,6 +93,24 @@ def test_force_does_not_hang_on_the_step(law: str) -> None:
     assert coarse == pytest.approx(fine, abs=0.01 * machine.curve[STATIC])
 
 
+@needs_numba
+def test_leuven_remembers_its_return_points() -> None:
+    """A minor loop closes where it began, and the branch goes on as if it had not been there (wiping out)."""
+    machine = machine_of("leuven")
+    there = np.full(100, 1.0) * 0.3 * machine.distance
+    loop = np.concatenate((there, -0.5 * there, 0.2 * there, -0.2 * there, 0.5 * there, there))
+    plain = np.concatenate((there, there))
+    curve = machine.curve.copy()
+    curve[:2] = 1.0e6 * machine.curve[STATIC]  # far from sliding: presliding alone
+    step, results = 0.01, []
+    for velocity in (loop, plain):
+        results.append(force_along(replace(machine, curve=curve), velocity, step))
+    assert results[0][499] == pytest.approx(results[0][99], rel=1.0e-6)
+    assert results[0][500:] == pytest.approx(results[1][100:], rel=1.0e-6)
+    assert results[0][399] == pytest.approx(results[0][199], rel=1.0e-6)
+    assert results[0][159] < results[0][299] < results[0][99]  # at one place, on the way back and on the way out
+
+
 def drift_under_jitter(law: str) -> float:
     """Return the share of an elastic force that a jitter of 1 % of the slip distance makes the contact forget."""
     machine = machine_of(law)
@@ -107,6 +126,7 @@ def drift_under_jitter(law: str) -> float:
 def test_bristles_drift_where_their_law_says_so() -> None:
     assert drift_under_jitter("lugre") > 0.5
     assert abs(drift_under_jitter("elasto_plastic")) < 1.0e-9
+    assert abs(drift_under_jitter("leuven")) < 0.02
 
 
 @needs_numba
