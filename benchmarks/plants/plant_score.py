@@ -94,6 +94,7 @@ class Score:
         is_in_set: whether the right name is among the names and their alternatives.
         is_wrong: whether it claims, without reserve, something that is not there.
         is_alarm: whether it says that something is hidden.
+        is_borne_out: whether it names nothing, but what it learnt shrinks the held-out gap by more than its interval.
         is_of_contact: whether all names tell a true property of the contact law.
         is_told_unknown: whether it says that a predictable share has no name.
         not_shrunk: how many names came though the held-out gap did not shrink.
@@ -117,6 +118,7 @@ class Score:
     is_in_set: bool
     is_wrong: bool
     is_alarm: bool
+    is_borne_out: bool
     is_of_contact: bool
     is_told_unknown: bool
     not_shrunk: int
@@ -170,6 +172,7 @@ def score(truth: Mapping[str, Any], run: Mapping[str, Any], small: float = 0.09)
         is_in_set=any(matches) or (right is not None and right in alternatives),
         is_wrong=verdict == "effect_found" and bool(strange),
         is_alarm=verdict in (*NAMING, "unknown_effect"),
+        is_borne_out=not named and is_smaller(gap) and not is_inside_interval(gap),
         is_of_contact=bool(named) and set(named) <= contact,
         is_told_unknown=verdict == "unknown_effect" or result.get("remainder") in ("learnt", "unknown"),
         not_shrunk=sum(not has_shrunk(entry, gap) for entry in entries),
@@ -217,9 +220,17 @@ def has_shrunk(entry: Mapping[str, Any], gap: Mapping[str, Any]) -> bool:
     first, last = entry.get("gap_before"), entry.get("gap_after")
     if first is not None and last is not None and not last < first:
         return False
-    if gap.get("before") is None or gap.get("after") is None:
-        return False
-    return bool(gap["after"] < gap["before"])
+    return is_smaller(gap)
+
+
+def is_smaller(gap: Mapping[str, Any]) -> bool:
+    """Return whether the held-out gap is smaller after than before.
+
+    Args:
+        gap: of the result.
+    """
+    before, after = gap.get("before"), gap.get("after")
+    return before is not None and after is not None and bool(after < before)
 
 
 def is_inside_interval(gap: Mapping[str, Any]) -> bool:

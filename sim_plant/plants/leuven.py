@@ -2,7 +2,7 @@
 
     z' = v (1 - sgn(F_h / s(v)) |F_h / s(v)|^n),    F = F_h(z)
 
-F_h follows the virgin curve y(z) = F_y (1 - exp(-|z| / D)) from rest; after each reversal of z, at (z_r, F_r), the branch
+From rest F_h follows the virgin curve y(z) = F_y (1 - exp(-|z| / D)). After each reversal of z, at (z_r, F_r), it is
 F_r +- 2 y(|z - z_r| / 2), until the loop that the reversal opened is closed and wiped out (Masing's rules).
 
 Source: Swevers, Al-Bender, Ganseman, Prajogo 2000, An integrated friction model structure with improved presliding

@@ -82,6 +82,10 @@ def test_alarms_where_nothing_is_hidden() -> None:
     assert not scored(truth(), "no_effect").is_alarm
     assert not scored(truth(), "cannot_tell").is_alarm
     assert scored(truth(), "unknown_effect").is_alarm
+    assert scored(truth(), "unknown_effect").is_borne_out
+    for gap in (GAP | {"after": 10.0}, GAP | {"interval_after": [1.0, 11.0]}, {}):
+        assert not scored(truth(), "unknown_effect", gap=gap).is_borne_out
+    assert not scored(truth(), "effect_found", entry("cogging")).is_borne_out
     lag = scored(truth(), "effect_found", entry("frictional_lag"))
     assert lag.is_alarm and lag.is_of_contact and lag.is_wrong
     assert not scored(truth(), "effect_found", entry("cogging")).is_of_contact
@@ -136,6 +140,7 @@ def test_the_table_has_a_column_per_plant() -> None:
         scored(truth("cogging"), "effect_found", entry("cogging")),
         scored(truth("cogging", size=SMALL), "no_effect"),
         scored(truth("spring", plant="gantry"), "effect_found", entry("cogging")),
+        scored(truth(plant="gantry"), "unknown_effect", gap={}),
         scored(truth(plant="gantry"), "unknown_effect"),
     ]
     cells = [[cell.strip() for cell in row.split("|")] for row in table_text(scores).splitlines()]
@@ -143,8 +148,9 @@ def test_the_table_has_a_column_per_plant() -> None:
     assert rows["figure"] == ["lugre", "gantry", "all"]
     assert rows["right name first, 10-25 %"] == ["100 % (1/1)", "0 % (0/1)", "50 % (1/2)"]
     assert rows["right name first, 5 %"] == ["0 % (0/1)", "-", "0 % (0/1)"]
-    assert rows["false alarms, nothing hidden"] == ["-", "100 % (1/1)", "100 % (1/1)"]
-    assert rows["confidently wrong"] == ["0 % (0/2)", "50 % (1/2)", "25 % (1/4)"]
+    alarms = next(cells for name, cells in rows.items() if name.startswith("false alarms"))
+    assert alarms == ["-", "50 % (1/2)", "50 % (1/2)"]
+    assert rows["confidently wrong"] == ["0 % (0/2)", "33 % (1/3)", "20 % (1/5)"]
     assert len(rows) == len(LINES) + 2
     assert "| spring | 10-25 % | 1 | 0 | 0 | cogging (gantry) 1 |" in effects_text(scores)
 
