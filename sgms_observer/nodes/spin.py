@@ -74,12 +74,16 @@ def run_node(make_node: Callable[[Executor], ManagedNode], arguments: RewrittenA
         node.given = arguments.settings
         executor.add_node(node)
         never: Future = Future()
+        is_started = False
         while rclpy.ok() and not is_told() and node.fault is None:
+            if not is_started and node.prepare():
+                is_started = True
+                node.start_by_itself()
             executor.spin_until_future_complete(never, timeout_sec=_SPIN_AT_ONCE)
     except ExternalShutdownException:
         pass
     except Exception as error:
-        if node is None and executor is not None and (is_told() or not rclpy.ok()):
+        if executor is not None and (is_told() or not rclpy.ok()):
             return 0  # told to stop while it got ready: an end, not a fault
         if isinstance(error, SgmsError):
             return fail(str(error))
