@@ -46,6 +46,7 @@ class Model:
         friction: friction settings.
         effects: effects in it.
         is_sharp: whether S-GMS elements stick and slip without smoothing, as GMS elements with a fast attraction do.
+        file_reach: largest slip deflection of the file's elements where the model has others [m]; None for its own.
         joint_period: period in position that the joint implies (2 pi on a revolute one), or None.
     """
 
@@ -54,6 +55,7 @@ class Model:
     effects: tuple[EffectSettings, ...] = ()
     is_sharp: bool = False
     joint_period: float | None = None
+    file_reach: float | None = None
 
     @staticmethod
     def of(axis: AxisSettings) -> Model:
@@ -123,7 +125,12 @@ class Model:
             element_fraction=(share,) * SPREAD_COUNT,
             element_damping=(0.0,) * SPREAD_COUNT,
         )
-        return replace(self, friction=friction)
+        return replace(self, friction=friction, file_reach=self.reach)
+
+    @property
+    def reach(self) -> float:
+        """Return the slip deflection beyond which the contact slides, as the file has it [m]."""
+        return largest_reach(self.friction) if self.file_reach is None else self.file_reach
 
     def with_effects(self, effects: Sequence[EffectSettings]) -> Model:
         """Return the model with ``effects`` added to its own."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from sgms_observer.diagnosis import audit
-from sgms_observer.diagnosis.candidates import LAST_STEPS, Candidate, effect_candidates, to_the_end
+from sgms_observer.diagnosis.candidates import LAST_STEPS, MOST_COMPARED, Candidate, effect_candidates, to_the_end
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.decision import (
     CHANGED,
@@ -269,7 +269,7 @@ def _search(
         earlier = evidence_of(current, court)
         screen = Screen(refits.judged, current, options.tolerance, refits.freedom, names, options.workers)
         report("full fits", share + 0.02)
-        listed = effect_candidates(refits, screen, current, options.workers, MOST)
+        listed = effect_candidates(refits, screen, current, options.workers, MOST_COMPARED)
         listed += [changed_candidate(refits, current, name) for name in changed if is_possible(refits, name)]
         decisions = [decide(item, current, earlier, court) for item in listed if item.refit.cost < current.cost]
         decisions.sort(key=lambda item: -item.improvement.fall)
@@ -290,10 +290,6 @@ def _search(
         ):
             break
     return state, tuple(rounds)
-
-
-MOST = 5
-"""Effects of the catalogue that are compared in one round."""
 
 
 def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None:
