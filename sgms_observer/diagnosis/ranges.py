@@ -41,6 +41,8 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
         return 0.0, max(LONGEST_PITCH * stroke, nominal.joint_period or 0.0)
     if name == "flexible_mode" and parameter == "frequency":
         return 0.0, MODE_RATE * min(motion.step / motion.period for motion in motions)
+    if name == "flexible_mode" and parameter == "damping_ratio":  # above it nothing resonates
+        return 0.0, 0.5**0.5
     if name == "actuator_saturation":  # a limit beyond the recorded effort limits nothing
         return 0.0, max(float(np.max(np.abs(motion.effort))) for motion in motions)
     if name == "actuator_dead_zone":
