@@ -11,15 +11,17 @@ NAME = "sgms_observer"
 VERSION = re.search(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_text(encoding="utf-8")).group(1)
 
 RUNTIME = [
-    "casadi>=3.6.5,<4",
     "jinja2>=3.0,<4",
     "matplotlib>=3.6,<4",
     "numba>=0.58,<1",
     "numpy>=1.26,<3",
     "pyyaml>=6.0,<7",
-    "rosbags>=0.11,<0.12",
     "scipy>=1.11,<2",
 ]
+# The model as symbols: the converged reference solution and the peers of ``sgms bench`` and of the tests.
+SYMBOLIC = ["casadi>=3.6.5,<4"]
+# Definitions and type hashes of foreign message types that are recorded beside ours where ROS is not installed.
+MESSAGES = ["rosbags>=0.11,<0.12"]
 # Real rclpy and Fast DDS for machines without a ROS installation; ask for the jazzy names, plain ones are Kilted.
 ROS_WHEELS = [
     "ros-jazzy-common-interfaces>=5.3,<5.4",
@@ -30,16 +32,22 @@ DOCUMENTATION = [
     "mkdocs>=1.6,<2",
 ]
 # Peers that ``sgms bench`` and ``benchmarks/blind/baselines.py`` put beside our own, where they are installed.
-BENCHMARKS = ["do-mpc>=4.6,<6", "pysindy>=2,<3"]
+BENCHMARKS = [*SYMBOLIC, "do-mpc>=4.6,<6", "pysindy>=2,<3"]
 # Many recordings at once on a Dask cluster: --scheduler.
 FLEET = ["distributed>=2023.5"]
+# What `colcon test` looks for: without pytest under this name it runs nothing.
+TEST = [
+    "hypothesis>=6.98,<7",
+    "pytest>=7.4,<10",
+]
 DEVELOPMENT = [
     *DOCUMENTATION,
     *FLEET,
+    *MESSAGES,
+    *SYMBOLIC,
+    *TEST,
     "colcon-common-extensions>=0.3,<1",
-    "hypothesis>=6.100,<7",
     "mypy>=1.10,<3",
-    "pytest>=7.4,<10",
     "ruff>=0.6,<1",
     "setuptools>=65",
     "wheel>=0.40",
@@ -58,6 +66,8 @@ setup(
     long_description=Path("README.md").read_text(encoding="utf-8") if Path("README.md").exists() else "",
     long_description_content_type="text/markdown",
     license="Apache-2.0",
+    author="sgms_observer maintainers",
+    author_email="maintainers@users.noreply.github.com",
     maintainer="sgms_observer maintainers",
     maintainer_email="maintainers@users.noreply.github.com",
     python_requires=">=3.11",
@@ -72,7 +82,16 @@ setup(
         (f"share/{NAME}/launch", files("launch/*.launch.py")),
     ],
     install_requires=RUNTIME,
-    extras_require={"bench": BENCHMARKS, "ros": ROS_WHEELS, "dev": DEVELOPMENT, "docs": DOCUMENTATION, "fleet": FLEET},
+    extras_require={
+        "bench": BENCHMARKS,
+        "dev": DEVELOPMENT,
+        "docs": DOCUMENTATION,
+        "fleet": FLEET,
+        "messages": MESSAGES,
+        "ros": ROS_WHEELS,
+        "symbolic": SYMBOLIC,
+        "test": TEST,
+    },
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -196,8 +196,9 @@ def diagnose(out: Path) -> list[str]:
     augmented = out / "diagnosis" / "augmented.yaml"
     effects = ", ".join(item.name for item in load_settings(augmented).axes[0].effects)
     lines = [f"diagnosed on the train record alone: {effects}"]
-    models = [Model.of(load_settings(config).axes[0]) for config in (START, augmented)]
-    motions = {name: motion_of(read_records(out / name, "x")[0]) for name in FILES}
+    axes = [load_settings(config).axes[0] for config in (START, augmented)]
+    models = [Model.of(axis) for axis in axes]
+    motions = {name: motion_of(read_records(out / name, axes[0])[0]) for name in FILES}
     for name, motion in motions.items():
         before, after = (force_error(predict(model, motion).residual, motion) for model in models)
         lines.append(f"  relative force error, {name}: {before:.2f} % -> {after:.2f} %")

@@ -6,6 +6,7 @@ import contextlib
 import io
 import itertools
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,21 @@ def try_folder(folder: str | Path) -> None:
                 probe.parent.rmdir()
     except (OSError, ValueError) as error:
         raise _refused(folder, error) from None
+
+
+def refuse_existing_files(paths: Sequence[str | Path], is_overwriting: bool) -> None:
+    """Raise if a file that is to be written is there already.
+
+    Args:
+        paths: the files.
+        is_overwriting: they may be replaced.
+
+    Raises:
+        RecordingError: one of them is there and must stay; one sentence.
+    """
+    for path in paths:
+        if not is_overwriting and os.path.lexists(path):
+            raise RecordingError(f"{path} exists already and is not overwritten; give another name, or --overwrite")
 
 
 def write_text(text: str, path: str | Path) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from browser import NAMES, Browser, executable
 from hypothesis import HealthCheck, settings
+from quick import QUICK
 
 from sgms_observer.nodes.domain import claim_domain
 
@@ -31,6 +32,26 @@ os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "sgms_observer_tes
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job; our processes would inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+PACKAGE = "sgms_observer"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the choice between the quick tests and the whole."""
+    parser.addoption("--quick", action="store_true", help="run the tests of about a minute only")
+    parser.addoption("--whole", action="store_true", help="run all tests, also under colcon")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep the quick tests where they are asked for, or where colcon runs pytest, which it shows by its prefix."""
+    is_of_colcon = config.option.junitprefix == PACKAGE
+    if config.option.whole or not (config.option.quick or is_of_colcon):
+        return
+    folder = Path(__file__).parent
+    quick = [item for item in items if any(item.path.is_relative_to(folder / name) for name in QUICK)]
+    config.hook.pytest_deselected(items=[item for item in items if item not in set(quick)])
+    items[:] = quick
 
 
 @pytest.fixture(scope="session")

@@ -16,6 +16,7 @@ from sgms_observer.errors import RecordingError
 from sgms_observer.observer.block_pairing import Messages, push_block
 from sgms_observer.observer.pairing import Pairing, PairingCounts
 from sgms_observer.observer.samples import Samples
+from sgms_observer.settings.units import UNSCALED, ScaledAxes, Scales, scales_by_axis
 
 INPUTS = ("position", "control_effort", "reference")
 _SINGLE_TOPIC = "joint_states"
@@ -58,12 +59,49 @@ def find_topic(bag: BagReader, name: str) -> str | None:
     return found[0] if found else None
 
 
+def find_inputs(bag: BagReader, names: Mapping[str, str]) -> dict[str, str | None]:
+    """Return the topic of a bag for each input of the observer, None where there is none.
+
+    Args:
+        bag: the recording.
+        names: names of ``position``, ``control_effort`` and ``reference`` where they differ.
+
+    Raises:
+        RecordingError: a name fits several topics, or one of another type, or is that of no input.
+    """
+    unknown = set(names) - set(INPUTS)
+    if unknown:
+        raise RecordingError(
+            f"{', '.join(sorted(unknown))} is no input of the observer; rename {', '.join(INPUTS)} only"
+        )
+    found = {name: find_topic(bag, names.get(name, name)) for name in INPUTS}
+    if not names and found["position"] is None and (single := find_topic(bag, _SINGLE_TOPIC)):
+        found["position"] = found["control_effort"] = single
+    return found
+
+
+def missing_topic(bag: BagReader, name: str, key: str) -> RecordingError:
+    """Return the error about a topic that a bag lacks, with what it holds and how the user says which of it is meant.
+
+    Args:
+        bag: the recording.
+        name: the topic.
+        key: the input that it would be: ``position``, ``control_effort`` or ``reference``.
+    """
+    held = ", ".join(sorted(bag.topics)) or "no topic at all"
+    fitting = sorted(topic for topic, kind in bag.topics.items() if kind == JOINT_STATE)
+    best = next((topic for topic in fitting if topic.endswith(f"/{key}")), fitting[0] if fitting else "")
+    remedy = f"name it with --topic {key}={best}" if best else f"record {key} as {JOINT_STATE}"
+    return RecordingError(f"{bag.path} has no topic {name}; it holds {held}; {remedy}")
+
+
 class BagSamples:
     """The samples of some axes of a recording: an iterator over (axis, block of samples).
 
     Args:
         path: the bag.
-        axes: entries of ``name`` that are wanted.
+        axes: entries of ``name`` that are wanted, with their factors from the messages to SI (``Settings.scales``);
+            names alone are those of axes whose messages are in SI.
         sample_period: nominal time between two samples [s]; None takes the median of the recording's start.
         topics: names of ``position``, ``control_effort`` and ``reference`` where they differ; position and
             control_effort may be the same topic, and are if the bag has ``joint_states`` and no ``position``.
@@ -79,7 +117,7 @@ class BagSamples:
     def __init__(
         self,
         path: str | Path,
-        axes: Sequence[str],
+        axes: ScaledAxes,
         sample_period: float | None = None,
         *,
         topics: Mapping[str, str] | None = None,
@@ -92,7 +130,7 @@ class BagSamples:
             self._bag.close()
             raise
         self.span_ns = self._bag.span_ns
-        self._axes = tuple(axes)
+        self._axes = scales_by_axis(axes)
         self._period = sample_period
         self._pairings: dict[str, Pairing] = {}
         self._seen: dict[str, int] = {}  # names in the position topic
@@ -138,20 +176,11 @@ class BagSamples:
 
     def _resolve(self, names: dict[str, str], needs_effort: bool) -> dict[str, str | None]:
         """Return the bag's topic for each input."""
-        unknown = set(names) - set(INPUTS)
-        if unknown:
-            raise RecordingError(
-                f"{', '.join(sorted(unknown))} is no input of the observer; rename {', '.join(INPUTS)} only"
-            )
         bag = self._bag
-        found = {name: find_topic(bag, names.get(name, name)) for name in INPUTS}
-        if not names and found["position"] is None and (single := find_topic(bag, _SINGLE_TOPIC)):
-            found["position"] = found["control_effort"] = single
-        needed = INPUTS[:2] if needs_effort else INPUTS[:1]
-        for name in needed:
+        found = find_inputs(bag, names)
+        for name in INPUTS[:2] if needs_effort else INPUTS[:1]:
             if found[name] is None:
-                held = ", ".join(sorted(bag.topics)) or "no topic at all"
-                raise RecordingError(f"{bag.path} has no topic {names.get(name, name)}; it holds {held}")
+                raise missing_topic(bag, names.get(name, name), name)
         return found
 
     def _decode(self, block: MessageBlock, topic: str) -> list[JointStates]:
@@ -182,7 +211,9 @@ class BagSamples:
             if steps.size < _STEPS and len(waiting) < _BLOCKS and not is_all:
                 return False
             period = float(np.median(steps)) * 1e-9 if steps.size else _UNKNOWN_PERIOD
-        self._pairings = {axis: Pairing(period, hold=_HOLD, most=_MOST_WAITING) for axis in self._axes}
+        self._pairings = {
+            axis: Pairing(period, scales, hold=_HOLD, most=_MOST_WAITING) for axis, scales in self._axes.items()
+        }
         return True
 
     def _check_axes(self) -> None:
@@ -206,6 +237,7 @@ def read_samples(
     axis: str,
     sample_period: float | None = None,
     *,
+    scales: Scales = UNSCALED,
     topics: Mapping[str, str] | None = None,
     needs_effort: bool = True,
 ) -> Iterator[Samples]:
@@ -215,16 +247,17 @@ def read_samples(
         path: the bag.
         axis: its entry in ``name``.
         sample_period: nominal time between two samples [s]; None takes the median of the recording's start.
+        scales: the axis's factors from the messages to SI (``AxisSettings.scales``).
         topics: names of ``position``, ``control_effort`` and ``reference`` where they differ.
         needs_effort: refuse a recording without efforts.
 
     Yields:
-        Blocks of samples; effort and reference are NaN where they are missing.
+        Blocks of samples in SI; effort and reference are NaN where they are missing.
 
     Raises:
         RecordingError: the bag cannot be read, or lacks a topic or the axis.
     """
-    for _, samples in BagSamples(path, (axis,), sample_period, topics=topics, needs_effort=needs_effort):
+    for _, samples in BagSamples(path, {axis: scales}, sample_period, topics=topics, needs_effort=needs_effort):
         yield samples
 
 

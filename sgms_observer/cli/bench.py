@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import os
 import platform
@@ -18,6 +19,7 @@ NAME = "bench"
 HELP = "time the estimators, with peers side by side, and a live run at 10 kHz"
 
 PARTS = ("speed", "accuracy", "peers", "growth", "start", "replay", "live")
+_NEED_CASADI = ("accuracy", "peers")
 _ELEMENTS = (2, 4, 8, 16, 32)
 _HORIZONS = (2, 4, 8, 16, 32, 64, 128)
 
@@ -71,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigurationError(faults)
     result = _empty()
     with tempfile.TemporaryDirectory(prefix="sgms-bench-") as folder:
-        chosen = [part for part in PARTS if part in args.only]
+        chosen = [part for part in PARTS if part in args.only and _can_run(part)]
         for number, part in enumerate(chosen):
             with Progress(f"bench: {part}", len(chosen)) as progress:
                 _tell(part, progress, number)
@@ -92,7 +94,6 @@ def run(args: argparse.Namespace) -> int:
 
 def machine() -> str:
     """Return a sentence about the machine: processor, cores, load, Python and the libraries that count."""
-    import casadi
     import numpy as np
 
     from sgms_observer.jit import HAS_NUMBA
@@ -109,10 +110,30 @@ def machine() -> str:
         import numba as library
 
         numba = f"numba {library.__version__}"
+    casadi = "no casadi"
+    if _has_casadi():
+        from casadi import CasadiMeta
+
+        casadi = f"casadi {CasadiMeta.version()}"
     return (
         f"{processor}, {os.cpu_count()} cores{load}, {platform.system()}, Python {platform.python_version()},"
-        f" numpy {np.__version__}, {numba}, casadi {casadi.CasadiMeta.version()}"
+        f" numpy {np.__version__}, {numba}, {casadi}"
     )
+
+
+def _has_casadi() -> bool:
+    return importlib.util.find_spec("casadi") is not None
+
+
+def _can_run(part: str) -> bool:
+    """Return whether a part has what it needs; say in a sentence what is missing."""
+    if part not in _NEED_CASADI or _has_casadi():
+        return True
+    print(
+        f"Warning: bench leaves out {part}, because CasADi is not installed; install it with: pip install casadi",
+        file=sys.stderr,
+    )
+    return False
 
 
 def _empty() -> dict[str, Any]:
@@ -199,8 +220,6 @@ def _replay(args: argparse.Namespace, result: dict[str, Any], folder: Path) -> N
 
 
 def _live(args: argparse.Namespace, result: dict[str, Any], folder: Path) -> None:
-    import importlib.util
-
     if importlib.util.find_spec("rclpy") is None:
         print("rclpy is not installed, so there is no live run: pip install 'sgms_observer[ros]'", file=sys.stderr)
         return

@@ -145,10 +145,10 @@ def diagnose_bags(
         raise ConfigurationError([f"--axis {wanted} is not in {config}; it has {', '.join(names)}"])
     try_folder(out)
     axis = settings.axes[names.index(wanted)]
-    other = next((name for name in names if name != wanted), None)
+    other = next((entry for entry in settings.axes if entry.name != wanted), None)
     options = Options(tolerance, seed, workers)
-    learn = [piece for bag in bags for piece in read_records(bag, axis.name, other)]
-    judge = [piece for bag in holdout for piece in read_records(bag, axis.name, other)]
+    learn = [piece for bag in bags for piece in read_records(bag, axis, other)]
+    judge = [piece for bag in holdout for piece in read_records(bag, axis, other)]
     found = diagnose(learn, judge, axis, options, lambda _text, share: show(share))
     answer = answer_of(found, options)
     folder = Path(out)

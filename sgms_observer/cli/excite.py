@@ -19,23 +19,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser: the command's own parser.
     """
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file with rough values of the axis")
-    parser.add_argument("--out", metavar="CSV", help="file to write: time [s], position [m], velocity [m/s]")
+    parser.add_argument(
+        "--out", metavar="CSV", help="file to write: time [s], position [m; rad], velocity [m/s; rad/s]"
+    )
     parser.add_argument("--axis", metavar="NAME", help="axis to excite (default: the first)")
     parser.add_argument(
-        "--stroke", type=float, default=0.02, metavar="M", help="full width of the motion [m] (default: 0.02)"
+        "--stroke", type=float, metavar="WIDTH", help="full width of the motion (default: 0.02 m; 0.5 rad)"
     )
-    parser.add_argument("--speed", type=float, default=0.05, metavar="M/S", help="largest speed [m/s] (default: 0.05)")
+    parser.add_argument("--speed", type=float, metavar="V", help="largest speed (default: 0.05 m/s; 0.5 rad/s)")
     parser.add_argument(
-        "--acceleration", type=float, default=1.0, metavar="M/S2", help="largest acceleration [m/s^2] (default: 1)"
+        "--acceleration", type=float, metavar="A", help="largest acceleration (default: 1 m/s^2; 2 rad/s^2)"
     )
-    parser.add_argument(
-        "--smallest", type=float, default=1.0e-7, metavar="M", help="smallest reversal [m] (default: 1e-7)"
-    )
+    parser.add_argument("--smallest", type=float, metavar="D", help="smallest reversal (default: 1e-7 m; 1e-5 rad)")
     parser.add_argument(
         "--centre",
         type=float,
-        metavar="M",
-        help="position in the middle [m] (default: 0 in the file; where the table stands when publishing)",
+        metavar="X",
+        help="position in the middle [m; rad] (default: 0 in the file; where the axis stands when publishing)",
     )
     parser.add_argument(
         "--publish", action="store_true", help="publish it in real time as reference (sensor_msgs/JointState)"
@@ -51,8 +51,10 @@ def run(args: argparse.Namespace) -> int:
     Returns:
         The exit code, 0 only on success.
     """
+    from dataclasses import replace
+
     from sgms_observer.errors import ConfigurationError
-    from sgms_observer.identification.excitation import ExcitationLimits, build_excitation
+    from sgms_observer.identification.excitation import CAUTIOUS_LIMITS, build_excitation
     from sgms_observer.settings.load import load_settings
 
     if not args.out and not args.publish:
@@ -62,7 +64,10 @@ def run(args: argparse.Namespace) -> int:
     if axis is None:
         known = ", ".join(axis.name for axis in settings.axes)
         raise ConfigurationError([f"--axis {args.axis} is not in {args.config}; it has {known}"])
-    limits = ExcitationLimits(args.stroke, args.speed, args.acceleration, args.smallest)
+    given = {name: getattr(args, name) for name in ("stroke", "speed", "acceleration", "smallest")}
+    limits = replace(
+        CAUTIOUS_LIMITS[axis.joint_type], **{name: value for name, value in given.items() if value is not None}
+    )
     reference = build_excitation(axis, limits, settings.sample_period)
     for section in reference.sections:
         print(f"{section.start:8.2f} s to {section.end:8.2f} s: {section.name}, for {section.shows}")
@@ -72,9 +77,8 @@ def run(args: argparse.Namespace) -> int:
     if args.publish:
         from sgms_observer.nodes.reference_player import play_reference
 
-        limit = limits.acceleration
         finished = play_reference(
-            axis.name, reference.position, reference.velocity, settings.sample_period, limit, args.centre
+            axis, reference.position, reference.velocity, settings.sample_period, limits.acceleration, args.centre
         )
         print("published to the end" if finished else "interrupted: the reference was brought to rest")
     return 0

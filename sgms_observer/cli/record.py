@@ -107,6 +107,8 @@ def run(args: argparse.Namespace) -> int:
             " ROS_DOMAIN_ID"
         )
     writer.close()
+    for sentence in writer.warnings:
+        print(sentence, file=sys.stderr)
     for topic, count in counts.items():
         print(f"{topic}: {count} messages")
     sys.stdout.flush()

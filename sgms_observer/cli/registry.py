@@ -1,6 +1,6 @@
 """The commands of ``sgms``, each a module of this package that is imported only when it is asked for.
 
-A command module offers ``HELP`` (one line), ``add_arguments(parser)`` and ``run(args) -> int``, and imports
+A command module offers ``HELP`` (one line), ``add_arguments(parser)`` and ``run(args)``, and imports
 nothing heavy at its top: ``sgms --help`` reads them all.
 """
 
@@ -11,6 +11,8 @@ import importlib
 import importlib.util
 from typing import Protocol, cast
 
+from sgms_observer.cli.outcome import Outcome
+
 # In the order in which a user meets them; the text says what brings a command that is not there yet.
 COMMANDS = {
     "demo": "it comes with the nodes",
@@ -19,11 +21,15 @@ COMMANDS = {
     "play": "it comes with recordings",
     "record": "it comes with recordings",
     "convert": "it comes with recordings",
+    "info": "it comes with recordings",
+    "check": "it comes with recordings",
+    "init": "it comes with recordings",
     "identify": "it comes with identification",
     "diagnose": "it comes with the discrepancy workflow",
     "paper": "it comes with the reproduction of the paper",
     "excite": "it comes with identification",
     "bench": "it comes with the benchmarks",
+    "completion": "it comes with the command line",
 }
 
 
@@ -39,14 +45,14 @@ class Command(Protocol):
             parser: the command's own parser.
         """
 
-    def run(self, args: argparse.Namespace) -> int:
+    def run(self, args: argparse.Namespace) -> int | Outcome:
         """Do the job.
 
         Args:
             args: what the user gave.
 
         Returns:
-            The exit code, 0 only on success.
+            The exit code, 0 only on success, alone or with the result that ``--json`` prints.
         """
 
 

@@ -120,9 +120,9 @@ def replay_bag(
 
     settings = load_settings(config)
     names = [axis.name for axis in settings.axes]
-    source = BagSamples(bag, names, settings.sample_period, topics=topics)
+    source = BagSamples(bag, settings.scales, settings.sample_period, topics=topics)
     first, last = source.span_ns
-    tallies = {name: Tally() for name in names}
+    tallies = {axis.name: Tally(axis.units.effort) for axis in settings.axes}
     with _short_turns(), _beside(_blocks_of_all_axes(source, names), _READ_AHEAD) as samples:
         from sgms_observer.observer.all_axes import AllAxes
         from sgms_observer.observer.outgoing import Outgoing
@@ -243,9 +243,14 @@ def _write(bag: BagWriter, outgoing: Outgoing, estimates: dict[int, Estimates]) 
 
 
 class Tally:
-    """What is said of one axis at the end: innovations and statuses."""
+    """What is said of one axis at the end: innovations and statuses.
 
-    def __init__(self) -> None:
+    Args:
+        unit: of the axis's effort.
+    """
+
+    def __init__(self, unit: str) -> None:
+        self.unit = unit
         self._samples = 0
         self._corrections = 0
         self._squares = 0.0
@@ -266,7 +271,7 @@ class Tally:
             self._statuses[int(status)] = self._statuses.get(int(status), 0) + int(count)
 
     def figures(self) -> dict[str, float]:
-        """Return samples, corrections, innovation [N rms], NIS and the samples in trouble."""
+        """Return samples, corrections, innovation (rms, in ``unit``), NIS and the samples in trouble."""
         from sgms_observer.status import Status
 
         corrections = max(self._corrections, 1)
@@ -287,7 +292,7 @@ class Tally:
         figures = self.figures()
         parts = [
             f"{figures['samples']} samples, {figures['corrections']} corrections, innovation"
-            f" {figures['innovation']:.4g} N rms, NIS {figures['nis']:.3g}"
+            f" {figures['innovation']:.4g} {self.unit} rms, NIS {figures['nis']:.3g}"
         ]
         for status in Status:
             if status not in (Status.RUNNING, Status.STARTING) and self._statuses.get(status):

@@ -6,12 +6,15 @@ import argparse
 import math
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sgms_observer.bags.writer import BagWriter
-    from sgms_observer.observer.samples import Estimates, Floats
-    from sgms_observer.settings.axis import Settings
+    from sgms_observer.observer.samples import Estimates, Floats, Samples
+    from sgms_observer.settings.axis import AxisSettings, Settings
+    from sgms_observer.settings.units import Scales
+    from sim_plant.closed_loop import TableObserver
     from sim_plant.record import StageRecord
     from sim_plant.table import SimulatedTable
 
@@ -67,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
 
     settings = load_settings(args.config)
     table = SimulatedTable(settings, START_NS, args.seed)
+    scales = tuple(axis.scales for axis in settings.axes)
     step: TableStep = _observed(settings, table) if args.observe else lambda count: (table.step(count), ())
     count = max(1, round(args.duration / settings.sample_period))
     seeds = ", ".join(f"{stage.axis.name}: {stage.axis.stage.seed}" for stage in table.stages)
@@ -74,13 +78,13 @@ def run(args: argparse.Namespace) -> int:
     print(f"simulating {count} samples of {', '.join(table.names)}, {duration:g} s; seeds {seeds}")
     other = _without_compensation(settings, args.seed) if args.observe else None
     settling = round(_SETTLING / settings.sample_period) if duration >= 1.0 else 0
-    errors = _Errors(table.names, settling, other is not None)
+    errors = _Errors(settings.axes, settling, other is not None)
     start = time.perf_counter()
     with BagWriter(args.out, args.storage) as bag, Progress("simulate", count) as progress:
         done = 0
         while done < count:
             records, estimates = step(min(_SAMPLES_PER_BLOCK, count - done))
-            _write_records(bag, table.names, records)
+            _write_records(bag, table.names, scales, records)
             if estimates:
                 _write_estimates(bag, table.names, estimates, done, settings.publish_every)
             errors.add(records, estimates, other.step(len(records[0])) if other else ())
@@ -100,9 +104,25 @@ def _observed(settings: Settings, table: SimulatedTable) -> TableStep:
     from sim_plant.closed_loop import ClosedLoop
 
     observers = AllAxes(settings.axes, settings.sample_period)
-    steps = observers.step if observers.is_coupled else [observer.step for observer in observers.observers]
+    single = [_observer(a, o.step) for a, o in zip(settings.axes, observers.observers, strict=True)]
+    steps = _observers(settings.axes, observers.step) if observers.is_coupled else single
     has_feedback = any(axis.compensation.enabled and axis.stage.accept_compensation for axis in settings.axes)
     return ClosedLoop(table, steps, has_feedback).step
+
+
+def _observer(axis: AxisSettings, step: Callable[[Samples], Estimates]) -> Callable[[Samples], Estimates]:
+    """Return an observer that sees an axis as the bag has it: in topic units, brought back to SI."""
+    return step if axis.scales.are_one else lambda samples: step(_as_recorded(axis, samples))
+
+
+def _observers(axes: Sequence[AxisSettings], step: TableObserver) -> TableObserver:
+    """Return the same for all axes together."""
+    return lambda blocks: step({number: _as_recorded(axes[number], samples) for number, samples in blocks.items()})
+
+
+def _as_recorded(axis: AxisSettings, samples: Samples) -> Samples:
+    """Return samples as they come back out of the bag."""
+    return samples if axis.scales.are_one else samples.in_topic_units(axis.scales).in_si(axis.scales)
 
 
 def _without_compensation(settings: Settings, seed: int | None) -> SimulatedTable | None:
@@ -114,24 +134,29 @@ def _without_compensation(settings: Settings, seed: int | None) -> SimulatedTabl
     return SimulatedTable(settings, START_NS, seed)
 
 
-def _write_records(bag: BagWriter, names: Sequence[str], records: Sequence[StageRecord]) -> None:
-    """Write what a real stage publishes, and the truth."""
+def _write_records(
+    bag: BagWriter, names: Sequence[str], scales: Sequence[Scales], records: Sequence[StageRecord]
+) -> None:
+    """Write what a real stage publishes, in topic units, and the truth in SI."""
     import numpy as np
 
-    def columns(field: str) -> np.typing.NDArray[np.float64]:
-        return np.column_stack([getattr(record, field) for record in records])
+    def columns(field: str, blocks: Sequence[StageRecord | Samples]) -> np.typing.NDArray[np.float64]:
+        return np.column_stack([getattr(block, field) for block in blocks])
 
     stamp_ns = records[0].stamp_ns
+    seen = [record.samples.in_topic_units(own) for record, own in zip(records, scales, strict=True)]
     # The reference first: a reader pairs position and effort as soon as it has both, and waits for no reference
     # that it has never heard of.
     bag.write_joint_states(
-        "reference", stamp_ns, names, position=columns("reference_position"), velocity=columns("reference_velocity")
-    )
-    bag.write_joint_states("position", stamp_ns, names, position=columns("measured_position"))
-    bag.write_joint_states("control_effort", stamp_ns, names, effort=columns("control_effort"))
+        "reference", stamp_ns, names,
+        position=columns("reference_position", seen), velocity=columns("reference_velocity", seen),
+    )  # fmt: skip
+    bag.write_joint_states("position", stamp_ns, names, position=columns("position", seen))
+    bag.write_joint_states("control_effort", stamp_ns, names, effort=columns("effort", seen))
     bag.write_joint_states(
         "friction_true", stamp_ns, names,
-        position=columns("position"), velocity=columns("velocity"), effort=columns("friction"),
+        position=columns("position", records), velocity=columns("velocity", records),
+        effort=columns("friction", records),
     )  # fmt: skip
 
 
@@ -156,17 +181,17 @@ class _Errors:
     """Tracking error and, with an observer, friction error of every axis; the first ``_SETTLING`` does not count.
 
     Args:
-        names: of the axes.
+        axes: the axes.
         first: samples that do not count.
         has_other: whether the same stage without compensation runs beside it.
     """
 
-    def __init__(self, names: Sequence[str], first: int, has_other: bool) -> None:
-        self._names = names
+    def __init__(self, axes: Sequence[AxisSettings], first: int, has_other: bool) -> None:
+        self._axes = axes
         self._skip = first
-        self._tracking = [_Size() for _ in names]
-        self._without = [_Size() for _ in names] if has_other else []
-        self._friction = [_Size() for _ in names]
+        self._tracking = [_Size() for _ in axes]
+        self._without = [_Size() for _ in axes] if has_other else []
+        self._friction = [_Size() for _ in axes]
 
     def add(
         self, records: Sequence[StageRecord], estimates: Sequence[Estimates], others: Sequence[StageRecord]
@@ -183,17 +208,17 @@ class _Errors:
     def lines(self) -> list[str]:
         """Return one line per axis, for people."""
         lines = []
-        for i, name in enumerate(self._names):
-            size = self._tracking[i]
-            line = f"{name}: tracking error {1e6 * size.rms:.3g} um rms, {1e6 * size.peak:.3g} um peak"
-            if self._without:
-                other = self._without[i]
+        for i, axis in enumerate(self._axes):
+            size, other = self._tracking[i], self._without[i] if self._without else None
+            readable = partial(axis.units.readable, largest=max(size.peak, other.peak if other else 0.0))
+            line = f"{axis.name}: tracking error {readable(size.rms)} rms, {readable(size.peak)} peak"
+            if other:
                 line += (
-                    f"; without compensation {1e6 * other.rms:.3g} um rms, {1e6 * other.peak:.3g} um peak:"
+                    f"; without compensation {readable(other.rms)} rms, {readable(other.peak)} peak:"
                     f" {_ratio(other.rms, size.rms)} and {_ratio(other.peak, size.peak)} times as large"
                 )
             if self._friction[i].count:
-                line += f"; friction estimate {self._friction[i].rms:.3g} N rms off the truth"
+                line += f"; friction estimate {self._friction[i].rms:.3g} {axis.units.effort} rms off the truth"
             lines.append(line)
         return lines
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.offline.recording import read_recordings
+from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]
 
@@ -37,8 +38,8 @@ class Record:
         return self.period * len(self.position)
 
 
-def read_records(path: str | Path, axis: str, other: str | None = None) -> tuple[Record, ...]:
-    """Read the pieces of a bag.
+def read_records(path: str | Path, axis: AxisSettings, other: AxisSettings | None = None) -> tuple[Record, ...]:
+    """Read the pieces of a bag, in SI units.
 
     Args:
         path: the bag.

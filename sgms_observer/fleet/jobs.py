@@ -103,7 +103,7 @@ def _replay(job: ReplayJob) -> dict[str, Any]:
     return {
         "duration": done.duration,
         "messages": done.messages,
-        "axes": {name: _plain(tally.figures()) for name, tally in done.tallies.items()},
+        "axes": {name: {**_plain(tally.figures()), "unit": tally.unit} for name, tally in done.tallies.items()},
         "notes": list(done.warnings),
     }
 

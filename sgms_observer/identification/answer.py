@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.errors import RecordingError
-from sgms_observer.identification.identify import Identification
-from sgms_observer.identification.least_squares import InverseModelFit
+from sgms_observer.identification.identify import MAX_UNEXPLAINED, Identification
+from sgms_observer.identification.least_squares import GRAVITY, SYMMETRIC, InverseModelFit
 from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RELAXATION, RHO, V_S, VISCOUS
 from sgms_observer.settings.axis import AxisSettings
 
@@ -61,12 +62,16 @@ class Answer:
         remarks: the same names to the remark behind them.
         rows: the table for people.
         summary: sentences about the whole.
+        warnings: sentences about what the recordings could not show, each with what to do.
+        is_usable: whether the model may be used as it is.
     """
 
     changes: dict[str, Any]
     remarks: dict[str, str]
     rows: tuple[Row, ...]
     summary: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = field(default=())
+    is_usable: bool = True
 
 
 def bag_hash(path: str | Path) -> str:
@@ -107,33 +112,48 @@ def _rounded(value: float) -> float:
     return float(f"{float(value):.{_DIGITS}g}")
 
 
-def _with_offset(axis: AxisSettings, offset: float, changes: dict[str, Any]) -> None:
-    """Put the offset into the effects, beside those that are there."""
+def _with_effects(axis: AxisSettings, values: Mapping[str, Mapping[str, float]], changes: dict[str, Any]) -> None:
+    """Put effects' values into the changes; those that the axis does not have are added."""
     names = [item.name for item in axis.effects]
-    if _OFFSET_EFFECT not in names:
-        changes["effects.names"] = [*names, _OFFSET_EFFECT]
-    changes[f"effects.{_OFFSET_EFFECT}.force"] = _rounded(offset)
+    missing = [name for name in values if name not in names]
+    if missing:
+        changes["effects.names"] = [*names, *missing]
+    for name, own in values.items():
+        changes.update({f"effects.{name}.{key}": _rounded(value) for key, value in own.items()})
 
 
-def least_squares_answer(fit: InverseModelFit, axis: AxisSettings) -> Answer:
+def least_squares_answer(fit: InverseModelFit, axis: AxisSettings, is_opposed: bool = False) -> Answer:
     """Return the settings of an inverse-dynamic-model fit.
 
     Args:
-        fit: symmetric fit.
+        fit: symmetric fit, with gravity on a revolute joint.
         axis: start settings.
+        is_opposed: whether the effort was reversed for it.
     """
-    error = 1.96 * fit.std_error
-    mass, viscous, coulomb, offset = (fit.value(name) for name in fit.names)
+    unit = axis.units.of
+    error = dict(zip(fit.names, 1.96 * fit.std_error, strict=True))
+    mass, viscous, coulomb, offset = (fit.value(name) for name in SYMMETRIC)
+    yaml_names = ("mass", "friction.viscous_coefficient", "friction.coulomb_force", "effects.offset.force")
     units = ("kg", "N s/m", "N", "N")
-    names = ("mass", "friction.viscous_coefficient", "friction.coulomb_force", "effects.offset.force")
+    values = [
+        (name, fit.value(own), float(error[own]), unit(one))
+        for name, own, one in zip(yaml_names, SYMMETRIC, units, strict=True)
+    ]
+    effects = {_OFFSET_EFFECT: {"force": offset}}
+    if GRAVITY[0] in fit.names:
+        sine, cosine = (fit.value(name) for name in GRAVITY)
+        width = math.hypot(*(error[name] for name in GRAVITY))
+        amplitude, angle = math.hypot(sine, cosine), math.atan2(cosine, sine)
+        effects["gravity"] = {"amplitude": amplitude, "angle": angle, "ratio": 1.0}
+        values.append(("effects.gravity.amplitude", amplitude, width, unit("N")))
+        values.append(("effects.gravity.angle", angle, width / amplitude, "rad"))
     rows = tuple(
-        Row(name, value, float(width), unit, bool(width <= 0.05 * abs(value)))
-        for name, value, width, unit in zip(names, (mass, viscous, coulomb, offset), error, units, strict=True)
+        Row(name, value, width, one, bool(width <= 0.05 * abs(value))) for name, value, width, one in values
     )
     if viscous < 0.0 or mass <= 0.0 or coulomb <= 0.0:
         raise RecordingError(
-            f"least squares gives mass {mass:.3g} kg, viscous {viscous:.3g} N s/m, Coulomb {coulomb:.3g} N;"
-            " check the sign and factor of control_effort"
+            f"least squares gives mass {mass:.3g} {unit('kg')}, viscous {viscous:.3g} {unit('N s/m')}, Coulomb"
+            f" {coulomb:.3g} {unit('N')}; check the sign and factor of control_effort (effort_scale)"
         )
     changes: dict[str, Any] = {
         "mass": _rounded(mass),
@@ -141,14 +161,37 @@ def least_squares_answer(fit: InverseModelFit, axis: AxisSettings) -> Answer:
         "friction.coulomb_force": _rounded(coulomb),
         "friction.static_force": _rounded(coulomb),
     }
-    _with_offset(axis, offset, changes)
+    if is_opposed:
+        changes["effort_scale"] = -axis.effort_scale
+    _with_effects(axis, effects, changes)
     remarks = {row.name: row.remark for row in rows}
-    remarks["friction.static_force"] = "N; this model has no Stribeck effect: equal to coulomb_force"
+    remarks["friction.static_force"] = f"{unit('N')}; this model has no Stribeck effect: equal to coulomb_force"
+    word = axis.units.effort_word
     summary = (
         f"{axis.name}: inverse dynamic model by least squares, low-pass {fit.cutoff:g} Hz;"
-        f" force residual {100.0 * fit.relative_error:.2f} % of the force's norm",
+        f" {word} residual {100.0 * fit.relative_error:.2f} % of the {word}'s norm",
     )
-    return Answer(changes, remarks, rows, summary)
+    warnings = []
+    if is_opposed:
+        warnings.append(_opposed_sentence(axis))
+    if fit.relative_error > MAX_UNEXPLAINED:
+        warnings.append(_unexplained_sentence(axis, fit.relative_error, ""))
+    return Answer(changes, remarks, rows, summary, tuple(f"Warning: {one}" for one in warnings), not warnings)
+
+
+def _opposed_sentence(axis: AxisSettings) -> str:
+    return (
+        f"{axis.name}: control_effort counts against the position: its sign is reversed; set effort_scale:"
+        f" {-axis.effort_scale:g}, as in the file that was written, and check the wiring before any effort is sent"
+    )
+
+
+def _unexplained_sentence(axis: AxisSettings, share: float, where: str) -> str:
+    return (
+        f"{axis.name}: the model is unusable: {100.0 * share:.0f} % of the rms {axis.units.effort_word} is unexplained"
+        f"{where} (at most {100.0 * MAX_UNEXPLAINED:.0f} %); check units, sign and axis, or find what acts with"
+        " sgms diagnose"
+    )
 
 
 def identification_answer(result: Identification, axis: AxisSettings, sample_period: float) -> Answer:
@@ -177,11 +220,27 @@ def identification_answer(result: Identification, axis: AxisSettings, sample_per
         changes["friction.static_force"] = changes["friction.coulomb_force"]
     if result.model == "gms":
         changes["friction.attraction_rate"] = _rounded(scalars[RATE] * coulomb)
-    _with_offset(axis, float(scalars[OFFSET]), changes)
+    _with_effects(axis, _effect_values(result), changes)
+    if result.is_opposed:
+        changes["effort_scale"] = -axis.effort_scale
     if DELAY not in result.frozen:
         changes["compensation.look_ahead"] = _rounded(min(_look_ahead(float(scalars[DELAY]), sample_period), 0.1))
-    rows = _rows(result)
-    return Answer(changes, _remarks(rows, result), rows, _summary(result, axis))
+    rows = _rows(result, axis)
+    return Answer(
+        changes, _remarks(rows, result), rows, _summary(result, axis), identification_warnings(result, axis, rows),
+        result.is_usable,
+    )  # fmt: skip
+
+
+def _effect_values(result: Identification) -> dict[str, dict[str, float]]:
+    """Return the values of the offset and of the fitted effects; of an added effect all of them."""
+    values: dict[str, dict[str, float]] = {_OFFSET_EFFECT: {"force": float(result.parameters.scalars[OFFSET])}}
+    vector = result.parameters.effects
+    for number, name in enumerate(result.terms.names):
+        owner, own = name.split(".")
+        if number in vector.free or owner in result.terms.added:
+            values.setdefault(owner, {})[own] = float(vector.values[number])
+    return values
 
 
 def _look_ahead(delay: float, sample_period: float) -> float:
@@ -196,9 +255,10 @@ def _fractions(shares: Any) -> list[float]:
     return rounded
 
 
-def _rows(result: Identification) -> tuple[Row, ...]:
-    """Return the table: scalars, then each element."""
+def _rows(result: Identification, axis: AxisSettings) -> tuple[Row, ...]:
+    """Return the table: scalars, effects, then each element."""
     scalars, sure = result.parameters.scalars, result.confidence
+    unit = axis.units.of
     level = result.parameters.level
     coulomb = float(level.sum())
     n_z = result.parameters.count
@@ -208,16 +268,17 @@ def _rows(result: Identification) -> tuple[Row, ...]:
     coulomb_width = sure.coulomb_half_width
     static_width = math.hypot(coulomb_width * scalars[RHO], coulomb * wide[RHO])
     slow = "slide slower than the Stribeck velocity"
-    small = "reverse by less than a micrometre, many times"
+    small = f"reverse over less than {float(result.parameters.slip_deflection.min()):.1g} {unit('m')}, many times"
     rows = [
-        Row("mass", scalars[MASS], wide[MASS], "kg", bool(shown[MASS]), "accelerate harder"),
-        Row("friction.viscous_coefficient", scalars[VISCOUS], wide[VISCOUS], "N s/m", bool(shown[VISCOUS]),
+        Row("mass", scalars[MASS], wide[MASS], unit("kg"), bool(shown[MASS]), "accelerate harder"),
+        Row("friction.viscous_coefficient", scalars[VISCOUS], wide[VISCOUS], unit("N s/m"), bool(shown[VISCOUS]),
             "slide faster"),
-        Row("friction.coulomb_force", coulomb, coulomb_width, "N", coulomb_width <= 0.05 * coulomb, "slide further"),
-        Row("friction.static_force", scalars[RHO] * coulomb, static_width, "N",
+        Row("friction.coulomb_force", coulomb, coulomb_width, unit("N"), coulomb_width <= 0.05 * coulomb,
+            "slide further"),
+        Row("friction.static_force", scalars[RHO] * coulomb, static_width, unit("N"),
             bool(static_width <= 0.05 * scalars[RHO] * coulomb), slow),
-        Row("friction.stribeck_velocity", scalars[V_S], wide[V_S], "m/s", bool(shown[V_S]), slow),
-        Row("effects.offset.force", scalars[OFFSET], wide[OFFSET], "N", bool(shown[OFFSET]), "slide both ways"),
+        Row("friction.stribeck_velocity", scalars[V_S], wide[V_S], unit("m/s"), bool(shown[V_S]), slow),
+        Row("effects.offset.force", scalars[OFFSET], wide[OFFSET], unit("N"), bool(shown[OFFSET]), "slide both ways"),
         Row("delay", scalars[DELAY], wide[DELAY], "s", bool(shown[DELAY]), "accelerate harder"),
     ]  # fmt: skip
     relaxation = float(scalars[RELAXATION])
@@ -228,11 +289,13 @@ def _rows(result: Identification) -> tuple[Row, ...]:
     rows.append(Row(f"{_DAMPING} over stiffness", relaxation, wide[RELAXATION], "s", bool(shown[RELAXATION]), note))
     if result.model == "gms":
         width = wide[RATE] * coulomb
-        rows.append(Row("friction.attraction_rate", scalars[RATE] * coulomb, width, "N/s", bool(shown[RATE]), slow))
+        attraction = scalars[RATE] * coulomb
+        rows.append(Row("friction.attraction_rate", attraction, width, unit("N/s"), bool(shown[RATE]), slow))
+    rows += _effect_rows(result, axis, wide)
     for i in range(n_z):
         kappa = ELEMENTS + i
         rows.append(
-            Row(f"friction.element_stiffness[{i + 1}]", result.parameters.kappa[i], wide[kappa], "N/m",
+            Row(f"friction.element_stiffness[{i + 1}]", result.parameters.kappa[i], wide[kappa], unit("N/m"),
                 bool(shown[kappa]), small)
         )  # fmt: skip
     for i in range(n_z):
@@ -242,6 +305,57 @@ def _rows(result: Identification) -> tuple[Row, ...]:
             Row(f"friction.element_fraction[{i + 1}]", level[i] / coulomb, width, "-", bool(shown[force]), small)
         )
     return tuple(rows)
+
+
+def _effect_rows(result: Identification, axis: AxisSettings, wide: Sequence[float]) -> list[Row]:
+    """Return the table's rows of the fitted effects."""
+    rows = []
+    vector, first = result.parameters.effects, result.parameters.first_effect
+    for number, (name, entry) in enumerate(zip(result.terms.names, result.terms.parameters, strict=True)):
+        value = float(vector.values[number])
+        width = wide[first + number] if number in vector.free else float("nan")
+        size = 1.0 if entry.unit == "rad" else abs(value)
+        note = result.reasons.get(name, effect(name.split(".")[0]).excitation)
+        unit = axis.units.of(entry.unit)
+        rows.append(Row(f"effects.{name}", value, width, unit, bool(width <= 0.05 * size), note))
+    return rows
+
+
+def identification_warnings(result: Identification, axis: AxisSettings, rows: Sequence[Row]) -> tuple[str, ...]:
+    """Return what a user has to know before using the model, as sentences that start with ``Warning:``.
+
+    Args:
+        result: from ``identify``.
+        axis: start settings.
+        rows: the table.
+    """
+    out = []
+    if result.is_opposed:
+        out.append(_opposed_sentence(axis))
+    if not result.unexplained <= MAX_UNEXPLAINED:
+        out.append(_unexplained_sentence(axis, result.unexplained, " on held-out chunks"))
+    if not result.is_converged:
+        out.append(f"{axis.name}: the fit did not converge; rerun from the file that was written, or record longer")
+    if result.asks_negative_delay:
+        out.append(
+            f"{axis.name}: the fit asks for a negative delay, which is impossible: it stays at 0 s; check whether"
+            " control_effort is stamped late or position is filtered"
+        )
+    for row in rows:
+        if not math.isfinite(row.half_width) and not _is_told_elsewhere(row.name, result):
+            note = f": {row.note}" if row.note else ""
+            out.append(
+                f"{axis.name}.{row.name} is not identifiable from this recording; {row.value:.6g} {row.unit} of the"
+                f" parameter file stays{note}"
+            )
+    return tuple(f"Warning: {sentence}" for sentence in out)
+
+
+def _is_told_elsewhere(name: str, result: Identification) -> bool:
+    """Return whether a value without interval needs no warning: it is no guess, or another row tells."""
+    return name.startswith((_DAMPING, "delay", "friction.element_")) or name.removeprefix("effects.") in (
+        f"{owner}.ratio" for owner in ("gravity",)
+    )
 
 
 def _remarks(rows: Sequence[Row], result: Identification) -> dict[str, str]:
@@ -269,9 +383,12 @@ def _summary(result: Identification, axis: AxisSettings) -> tuple[str, ...]:
     tried = ", ".join(f"{choice.count}: {choice.held_out:.4g}" for choice in result.choices)
     sentences = [
         f"{axis.name}: {result.model} with {result.parameters.count} elements, low-pass {result.cutoff:g} Hz; rms force"
-        f" residual {result.rms_error:.4g} N ({100.0 * result.rms_error / result.rms_effort:.2f} % of the rms force)",
-        f"{axis.name}: rms force error on held-out chunks by number of elements [N]: {tried}",
+        f" residual {result.rms_error:.4g} {axis.units.effort} ({100.0 * result.rms_error / result.rms_effort:.2f} % of"
+        f" the rms {axis.units.effort_word})",
+        f"{axis.name}: rms {axis.units.effort_word} error on held-out chunks by number of elements"
+        f" [{axis.units.effort}]: {tried}",
+        f"{axis.name}: {100.0 * result.unexplained:.2f} % of the rms {axis.units.effort_word} unexplained on held-out"
+        f" chunks; {result.band.sentence()}",
     ]
-    if not result.is_converged:
-        sentences.append(f"{axis.name}: the search stopped before it converged; record longer or start nearer")
+    sentences += [f"{axis.name}: {note}" for note in result.notes]
     return tuple(sentences)

@@ -1,8 +1,8 @@
 """A reference that shows a real table's friction, within given stroke, speed and acceleration.
 
-Four kinds of motion, each for the parameters only it can show: nested reversals from far below a micrometre upwards
-(stiffness distribution), slow traverses at log-spaced speeds (Stribeck curve), fast ones (viscous friction), and
-moves at the acceleration limit (mass). Dwells in between show offset and noise.
+Four kinds of motion, each for the parameters only it can show: nested reversals from far below the presliding distance
+upwards (stiffness distribution), slow traverses at log-spaced speeds (Stribeck curve), fast ones (viscous friction),
+and moves at the acceleration limit (mass). Dwells in between show offset and noise.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.units import PRISMATIC, REVOLUTE, Units
 
 Floats = NDArray[np.float64]
 
@@ -38,12 +39,14 @@ class ExcitationLimits:
         speed: largest speed [m/s].
         acceleration: largest acceleration [m/s^2].
         smallest: smallest reversal [m].
+        units: of the axis; those above are a prismatic one's.
     """
 
     stroke: float
     speed: float
     acceleration: float
     smallest: float = 1.0e-7
+    units: Units = field(default_factory=Units)
 
     def __post_init__(self) -> None:
         sentences = [
@@ -58,11 +61,20 @@ class ExcitationLimits:
         ]
         if not sentences and self.stroke < 20.0 * self.smallest:
             sentences.append(
-                f"stroke = {self.stroke:g} m leaves no room for reversals from {self.smallest:g} m;"
+                f"stroke = {self.units.readable(self.stroke)} leaves no room for reversals from"
+                f" {self.units.readable(self.smallest)};"
                 " allow 20 times as much"
             )
         if sentences:
             raise ConfigurationError(sentences)
+
+
+#: What ``sgms excite`` asks of an axis whose limits nobody gave, by joint type: a cautious part of what a positioning
+#: table (some centimetres, encoder in nanometres) and a robot joint (a turn, encoder of 20 bits) can do.
+CAUTIOUS_LIMITS = {
+    PRISMATIC: ExcitationLimits(0.02, 0.05, 1.0, 1.0e-7, Units(PRISMATIC)),
+    REVOLUTE: ExcitationLimits(0.5, 0.5, 2.0, 1.0e-5, Units(REVOLUTE)),
+}
 
 
 @dataclass(frozen=True)

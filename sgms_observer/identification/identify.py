@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.errors import DataError
-from sgms_observer.identification.confidence import Confidence, judge, step_to
+from sgms_observer.identification.confidence import Confidence, judge, step_to, widened
+from sgms_observer.identification.effect_terms import (
+    GRAVITY,
+    NO_EFFECTS,
+    EffectTerms,
+    EffectVector,
+    effect_terms,
+    reason_fixed,
+)
+from sgms_observer.identification.linear_effects import LinearEffects, linear_effects
+from sgms_observer.identification.prepared import MIN_PERIODS, Prepared, prepare_all
 from sgms_observer.identification.problem import (
     DELAY,
     ELEMENTS,
@@ -20,12 +30,10 @@ from sgms_observer.identification.problem import (
     RHO,
     V_S,
     VISCOUS,
-    KnownEffects,
     Parameters,
-    Prepared,
-    prepare,
     residual_and_jacobian,
 )
+from sgms_observer.identification.scales import Scales, scales_of
 from sgms_observer.identification.search import Fit, search
 from sgms_observer.identification.selection import (
     Rows,
@@ -36,17 +44,26 @@ from sgms_observer.identification.selection import (
     rows_to_use,
 )
 from sgms_observer.identification.simulation import ElementShape
-from sgms_observer.identification.start_values import fit_atoms
+from sgms_observer.identification.start_values import Atoms, fit_atoms
+from sgms_observer.offline.band import Band, choose_band
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]
 
+MAX_UNEXPLAINED = 1.0 / 3.0
+"""Share of the rms effort that held-out chunks may leave unexplained; above it the model must not be used."""
+MIN_REVERSALS = 2
+"""Fewer reversals cannot tell friction from whatever else changed at that time."""
+_REVERSAL_SHARE = 0.02  # of the travel: a shorter way back is no reversal of the sliding
+_MIN_GRAVITY_GAIN = 0.05  # share of the squared residual that gravity has to explain where the file does not have it
 _OTHER_CORNER = 2.0**-0.5
-_HOPELESS = 0.5  # half interval over value beyond which a shared parameter stays at its start value
-_SMALLEST_DEFLECTION = 1.0e-8  # m
-_HIGHEST_CUTOFF = 160.0  # Hz
-_CUTOFF_SHARE = 0.1  # of the sample rate
+_HOPELESS = 0.5  # half interval over value beyond which a shared parameter is not identifiable
+_V_S_SHARES = (1.0e-3, 0.3)  # of the largest velocity: where the search for the Stribeck velocity starts
+_MAX_DELAY_WIDTH = 1.0e-3  # s
+_REASON_KEPT = "it acts on the measurement, which a fit could erase; sgms diagnose judges it"
+_ITERATIONS = 60
+_NEGLIGIBLE_EFFECT = 0.01  # of the effort: a smaller strength need not be known to half of itself
 _CHOOSING = 0.8  # of the time goes into the number of elements, about; only the progress shown depends on it
 
 
@@ -56,7 +73,7 @@ class IdentifyOptions:
 
     Attributes:
         model: ``sgms`` or ``gms``.
-        cutoff: corner of the low-pass on the force balance [Hz]; 0 takes a tenth of the sample rate, at most 160 Hz.
+        cutoff: corner of the low-pass on the force balance [Hz]; 0 takes the judging band.
         largest_count: most elements to try.
         count: elements to use; 0 lets the held-out error choose.
     """
@@ -95,9 +112,14 @@ class Identification:
         rms_error: rms force error over all rows [N].
         rms_effort: rms of the filtered effort over the same rows [N].
         held_out_error: rms force error of the chosen number of elements, on chunks that did not teach [N].
-        cutoff: corner of the low-pass that was used [Hz].
+        band: the judging band.
         model: ``sgms`` or ``gms``.
         is_converged: whether the last search ended by itself.
+        terms: effects of the balance.
+        reasons: ``effect.parameter`` that was not fitted, to the reason.
+        asks_negative_delay: whether the recordings ask for a negative delay beyond its interval; it stays at 0.
+        is_opposed: whether the recorded effort counts against the position; the estimate is that of the reversed one.
+        notes: sentences about the recordings.
     """
 
     parameters: Parameters
@@ -108,9 +130,41 @@ class Identification:
     rms_error: float
     rms_effort: float
     held_out_error: float
-    cutoff: float
+    band: Band
     model: str
     is_converged: bool
+    terms: EffectTerms = field(default_factory=EffectTerms)
+    reasons: dict[str, str] = field(default_factory=dict)
+    asks_negative_delay: bool = False
+    is_opposed: bool = False
+    notes: tuple[str, ...] = ()
+
+    @property
+    def cutoff(self) -> float:
+        """Corner of the low-pass that was used [Hz]."""
+        return self.band.corner
+
+    @property
+    def unexplained(self) -> float:
+        """Rms force error on held-out chunks over the rms effort [-]."""
+        return self.held_out_error / self.rms_effort
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether the model may be used: it explains the effort, converged, and the effort has the right sign."""
+        return self.is_converged and not self.is_opposed and self.unexplained <= MAX_UNEXPLAINED
+
+
+@dataclass(frozen=True)
+class _Start:
+    """Where the search begins."""
+
+    data: list[Prepared]
+    terms: EffectTerms
+    linear: LinearEffects
+    atoms: Atoms
+    scales: Scales
+    velocity: float
 
 
 def identify(
@@ -123,7 +177,7 @@ def identify(
 
     Args:
         recordings: evenly sampled pieces.
-        axis: start settings: smoothing, known effects, and values for what the recordings cannot show.
+        axis: start settings: smoothing, effects, and values for what the recordings cannot show.
         options: how to identify.
         show: told how much is done, from 0 to 1.
 
@@ -136,76 +190,79 @@ def identify(
     if not recordings:
         raise DataError("there is no recording to identify from; name at least one bag")
     shape = ElementShape.of(axis.friction, options.model)
-    cutoff = options.cutoff or min(_HIGHEST_CUTOFF, *(_CUTOFF_SHARE / recording.period for recording in recordings))
-    known = KnownEffects(tuple(item for item in axis.effects if item.name != "offset"), axis.friction)
-    main = [prepare(recording, cutoff, known) for recording in recordings]
-    lower = [prepare(recording, _OTHER_CORNER * cutoff, known) for recording in recordings]
-    shaken = [prepare(recording.with_more_noise(seed), cutoff, known) for seed, recording in enumerate(recordings)]
-    largest = _largest_deflection(main)
-    start_velocity = axis.friction.stribeck_velocity
-    atoms = fit_atoms(main, shape, _SMALLEST_DEFLECTION, largest, start_velocity)
-    data = rows_to_use(main, (lower, shaken), atoms.reach)
+    band = choose_band(recordings, axis, options.cutoff)
+    pieces, notes = _long_enough(recordings, band.corner)
+    start = _linear_start(pieces, axis, shape, band.corner)
+    is_opposed = start.atoms.is_opposed
+    if is_opposed:
+        pieces = [replace(piece, effort=-piece.effort) for piece in pieces]
+        start = _linear_start(pieces, axis, shape, band.corner)
+    if not start.atoms.force.sum() > 0.0:
+        raise DataError("these recordings show no friction that follows the motion; check the sign of control_effort")
+    others = (
+        prepare_all(pieces, _OTHER_CORNER * band.corner, start.terms),
+        prepare_all([piece.with_more_noise(seed) for seed, piece in enumerate(pieces)], band.corner, start.terms),
+    )
+    data = rows_to_use(start.data, others, start.atoms.reach)
     rate = axis.friction.attraction_rate / axis.friction.coulomb_force
     counts = (options.count,) if options.count else tuple(range(1, options.largest_count + 1))
-    fits = fit_each_count(data, atoms, shape, rate, start_velocity, counts, lambda share: show(_CHOOSING * share))
+    fits = fit_each_count(
+        data, start.atoms, shape, rate, start.velocity, counts, lambda share: show(_CHOOSING * share)
+    )
     show(_CHOOSING)
     errors = {count: judged_squares(data, fit.parameters, shape) for count, fit in fits.items()}
     count = choose_count(errors)
-    choices = tuple(
-        HeldOut(n, float(np.sqrt(fit.cost)), float(np.sqrt(np.mean(errors[n])))) for n, fit in sorted(fits.items())
+    fit, confidence, frozen, most = _final(
+        data, by_deflection(fits[count].parameters), shape, axis, rate, start, lambda: show(0.5 * (_CHOOSING + 1.0))
     )
-    start = by_deflection(fits[count].parameters)
-    fit = search(data.main, data.masks, start, shape, iterations=30, tolerance=1e-5)
-    frozen: tuple[int, ...] = (RELAXATION,)
-    show(0.5 * (_CHOOSING + 1.0))
-    confidence = _judge(data, fit, shape, frozen)
-    hopeless = _hopeless(fit.parameters, confidence, shape.is_gms)
-    relaxation, most = _relaxation(data, fit.parameters, shape, hopeless)
-    if relaxation > 0.0:
-        frozen = ()
-        scalars = fit.parameters.scalars.copy()
-        scalars[RELAXATION] = relaxation
-        start = replace(fit.parameters, scalars=scalars)
-        fit = search(data.main, data.masks, start, shape, frozen, iterations=30, tolerance=1e-5)
-        confidence = _judge(data, fit, shape, frozen)
-        hopeless = _hopeless(fit.parameters, confidence, shape.is_gms)
-    if hopeless:
-        frozen = (*frozen, *hopeless)
-        start = _at_start(fit.parameters, frozen, axis, rate)
-        fit = search(data.main, data.masks, start, shape, frozen, iterations=30, tolerance=1e-5)
-        confidence = _judge(data, fit, shape, frozen)
-    effort = np.concatenate([piece.effort(piece.time)[mask] for piece, mask in zip(main, data.masks, strict=True)])
+    effort = np.concatenate(
+        [piece.effort(piece.time)[mask] for piece, mask in zip(data.main, data.masks, strict=True)]
+    )
+    reasons = {start.terms.names[number]: reason for number, reason in start.linear.reasons.items()}
+    reasons |= {name: reason_fixed(name) for name in start.terms.names if reason_fixed(name)}
+    reasons |= {item.name: _REASON_KEPT for item in start.terms.kept}
     return Identification(
         parameters=fit.parameters,
         confidence=confidence,
         frozen=frozen,
         relaxation=most,
-        choices=choices,
+        choices=tuple(
+            HeldOut(n, float(np.sqrt(one.cost)), float(np.sqrt(np.mean(errors[n])))) for n, one in sorted(fits.items())
+        ),
         rms_error=float(np.sqrt(fit.cost)),
         rms_effort=float(np.sqrt(np.mean(effort**2))),
         held_out_error=float(np.sqrt(np.mean(errors[count]))),
-        cutoff=cutoff,
+        band=band,
         model=options.model,
         is_converged=fit.is_converged,
+        terms=start.terms,
+        reasons=reasons,
+        asks_negative_delay=DELAY in frozen and _asks_negative_delay(data, fit.parameters, shape, frozen),
+        is_opposed=is_opposed,
+        notes=tuple(notes),
     )
 
 
 def force_error(
-    recordings: Sequence[Recording], parameters: Parameters, axis: AxisSettings, model: str, cutoff: float
+    recordings: Sequence[Recording],
+    parameters: Parameters,
+    axis: AxisSettings,
+    model: str,
+    cutoff: float,
+    terms: EffectTerms = NO_EFFECTS,
 ) -> float:
     """Return the rms force error of given parameters on recordings [N].
 
     Args:
         recordings: evenly sampled pieces.
         parameters: the model to judge; also the truth, to know the floor.
-        axis: smoothing and known effects.
+        axis: smoothing.
         model: ``sgms`` or ``gms``.
         cutoff: corner of the low-pass [Hz].
+        terms: effects whose values are in ``parameters``.
     """
-    known = KnownEffects(tuple(item for item in axis.effects if item.name != "offset"), axis.friction)
     total, rows = 0.0, 0
-    for recording in recordings:
-        piece = prepare(recording, cutoff, known)
+    for piece in prepare_all(recordings, cutoff, terms):
         mask = piece.settled(float(parameters.slip_deflection.max()))
         residual, _jacobian = residual_and_jacobian(piece, parameters, ElementShape.of(axis.friction, model))
         total += float(residual[mask] @ residual[mask])
@@ -215,66 +272,203 @@ def force_error(
     return float(np.sqrt(total / rows))
 
 
-def _largest_deflection(data: Sequence[Prepared]) -> float:
-    """Return the largest slip deflection that the longest one-way travel can show [m]."""
-    travel = max(float(np.ptp(piece.position)) for piece in data)
-    if travel < 20.0 * _SMALLEST_DEFLECTION:
-        raise DataError(f"the axis moves by {travel:.2g} m only; identification needs sliding and reversals")
-    return max(travel / 8.0, 10.0 * _SMALLEST_DEFLECTION)
+def unexplained_share(recordings: Sequence[Recording], result: Identification, axis: AxisSettings) -> float:
+    """Return the rms force residual of an identification on other recordings, over the rms effort [-].
+
+    Args:
+        recordings: evenly sampled pieces.
+        result: from ``identify``.
+        axis: the settings that it started from.
+
+    Raises:
+        DataError: if the axis never slides far enough there.
+    """
+    shape = ElementShape.of(axis.friction, result.model)
+    residuals, efforts = [], []
+    for piece in prepare_all(recordings, result.cutoff, result.terms):
+        mask = piece.settled(float(result.parameters.slip_deflection.max()))
+        residuals.append(residual_and_jacobian(piece, result.parameters, shape)[0][mask])
+        efforts.append(piece.effort(piece.time)[mask])
+    if not sum(len(part) for part in residuals):
+        raise DataError("these recordings never slide far enough for the elements to forget how they started")
+    return float(np.linalg.norm(np.concatenate(residuals)) / np.linalg.norm(np.concatenate(efforts)))
 
 
-def _free(size: int, frozen: Sequence[int], is_gms: bool) -> list[int]:
-    return [j for j in range(size) if j not in frozen and (j != RATE or is_gms)]
+def _long_enough(recordings: Sequence[Recording], cutoff: float) -> tuple[list[Recording], list[str]]:
+    """Return the pieces that are long enough for the cutoff, and a note about the others."""
+    pieces = [piece for piece in recordings if piece.duration >= MIN_PERIODS / cutoff]
+    if not pieces:
+        return [max(recordings, key=lambda piece: piece.duration)], []  # preparing it tells what is missing
+    skipped = len(recordings) - len(pieces)
+    if not skipped:
+        return pieces, []
+    return pieces, [f"{skipped} pieces shorter than {MIN_PERIODS / cutoff:.3g} s were skipped"]
+
+
+def _linear_start(recordings: Sequence[Recording], axis: AxisSettings, shape: ElementShape, cutoff: float) -> _Start:
+    """Fit all that is linear; gravity that the file does not have stays only where the recordings show it."""
+    terms = effect_terms(axis)
+    start = _start_with(recordings, axis, shape, cutoff, terms)
+    if GRAVITY not in terms.added:
+        return start
+    without = _start_with(recordings, axis, shape, cutoff, terms.without(GRAVITY))
+    number = terms.names.index(f"{GRAVITY}.amplitude")
+    is_shown = any(strength == number and phase is not None for strength, phase in start.linear.strengths)
+    gain = 1.0 - start.atoms.cost / without.atoms.cost
+    return start if is_shown and gain > _MIN_GRAVITY_GAIN else without
+
+
+def _start_with(
+    recordings: Sequence[Recording], axis: AxisSettings, shape: ElementShape, cutoff: float, terms: EffectTerms
+) -> _Start:
+    """Fit all that is linear with given effects."""
+    data = prepare_all(recordings, cutoff, terms)
+    scales = scales_of(data)
+    _check_reversals(data, scales)
+    vector: EffectVector = terms.start
+    level = np.full(len(data[0].position), axis.friction.coulomb_force)
+    vector = replace(vector, scale=data[0].effects.scales(vector, terms.names, level, scales.effort))
+    linear = linear_effects(data, terms, vector, axis.friction.coulomb_force)
+    low, high = (share * scales.top_velocity for share in _V_S_SHARES)
+    velocity = min(max(axis.friction.stribeck_velocity, low), high)
+    return _Start(data, terms, linear, fit_atoms(data, shape, scales.smallest, scales.largest, velocity, linear),
+                  scales, velocity)  # fmt: skip
+
+
+def _check_reversals(data: Sequence[Prepared], scales: Scales) -> None:
+    """Raise if the axis hardly ever turns round."""
+    reversals = 0
+    for piece in data:
+        turns, extreme, way = 0, float(piece.position[0]), 0
+        for value in piece.position[:: piece.stride]:
+            moved = float(value) - extreme
+            if way * moved > 0.0:
+                extreme = float(value)
+            elif abs(moved) > _REVERSAL_SHARE * scales.travel:
+                turns += way != 0
+                extreme, way = float(value), 1 if moved > 0.0 else -1
+        reversals += turns
+    if reversals < MIN_REVERSALS:
+        raise DataError(
+            f"the axis reverses {reversals} times only: these recordings cannot show its friction, which offset,"
+            f" gravity and slow changes imitate; record {MIN_REVERSALS} reversals or more (sgms excite)"
+        )
+
+
+def _final(
+    data: Rows,
+    parameters: Parameters,
+    shape: ElementShape,
+    axis: AxisSettings,
+    rate: float,
+    begun: _Start,
+    show: Callable[[], None],
+) -> tuple[Fit, Confidence, tuple[int, ...], float]:
+    """Fit all rows; leave out what the data cannot tell. Return fit, intervals, frozen indices and largest damping."""
+    fit = search(data.main, data.masks, parameters, shape, iterations=_ITERATIONS, tolerance=1e-5)
+    frozen: tuple[int, ...] = (RELAXATION,)
+    if fit.parameters.scalars[DELAY] <= 0.0:
+        frozen = (*frozen, DELAY)
+    show()
+    at_start = _at_start(fit.parameters, axis, rate, begun)
+    fit, confidence, frozen = _without_hopeless(data, fit, shape, frozen, at_start)
+    relaxation, most = _relaxation(data, fit.parameters, shape, [j for j in frozen if j != RELAXATION])
+    if relaxation > 0.0:
+        frozen = tuple(j for j in frozen if j != RELAXATION)
+        scalars = fit.parameters.scalars.copy()
+        scalars[RELAXATION] = relaxation
+        start = replace(fit.parameters, scalars=scalars)
+        fit = search(data.main, data.masks, start, shape, frozen, iterations=_ITERATIONS, tolerance=1e-5)
+        fit, confidence, frozen = _without_hopeless(data, fit, shape, frozen, at_start)
+    return fit, confidence, frozen, most
+
+
+def _without_hopeless(
+    data: Rows, fit: Fit, shape: ElementShape, frozen: tuple[int, ...], at_start: Floats
+) -> tuple[Fit, Confidence, tuple[int, ...]]:
+    """Put back what the data cannot tell, the least essential first, and fit the others again.
+
+    How far the others move by that is part of their intervals.
+    """
+    moved = np.zeros(len(at_start))
+    for group in ((RHO, V_S, RATE, DELAY), range(fit.parameters.first_effect, len(at_start)), (MASS, VISCOUS, OFFSET)):
+        confidence = _judge(data, fit, shape, frozen)
+        found = _hopeless(fit.parameters, confidence, shape.is_gms, at_start)
+        hopeless = [index for index in found if index in group and index not in frozen]
+        if hopeless:
+            frozen = (*frozen, *hopeless)
+            before = fit.parameters.vector()
+            values = before.copy()
+            values[hopeless] = at_start[hopeless]
+            start = fit.parameters.with_vector(values)
+            fit = search(data.main, data.masks, start, shape, frozen, iterations=_ITERATIONS, tolerance=1e-5)
+            moved += np.abs(fit.parameters.vector() - before)
+    return fit, widened(_judge(data, fit, shape, frozen), moved, fit.parameters), frozen
+
+
+def _asks_negative_delay(data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int]) -> bool:
+    """Return whether the delay, held at 0, would go below it by more than its interval."""
+    if parameters.scalars[DELAY] > 0.0:
+        return False
+    free = parameters.free([j for j in frozen if j != DELAY], shape.is_gms)
+    width = judge(data.main, data.masks, data.others, parameters, shape, free).half_width[DELAY]
+    step = float(step_to(data.main, data.masks, parameters, shape, free)[free.index(DELAY)])
+    return bool(-step > width)
 
 
 def _judge(data: Rows, fit: Fit, shape: ElementShape, frozen: Sequence[int]) -> Confidence:
-    free = _free(len(fit.parameters.vector()), frozen, shape.is_gms)
+    free = fit.parameters.free(frozen, shape.is_gms)
     return judge(data.main, data.masks, data.others, fit.parameters, shape, free)
 
 
 def _relaxation(data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int]) -> tuple[float, float]:
     """Return the elements' damping over stiffness [s], 0 unless the data insist on it, and the most that they allow."""
-    free = _free(len(parameters.vector()), frozen, shape.is_gms)
+    free = parameters.free(frozen, shape.is_gms)
     width = judge(data.main, data.masks, data.others, parameters, shape, free).half_width[RELAXATION]
     value = float(step_to(data.main, data.masks, parameters, shape, free)[free.index(RELAXATION)])
     return (value if value > width else 0.0), max(value, 0.0) + float(width)
 
 
-def _hopeless(parameters: Parameters, confidence: Confidence, is_gms: bool) -> tuple[int, ...]:
-    """Return the shared parameters that the data cannot tell at all."""
-    value = parameters.vector()
+def _hopeless(parameters: Parameters, confidence: Confidence, is_gms: bool, start: Floats) -> tuple[int, ...]:
+    """Return the shared parameters that the data cannot tell: they stay at the start value if the interval holds it."""
+    value, width = parameters.vector(), confidence.half_width
     out = []
     for index in (MASS, VISCOUS, V_S, RATE):
-        if (index != RATE or is_gms) and not confidence.half_width[index] <= _HOPELESS * abs(value[index]):
+        if (index != RATE or is_gms) and not width[index] <= _HOPELESS * abs(value[index]):
             out.append(index)
-    if not confidence.half_width[RHO] <= max(_HOPELESS * (value[RHO] - 1.0), 0.05):
+    if not width[RHO] <= max(_HOPELESS * (value[RHO] - 1.0), 0.05):
         out.append(RHO)
-    if value[RHO] - 1.0 <= confidence.half_width[RHO] and V_S not in out:
+    if value[RHO] - 1.0 <= width[RHO] and V_S not in out:
         out.append(V_S)
-    if not confidence.half_width[DELAY] <= 1e-3:
+    if not width[DELAY] <= _MAX_DELAY_WIDTH:
         out.append(DELAY)
-    if not confidence.half_width[OFFSET] <= 0.5 * float(parameters.level.sum()):
+    if not width[OFFSET] <= 0.5 * float(parameters.level.sum()):
         out.append(OFFSET)
+    is_contradicted = (np.abs(start - value) > width) & np.isfinite(width)
+    out = [index for index in out if index not in (MASS, VISCOUS, OFFSET) or not is_contradicted[index]]
+    first = parameters.first_effect
+    for number in parameters.effects.free:
+        index = first + number
+        size = max(abs(value[index]), abs(parameters.effects.scale[number]) * _NEGLIGIBLE_EFFECT)
+        if not width[index] <= _HOPELESS * size and not is_contradicted[index]:
+            out.append(index)
     return tuple(out)
 
 
-def _at_start(parameters: Parameters, frozen: Sequence[int], axis: AxisSettings, rate: float) -> Parameters:
-    """Return the parameters with frozen entries at the start settings' values."""
+def _at_start(parameters: Parameters, axis: AxisSettings, rate: float, begun: _Start) -> Floats:
+    """Return ``Parameters.vector`` with the start settings' values of all shared parameters and effects."""
     friction = axis.friction
     offset = next((item.values[0] for item in axis.effects if item.name == "offset" and item.values), 0.0)
-    start = np.array(
-        [
-            axis.mass,
-            max(friction.viscous_coefficient, 1e-3),
-            offset,
-            0.0,
-            max(friction.static_force / friction.coulomb_force, 1.0),
-            friction.stribeck_velocity,
-            rate,
-            0.0,
-        ]
-    )
-    scalars = parameters.scalars.copy()
-    chosen = [index for index in frozen if index < ELEMENTS]
-    scalars[chosen] = start[chosen]
-    return replace(parameters, scalars=scalars)
+    out = parameters.vector()
+    out[:ELEMENTS] = [
+        axis.mass,
+        max(friction.viscous_coefficient, 1e-6 * begun.scales.viscous),
+        offset,
+        0.0,
+        max(friction.static_force / friction.coulomb_force, 1.0),
+        friction.stribeck_velocity,
+        rate,
+        0.0,
+    ]
+    out[parameters.first_effect :] = begun.terms.start.values
+    return out

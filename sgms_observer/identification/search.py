@@ -1,4 +1,4 @@
-"""Bounded Levenberg-Marquardt on the normal equations, in logarithms of what is positive."""
+"""Bounded Levenberg-Marquardt on the normal equations, in logarithms of what is positive and units of the recording."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.identification.prepared import Prepared
 from sgms_observer.identification.problem import (
     DELAY,
     ELEMENTS,
@@ -19,20 +20,25 @@ from sgms_observer.identification.problem import (
     V_S,
     VISCOUS,
     Parameters,
-    Prepared,
     residual_and_jacobian,
 )
+from sgms_observer.identification.scales import Scales, scales_of
 from sgms_observer.identification.simulation import ElementShape
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-_LOWEST = {MASS: 1e-3, VISCOUS: 1e-4, RHO: 1.0, V_S: 1e-6, RATE: 1e-2}
-_HIGHEST = {MASS: 1e5, VISCOUS: 1e6, RHO: 5.0, V_S: 1.0, RATE: 1e5}
+_SHARES = (1.0e-6, 1.0e2)
+"""Smallest and largest mass and viscous coefficient over those that would need all of the effort."""
+_LOWEST = {RHO: 1.0, RATE: 1e-2}
+_HIGHEST = {RHO: 5.0, RATE: 1e5}
+_V_S_SHARES = (2.0e-5, 20.0)
+"""Smallest and largest Stribeck velocity over the largest velocity."""
+_SMALLEST_SHARE = 0.3
+"""Smallest deflection of all of the friction, over the smallest one that the encoder shows."""
+_LARGEST_SHARE = 0.5
+"""Largest deflection of all of the friction, over the travel."""
 _LARGEST_DELAY = 0.02
-_SMALLEST_DEFLECTION = 3e-9  # of all of the friction [m]: below, no encoder tells an element from a step
-_LARGEST_DEFLECTION = 1e-2
-_OFFSET_SCALE = 1.0
 _DELAY_SCALE = 1e-3
 _LONGEST_RELAXATION = 0.01  # s
 _MAX_DAMPING = 1e8
@@ -55,31 +61,34 @@ class Fit:
     is_converged: bool
 
 
-def to_search(parameters: Parameters) -> Floats:
-    """Return the search variables: logarithms of all but offset, delay and relaxation."""
+def to_search(parameters: Parameters, scales: Scales) -> Floats:
+    """Return the search variables: logarithms of all but offset, delay, relaxation and the effects' parameters."""
     values = parameters.vector()
     out = np.log(np.maximum(values, 1e-300))
-    out[OFFSET] = values[OFFSET] / _OFFSET_SCALE
+    out[OFFSET] = values[OFFSET] / scales.effort
     out[[DELAY, RELAXATION]] = values[[DELAY, RELAXATION]] / _DELAY_SCALE
+    out[parameters.first_effect :] = parameters.effects.values / parameters.effects.scale
     return np.asarray(out)
 
 
-def from_search(variables: Floats, like: Parameters) -> Parameters:
+def from_search(variables: Floats, like: Parameters, scales: Scales) -> Parameters:
     """Return the parameters of search variables."""
     values = np.exp(np.clip(variables, -700.0, 700.0))
-    values[OFFSET] = variables[OFFSET] * _OFFSET_SCALE
+    values[OFFSET] = variables[OFFSET] * scales.effort
     values[[DELAY, RELAXATION]] = variables[[DELAY, RELAXATION]] * _DELAY_SCALE
+    values[like.first_effect :] = variables[like.first_effect :] * like.effects.scale
     return like.with_vector(values)
 
 
-def search_scale(parameters: Parameters) -> Floats:
+def search_scale(parameters: Parameters, scales: Scales) -> Floats:
     """Return d parameter / d search variable, by which a Jacobian's columns are multiplied."""
-    scale = parameters.vector().copy()
-    scale[OFFSET], scale[[DELAY, RELAXATION]] = _OFFSET_SCALE, _DELAY_SCALE
-    return scale
+    out = parameters.vector().copy()
+    out[OFFSET], out[[DELAY, RELAXATION]] = scales.effort, _DELAY_SCALE
+    out[parameters.first_effect :] = parameters.effects.scale
+    return out
 
 
-def search_bounds(parameters: Parameters) -> tuple[Floats, Floats]:
+def search_bounds(parameters: Parameters, scales: Scales) -> tuple[Floats, Floats]:
     """Return lower and upper bounds of the search variables."""
     size = len(parameters.vector())
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
@@ -87,22 +96,27 @@ def search_bounds(parameters: Parameters) -> tuple[Floats, Floats]:
         low[index] = np.log(value)
     for index, value in _HIGHEST.items():
         high[index] = np.log(value)
-    low[DELAY], high[DELAY] = -_LARGEST_DELAY / _DELAY_SCALE, _LARGEST_DELAY / _DELAY_SCALE
+    for index, most in ((MASS, scales.mass), (VISCOUS, scales.viscous)):
+        low[index], high[index] = np.log(_SHARES[0] * most), np.log(_SHARES[1] * most)
+    low[V_S], high[V_S] = (np.log(share * scales.top_velocity) for share in _V_S_SHARES)
+    low[DELAY], high[DELAY] = 0.0, max(_LARGEST_DELAY, 2.0 * scales.period) / _DELAY_SCALE
     low[RELAXATION], high[RELAXATION] = 0.0, _LONGEST_RELAXATION / _DELAY_SCALE
     total = float(parameters.level.sum())
-    n_z = parameters.count
-    low[ELEMENTS + n_z :] = np.log(1e-5 * total)
-    high[ELEMENTS + n_z :] = np.log(20.0 * total)
-    low[ELEMENTS : ELEMENTS + n_z] = np.log(1e-3 * total / _LARGEST_DEFLECTION)
-    high[ELEMENTS : ELEMENTS + n_z] = np.log(total / _SMALLEST_DEFLECTION)
+    n_z, first = parameters.count, parameters.first_effect
+    low[ELEMENTS + n_z : first] = np.log(1e-5 * total)
+    high[ELEMENTS + n_z : first] = np.log(20.0 * total)
+    low[ELEMENTS : ELEMENTS + n_z] = np.log(1e-3 * total / (_LARGEST_SHARE * scales.travel))
+    high[ELEMENTS : ELEMENTS + n_z] = np.log(total / (_SMALLEST_SHARE * scales.smallest))
+    effects = parameters.effects
+    low[first:], high[first:] = effects.low / effects.scale, effects.high / effects.scale
     return low, high
 
 
 def _normal_equations(
-    data: Sequence[Prepared], masks: Sequence[Booleans], parameters: Parameters, shape: ElementShape
+    data: Sequence[Prepared], masks: Sequence[Booleans], parameters: Parameters, shape: ElementShape, scales: Scales
 ) -> tuple[float, Floats, Floats]:
     """Return mean squared residual, gradient and Gauss-Newton matrix in search variables."""
-    scale = search_scale(parameters)
+    scale = search_scale(parameters, scales)
     size = len(scale)
     cost, gradient, matrix, rows = 0.0, np.zeros(size), np.zeros((size, size)), 0
     for piece, mask in zip(data, masks, strict=True):
@@ -138,12 +152,13 @@ def search(
     Returns:
         The best point found.
     """
-    low, high = search_bounds(start)
-    free = np.array([j for j in range(len(low)) if j not in set(frozen) | ({RATE} if not shape.is_gms else set())])
-    variables = to_search(start)
+    scales = scales_of(data)
+    low, high = search_bounds(start, scales)
+    free = np.array(start.free(frozen, shape.is_gms))
+    variables = to_search(start, scales)
     variables[free] = np.clip(variables[free], low[free], high[free])
-    parameters = from_search(variables, start)
-    cost, gradient, matrix = _normal_equations(data, masks, parameters, shape)
+    parameters = from_search(variables, start, scales)
+    cost, gradient, matrix = _normal_equations(data, masks, parameters, shape, scales)
     damping = 1e-3
     steps = 0
     while steps < iterations:
@@ -157,8 +172,8 @@ def search(
         step = np.clip(step, -1.5, 1.5)
         trial = variables.copy()
         trial[moving] = np.clip(variables[moving] + step[moving], low[moving], high[moving])
-        candidate = from_search(trial, start)
-        new_cost, new_gradient, new_matrix = _normal_equations(data, masks, candidate, shape)
+        candidate = from_search(trial, start, scales)
+        new_cost, new_gradient, new_matrix = _normal_equations(data, masks, candidate, shape, scales)
         if not new_cost < cost:
             damping *= 8.0
             if damping > _MAX_DAMPING:

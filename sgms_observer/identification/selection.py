@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.errors import DataError
-from sgms_observer.identification.problem import V_S, Parameters, Prepared, chunk_numbers, residual_and_jacobian
+from sgms_observer.identification.prepared import Prepared
+from sgms_observer.identification.problem import V_S, Parameters, chunk_numbers, residual_and_jacobian
 from sgms_observer.identification.search import Fit, search
 from sgms_observer.identification.simulation import ElementShape
 from sgms_observer.identification.start_values import Atoms, merge_elements, start_parameters
@@ -62,8 +63,8 @@ def rows_to_use(main: list[Prepared], others: Sequence[list[Prepared]], deflecti
     masks = [piece.settled(deflection) for piece in main]
     if sum(int(mask.sum()) for mask in masks) < _FEWEST_ROWS:
         raise DataError(
-            f"these recordings never slide {3.0 * deflection:.2g} m in one direction, which the elements need to forget"
-            " how they started; record longer strokes (sgms excite)"
+            f"these recordings never slide {3.0 * deflection:.2g} {main[0].unit} in one direction, which the elements"
+            " need to forget how they started; record longer strokes (sgms excite)"
         )
     chunks = chunk_numbers(main, _CHUNKS)
     judges = [number % 3 == 2 for number in chunks]

@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from sgms_observer.errors import DataError
-from sgms_observer.identification.problem import Parameters, Prepared
+from sgms_observer.identification.effect_terms import EffectVector
+from sgms_observer.identification.linear_effects import LinearEffects
+from sgms_observer.identification.prepared import Prepared
+from sgms_observer.identification.problem import Parameters
 from sgms_observer.identification.simulation import ElementShape, unit_elements
 
 Floats = NDArray[np.float64]
@@ -25,6 +27,7 @@ _ROWS = 40_000  # enough rows for a start
 _NEGLIGIBLE = 5.0e-3  # of the whole Coulomb force: a smaller atom is noise
 _NEARLY_ALL = 0.95
 _MARGIN = 5.0  # grid of the second fit over the reach of the first
+_OPPOSED = 0.9  # squared residual with the effort reversed over that without: below, the sign is reversed
 _BUMPS = (0.2, 1.0, 5.0)  # of the start's Stribeck velocity: widths of the rise at low speed
 
 
@@ -39,6 +42,9 @@ class Atoms:
         viscous: [N s/m].
         offset: [N].
         rise: share by which friction at rest exceeds friction at speed [-].
+        effects: values of the effects, those with a linear strength fitted.
+        cost: mean squared residual [N^2].
+        opposed_cost: the same with the effort's sign reversed; smaller where the effort counts against the position.
     """
 
     deflection: Floats
@@ -47,6 +53,9 @@ class Atoms:
     viscous: float
     offset: float
     rise: float
+    effects: EffectVector
+    cost: float
+    opposed_cost: float
 
     @property
     def reach(self) -> float:
@@ -54,9 +63,19 @@ class Atoms:
         share = np.cumsum(self.force) / self.force.sum()
         return float(self.deflection[np.searchsorted(share, _NEARLY_ALL)])
 
+    @property
+    def is_opposed(self) -> bool:
+        """Whether friction and mass fit the reversed effort better."""
+        return self.opposed_cost < _OPPOSED * self.cost
+
 
 def fit_atoms(
-    data: Sequence[Prepared], shape: ElementShape, smallest: float, largest: float, stribeck_velocity: float
+    data: Sequence[Prepared],
+    shape: ElementShape,
+    smallest: float,
+    largest: float,
+    stribeck_velocity: float,
+    terms: LinearEffects,
 ) -> Atoms:
     """Fit the distribution over a grid of slip deflections: coarsely over all of it, then again up to its reach.
 
@@ -66,13 +85,17 @@ def fit_atoms(
         smallest: smallest deflection of the grid [m].
         largest: largest deflection of the grid [m].
         stribeck_velocity: order of magnitude of v_s [m/s].
+        terms: effects with linear strengths.
 
     Raises:
         DataError: if no friction is seen at all.
     """
-    first = _fit(data, shape, smallest, largest, stribeck_velocity, 10.0 * smallest)
+    first = _fit(data, shape, smallest, largest, stribeck_velocity, 10.0 * smallest, terms)
+    if first.is_opposed or first.force.sum() <= 0.0:
+        return first
     reach = first.reach
-    return _fit(data, shape, smallest, min(largest, max(_MARGIN * reach, 4.0 * smallest)), stribeck_velocity, reach)
+    largest = min(largest, max(_MARGIN * reach, 4.0 * smallest))
+    return _fit(data, shape, smallest, largest, stribeck_velocity, reach, terms)
 
 
 def _fit(
@@ -82,12 +105,13 @@ def _fit(
     largest: float,
     stribeck_velocity: float,
     forgotten: float,
+    terms: LinearEffects,
 ) -> Atoms:
     """Solve the convex problem on one grid, once elements up to deflection ``forgotten`` have forgotten their start."""
     count = max(3, int(np.ceil(_GRID_PER_DECADE * np.log10(largest / smallest))) + 1)
     grid = np.geomspace(smallest, largest, count)
     rows, efforts = [], []
-    for piece in data:
+    for piece, base, added in zip(data, terms.base, terms.columns, strict=True):
         mask = piece.settled(forgotten)
         if not np.any(mask):
             mask = piece.usable
@@ -97,28 +121,33 @@ def _fit(
         columns = piece.low_pass(np.column_stack([elements, *bumps]))
         stride = max(1, int(mask.sum()) * len(data) // _ROWS)
         ones = np.ones(len(piece.time))
-        matrix = np.column_stack([columns, piece.acceleration, piece.velocity, ones, -ones])
+        matrix = np.column_stack([columns, piece.acceleration, piece.velocity, ones, -ones, added, -added])
         rows.append(matrix[mask][::stride])
-        efforts.append(piece.effort(piece.time)[mask][::stride])
+        efforts.append((piece.effort(piece.time) - base)[mask][::stride])
     matrix, effort = np.concatenate(rows), np.concatenate(efforts)
     scale = np.linalg.norm(matrix, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     orthogonal, triangle = np.linalg.qr(matrix / scale)
-    solution, _norm = nnls(triangle, orthogonal.T @ effort)
+    seen = orthogonal.T @ effort
+    beyond = float(effort @ effort - seen @ seen)  # squares that no column reaches
+    solution, norm = nnls(triangle, seen)
+    _opposed, opposed_norm = nnls(triangle, -seen)
     weights = solution / scale
     force = weights[:count]
     total = float(force.sum())
-    if total <= 0.0:
-        raise DataError("these recordings show no friction that follows the motion; check the sign of control_effort")
     keep = force > _NEGLIGIBLE * total
     rest = weights[count + len(_BUMPS) :]
+    plus, minus = np.split(rest[4:], 2)
     return Atoms(
         grid[keep],
         force[keep],
-        max(float(rest[0]), 1e-3),
+        float(rest[0]),
         float(rest[1]),
         float(rest[2] - rest[3]),
-        float(weights[count : count + len(_BUMPS)].sum()) / total,
+        float(weights[count : count + len(_BUMPS)].sum()) / max(total, 1e-300),
+        terms.vector_of(plus - minus),
+        max(float(norm**2) + beyond, 1e-300) / len(effort),
+        max(float(opposed_norm**2) + beyond, 1e-300) / len(effort),
     )
 
 
@@ -164,8 +193,8 @@ def start_parameters(atoms: Atoms, count: int, stribeck_velocity: float, delay: 
     """
     deflection, force = cluster(atoms.deflection, atoms.force, count)
     rho = min(max(1.0 + atoms.rise, 1.01), 3.0)
-    scalars = np.array([atoms.mass, max(atoms.viscous, 1e-3), atoms.offset, delay, rho, stribeck_velocity, rate, 0.0])
-    return Parameters(scalars, force / deflection, force)
+    scalars = np.array([atoms.mass, atoms.viscous, atoms.offset, delay, rho, stribeck_velocity, rate, 0.0])
+    return Parameters(scalars, force / deflection, force, atoms.effects)
 
 
 def merge_elements(parameters: Parameters, count: int) -> Parameters:
@@ -178,4 +207,4 @@ def merge_elements(parameters: Parameters, count: int) -> Parameters:
     order = np.argsort(parameters.level / parameters.kappa)
     level = parameters.level[order]
     deflection, force = cluster(level / parameters.kappa[order], level, count)
-    return Parameters(parameters.scalars, force / deflection, force)
+    return Parameters(parameters.scalars, force / deflection, force, parameters.effects)

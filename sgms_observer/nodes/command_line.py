@@ -61,14 +61,17 @@ def start(
 def _run_checked(name: str, make_node: Callable[[Executor], ManagedNode], ros: Sequence[str]) -> int:
     """Check the parameters in the ROS arguments and run the node with them."""
     with silent_interrupts():
-        from sgms_observer.settings.arguments import rewrite_arguments
+        from sgms_observer.settings.arguments import refuse_incomplete, rewrite_arguments
 
     try:
         rewritten = rewrite_arguments([name, *ros], name)
     except SgmsError as error:
         return fail(str(error))
     try:
-        return run_node(make_node, rewritten.argv)
+        refuse_incomplete(rewritten, name)
+        return run_node(make_node, rewritten)
+    except SgmsError as error:
+        return fail(str(error))
     finally:
         rewritten.discard()
 

@@ -52,7 +52,7 @@ class Engine:
         self.clock = StepClock(settings.sample_period)
         self.statistics = [AxisStatistics() for _ in settings.axes]
         self.latest: dict[int, Estimates] = {}
-        self.intake = Intake(self.axes, settings.sample_period)
+        self.intake = Intake(settings.scales, settings.sample_period)
         self._outgoing = Outgoing(settings)
 
     def warm_up(self) -> None:
@@ -92,7 +92,7 @@ class Engine:
     def reset(self) -> None:
         """Forget every sample and everything learnt; counts go on."""
         before = self.intake
-        self.intake = Intake(self.axes, self.settings.sample_period)
+        self.intake = Intake(self.settings.scales, self.settings.sample_period)
         self.intake.counts = before.counts
         for pairing, old in zip(self.intake.pairings, before.pairings, strict=True):
             pairing.counts = old.counts

@@ -10,6 +10,7 @@ from sgms_observer.bags.cdr import JointStateDecoder
 from sgms_observer.errors import DataError
 from sgms_observer.observer.pairing import Pairing
 from sgms_observer.observer.samples import Samples
+from sgms_observer.settings.units import ScaledAxes, scales_by_axis
 
 _KEPT_NAME_LISTS = 64
 _Places = list[tuple[Pairing, int]]
@@ -54,14 +55,15 @@ class Intake:
     """Decodes messages, finds each axis by its name, and pairs position, effort and reference by their stamps.
 
     Args:
-        axes: names of the axes, as in the messages.
+        axes: names of the axes, as in the messages, with their factors from the messages to SI (``Settings.scales``).
         sample_period: nominal time between two samples [s].
     """
 
-    def __init__(self, axes: Sequence[str], sample_period: float) -> None:
-        self.axes = tuple(axes)
+    def __init__(self, axes: ScaledAxes, sample_period: float) -> None:
+        scales = scales_by_axis(axes)
+        self.axes = tuple(scales)
         self.counts = IntakeCounts()
-        self.pairings = tuple(Pairing(sample_period) for _ in axes)
+        self.pairings = tuple(Pairing(sample_period, own) for own in scales.values())
         self._known: dict[tuple[str, ...], _Places] = {}
         self._decoders = {topic: JointStateDecoder() for topic in ("position", "control_effort", "reference")}
 

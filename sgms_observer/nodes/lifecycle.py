@@ -34,6 +34,8 @@ class ManagedNode(LifecycleNode):
 
     Attributes:
         kernels: full name of the module whose kernels take longest to compile.
+        has_stage: whether the node uses the parameters below ``stage``.
+        given: the settings that the node was started with, those of other nodes included.
         fault: what ended the node's work, if it was not a signal or a shutdown.
 
     Raises:
@@ -41,13 +43,15 @@ class ManagedNode(LifecycleNode):
     """
 
     kernels = ""
+    has_stage = False
 
     def __init__(self, name: str, executor: Executor) -> None:
         super().__init__(name)
         self.own_executor = executor
         self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self.parameters = NodeParameters.declare(self)
+        self.parameters = NodeParameters.declare(self, self.has_stage)
         self.settings: Settings = self.parameters.settings()
+        self.given: Settings | None = None
         self.is_configured = False
         self.is_active = False
         self.fault: Exception | None = None

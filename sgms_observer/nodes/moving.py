@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.pace import AGE_SENTENCE, Pace
 from sgms_observer.nodes.topics import JointStateTopics, subscribe
 from sgms_observer.observer.outgoing import OutgoingBlock
+from sgms_observer.observer.samples import Samples
 from sim_plant.record import StageRecord
 from sim_plant.table import SimulatedTable
 
@@ -47,7 +49,8 @@ class StageNode(ManagedNode):
     a machine does not run while the one who simulates it stands still, and the observer is not late for it. A
     compensation goes into the effort at the time it was made for, ``look_ahead`` after its stamp, or at once when it
     comes later, until it is older than its timeout or the set-point has turned round. The effort of ``reference`` says
-    what went in.
+    what went in. ``position``, ``control_effort`` and ``reference`` are in topic units, which ``position_scale`` and
+    ``effort_scale`` bring to SI; compensations and the truth are in SI.
 
     Args:
         name: name of the node.
@@ -58,6 +61,7 @@ class StageNode(ManagedNode):
     """
 
     kernels = "sim_plant.kernel"
+    has_stage = True
 
     def __init__(self, name: str, executor: Executor) -> None:
         super().__init__(name, executor)
@@ -159,17 +163,21 @@ class StageNode(ManagedNode):
         self._directions = [int(np.sign(record.reference_velocity[-1])) for record in records]
         self._latest_ns = int(stamps[-1])
         names = tuple(axis.name for axis in self.settings.axes)
-        reference = {field: _columns(records, f"reference_{field}") for field in ("position", "velocity")}
-        self._topics.publish(OutgoingBlock(REFERENCE, names, stamps, {**reference, "effort": np.stack(forces, axis=1)}))
-        for topic, fields in (
-            (POSITION, {"position": "measured_position"}),
-            (EFFORT, {"effort": "control_effort"}),
-            (TRUTH, {"position": "position", "velocity": "velocity", "effort": "friction"}),
+        seen = [
+            record.samples.in_topic_units(axis.scales)
+            for record, axis in zip(records, self.settings.axes, strict=True)
+        ]
+        reference = {field: _columns(seen, f"reference_{field}") for field in ("position", "velocity")}
+        truth = {"position": "position", "velocity": "velocity", "effort": "friction"}
+        for topic, values in (
+            (REFERENCE, {**reference, "effort": np.stack(forces, axis=1)}),
+            (POSITION, {"position": _columns(seen, "position")}),
+            (EFFORT, {"effort": _columns(seen, "effort")}),
+            (TRUTH, {field: _columns(records, name) for field, name in truth.items()}),
         ):
-            values = {field: _columns(records, name) for field, name in fields.items()}
             self._topics.publish(OutgoingBlock(topic, names, stamps, values))
 
 
-def _columns(records: tuple[StageRecord, ...], field: str) -> NDArray[np.float64]:
+def _columns(blocks: Sequence[Samples | StageRecord], field: str) -> NDArray[np.float64]:
     """Return one field of all axes side by side, shape (n, axes)."""
-    return np.stack([getattr(record, field) for record in records], axis=1)
+    return np.stack([getattr(block, field) for block in blocks], axis=1)

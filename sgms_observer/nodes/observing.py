@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -16,19 +17,22 @@ from std_srvs.srv import Trigger
 
 from sgms_observer.bags.diagnostics_cdr import encode_diagnostics
 from sgms_observer.errors import SgmsError
-from sgms_observer.nodes.commands import CommandTopic
+from sgms_observer.nodes.commands import COMMANDS, CommandTopic
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.lifecycle import ManagedNode
-from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, parameter_entry
+from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, parameter_entry, scale_sentences
 from sgms_observer.nodes.statistics import Growth, Sentences
 from sgms_observer.nodes.topics import JointStateTopics, subscribe
 from sgms_observer.nodes.watchdog import SHORTEST_PERIOD, Watchdog
-from sgms_observer.observer.learnt import learnt_changes
+from sgms_observer.observer.learnt import learnt_changes, learnt_remarks
 from sgms_observer.observer.outgoing import COMPENSATION, JOINT_STATE_TOPICS, PARAMETERS, OutgoingBlock
+from sgms_observer.settings.axis import Settings
+from sgms_observer.settings.parameter_file import overlaid, parameter_tree
 from sgms_observer.settings.write import write_settings
 
 _REPORT_PERIOD = 1.0  # s
 _LONGEST_END = 1.0  # s for the compensation to go to zero within its slew limit when the node stops
+_KEPT_BACK = "the compensation stays at zero until only one node publishes it"
 _SHORTEST_REPORT = 0.8  # s; the first after the activation tells of about a period as well
 
 
@@ -62,6 +66,7 @@ class ObserverNode(ManagedNode):
         self._reported_at = time.monotonic()
         self._sentences = Sentences()
         self._growth = Growth()
+        self._rivals: tuple[str, ...] = ()
         self._watchdog: Watchdog | None = None
         self._watch_timer: Timer | None = None
         self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -99,6 +104,8 @@ class ObserverNode(ManagedNode):
         self._working_engine().reset()
         self._reported_at = time.monotonic()
         self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
+        self._rivals = self._other_publishers()
+        self.on_tuned()
         for number in range(len(self.settings.axes)):
             self._working_engine().continue_compensation(number, 0.0)
 
@@ -134,10 +141,11 @@ class ObserverNode(ManagedNode):
         self._watch_timer = self._watchdog = self._topics = self._commands = self._engine = None
 
     def on_tuned(self) -> None:
-        """Take over the compensation's settings."""
-        self._working_engine().tune_compensation(self.settings)
+        """Take over the compensation's settings; beside another observer none is given out, whatever they say."""
+        settings = self.settings if not self._rivals else without_compensation(self.settings)
+        self._working_engine().tune_compensation(settings)
         if self._watchdog is not None:
-            self._watchdog.configure(self.settings.axes)
+            self._watchdog.configure(settings.axes)
             self._watch_by(self._watchdog)
 
     def _watch_by(self, watchdog: Watchdog) -> None:
@@ -228,12 +236,13 @@ class ObserverNode(ManagedNode):
         if engine is None or not self.is_active or seconds < _SHORTEST_REPORT:
             return
         self._reported_at = now
-        name = self.get_name()
+        name = self.get_fully_qualified_name().lstrip("/")
+        faults = self._judge_rivals()
         counts = engine.intake.counts
         new = self._growth.take("messages", counts)
         clock = engine.clock
         entries = [
-            node_entry(name, engine.axes, "active", counts, new, clock.take(), clock.deadline_misses, seconds)
+            node_entry(name, engine.axes, "active", counts, new, clock.take(), clock.deadline_misses, seconds, faults)
         ]
         sentences = list(new.sentences(engine.axes))
         for axis, statistics, pairing in zip(engine.axes, engine.statistics, engine.intake.pairings, strict=True):
@@ -242,9 +251,28 @@ class ObserverNode(ManagedNode):
             entries.append(entry)
             sentences += [f"axis {axis}: {sentence}" for sentence in axis_sentences(entry, statistics, grown)]
             statistics.start_anew()
+        sentences += scale_sentences(self.settings.axes)
         self._diagnostics.publish(encode_diagnostics(self.get_clock().now().nanoseconds, entries))
-        for sentence in self._sentences.new(sentences):
-            self.get_logger().warning(sentence)
+        for sentence in self._sentences.new([*faults, *sentences]):
+            (self.get_logger().error if sentence in faults else self.get_logger().warning)(sentence)
+
+    def _judge_rivals(self) -> list[str]:
+        """Keep the compensation back while another node publishes it too; return the sentence about that."""
+        rivals = self._other_publishers()
+        if bool(rivals) != bool(self._rivals):
+            self._rivals = rivals
+            self.on_tuned()
+            if not rivals:
+                self.get_logger().info("no other node publishes the compensation any more: it follows its settings")
+        self._rivals = rivals
+        return [f"{topic} is published by another node as well; {_KEPT_BACK}; stop it" for topic in rivals]
+
+    def _other_publishers(self) -> tuple[str, ...]:
+        """Return the topics of the compensation that somebody else publishes too."""
+        if self._topics is None:
+            return ()
+        topics = (self.resolve_topic_name(topic) for topic in (COMPENSATION, COMMANDS))
+        return tuple(topic for topic in topics if self.count_publishers(topic) > 1)
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Answer ``~/reset``: forget every sample and everything learnt."""
@@ -265,6 +293,19 @@ class ObserverNode(ManagedNode):
             response.success, response.message = False, str(error)
         return response
 
+    def _with_stage(self) -> Settings:
+        """Return the settings with what the parameter file says of the stage, which this node does not declare."""
+        if self.given is None:
+            return self.settings
+        given = parameter_tree(self.given.source, "the parameters")
+        stages = {
+            axis.name: {"stage": given[axis.name]["stage"]}
+            for axis in self.settings.axes
+            if "stage" in given.get(axis.name, {})
+        }
+        own = parameter_tree(self.settings.source, "the parameters")
+        return replace(self.settings, source={"/**": {"ros__parameters": overlaid(own, stages)}})
+
     def _save(self) -> str:
         engine = self._working_engine()
         changes, comments = {}, {}
@@ -273,15 +314,25 @@ class ObserverNode(ManagedNode):
             values = dict(zip(axis.estimator.parameters, estimates.parameters[-1].tolist(), strict=True))
             if values:
                 changes[axis.name] = learnt_changes(axis, values, engine.observers[number].effects.added_mass)
-                for name in changes[axis.name]:
-                    comments[f"{axis.name}.{name}"] = "learnt by observer_node"
+                for name, remark in learnt_remarks(axis, changes[axis.name], self.get_name()).items():
+                    comments[f"{axis.name}.{name}"] = remark
         now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
         samples = max((statistics.total for statistics in engine.statistics), default=0)
         comments[""] = f"Written by {self.get_name()} on {now} after {samples} samples."
         path = Path(self.settings.save_file).expanduser().resolve()
-        write_settings(self.settings, path, changes, comments)
+        write_settings(self._with_stage(), path, changes, comments)
         what = (
             ", ".join(f"{axis}: {' '.join(names)}" for axis, names in changes.items())
             or "nothing learnt, settings as they are"
         )
         return f"wrote {path} ({what})"
+
+
+def without_compensation(settings: Settings) -> Settings:
+    """Return settings whose compensation is switched off on every axis.
+
+    Args:
+        settings: any settings.
+    """
+    axes = (replace(axis, compensation=replace(axis.compensation, enabled=False)) for axis in settings.axes)
+    return replace(settings, axes=tuple(axes))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
@@ -26,15 +26,16 @@ _TYPES = {
     "double_array": Parameter.Type.DOUBLE_ARRAY,
     "string_array": Parameter.Type.STRING_ARRAY,
 }
-_LARGEST = sys.float_info.max
-_LARGEST_INTEGER = 2**63 - 1
 #: They decide which parameters there are, so they are fixed once the node runs.
 _STRUCTURE = ("axes", "effect_files", "autostart")
 _TUNABLE = tuple(f".compensation.{field.name}" for field in fields(CompensationSettings))
+#: What may change while a force goes out ends at this many times the value that the node started with: one notch of a
+#: slider in rqt is then a tenth of that value, not a tenth of all that is physical.
+_TUNING = 10.0
 
 
-def _descriptor(declaration: ParameterDeclaration) -> ParameterDescriptor:
-    """Return a declaration as ROS describes parameters."""
+def _descriptor(declaration: ParameterDeclaration, value: Any) -> ParameterDescriptor:
+    """Return a declaration as ROS describes parameters, for a parameter that starts with this value."""
     is_fixed = declaration.name in _STRUCTURE or declaration.name.endswith("effects.names")
     descriptor = ParameterDescriptor(
         name=declaration.name,
@@ -44,16 +45,15 @@ def _descriptor(declaration: ParameterDeclaration) -> ParameterDescriptor:
     )
     if declaration.choices:
         descriptor.additional_constraints = "one of " + ", ".join(declaration.choices)
-    if declaration.minimum is None and declaration.maximum is None:
+    if declaration.minimum is None or declaration.maximum is None:
         return descriptor
+    low, high = declaration.minimum, declaration.maximum
     if declaration.type.startswith("double"):
-        low = -_LARGEST if declaration.minimum is None else float(declaration.minimum)
-        high = _LARGEST if declaration.maximum is None else float(declaration.maximum)
-        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-    elif declaration.type == "integer":
-        low_integer = -_LARGEST_INTEGER if declaration.minimum is None else int(declaration.minimum)
-        high_integer = _LARGEST_INTEGER if declaration.maximum is None else int(declaration.maximum)
-        descriptor.integer_range = [IntegerRange(from_value=low_integer, to_value=high_integer)]
+        if declaration.name.endswith(_TUNABLE) and 0.0 < _TUNING * declaration.default < high:
+            high = min(high, _TUNING * max(declaration.default, value))
+        descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+    else:
+        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
     return descriptor
 
 
@@ -70,15 +70,18 @@ class NodeParameters:
     names: tuple[str, ...]
 
     @classmethod
-    def declare(cls, node: Node) -> NodeParameters:
-        """Declare every parameter.
+    def declare(cls, node: Node, has_stage: bool) -> NodeParameters:
+        """Declare every parameter that the node uses.
 
         Args:
             node: the node; its overrides (files, ``-p``) become the values.
+            has_stage: whether the node simulates, so that it uses the parameters below ``stage``.
         """
         names: list[str] = []
 
         def declare(declaration: ParameterDeclaration) -> Any:
+            if not has_stage and ".stage." in declaration.name:
+                return None
             names.append(declaration.name)
             return _declare(node, declaration)
 
@@ -122,9 +125,12 @@ class NodeParameters:
 
 def _declare(node: Node, declaration: ParameterDeclaration) -> Any:
     """Declare one parameter and return its value; rclpy cannot infer the type of an empty list, so it is given."""
-    descriptor = _descriptor(declaration)
     if declaration.default != []:
-        return node.declare_parameter(declaration.name, declaration.default, descriptor).value
+        wide = _descriptor(declaration, math.inf)
+        value = node.declare_parameter(declaration.name, declaration.default, wide).value
+        if declaration.name.endswith(_TUNABLE):
+            node.set_descriptor(declaration.name, _descriptor(declaration, value))
+        return value
     kind = _TYPES[declaration.type]
     try:
         value = node.declare_parameter(declaration.name, kind, ParameterDescriptor(name=declaration.name)).value
@@ -133,5 +139,5 @@ def _declare(node: Node, declaration: ParameterDeclaration) -> Any:
     if value is None:
         node.set_parameters([Parameter(declaration.name, kind, [])])
         value = []
-    node.set_descriptor(declaration.name, descriptor)
+    node.set_descriptor(declaration.name, _descriptor(declaration, value))
     return value

@@ -17,6 +17,8 @@ from sgms_observer.errors import DataError, RecordingError
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+    from sgms_observer.settings.axis import AxisSettings
+
 Floats = NDArray[np.float64]
 
 _TURN = 5.0e-4  # s from one look at the clock to the next
@@ -43,12 +45,17 @@ def braking(position: float, velocity: float, acceleration: float, period: float
 
 
 def play_reference(
-    axis: str, position: Floats, velocity: Floats, period: float, acceleration: float, centre: float | None = None
+    axis: AxisSettings,
+    position: Floats,
+    velocity: Floats,
+    period: float,
+    acceleration: float,
+    centre: float | None = None,
 ) -> bool:
     """Publish a reference that starts at rest at position 0, relative to ``centre``.
 
     Args:
-        axis: name in the messages.
+        axis: its name and ``position_scale`` are those of the messages.
         position: [m], shape (n,).
         velocity: [m/s], shape (n,).
         period: time between two samples [s].
@@ -83,7 +90,8 @@ def play_reference(
         origin = _standing_at(node, axis, stop) if centre is None else centre
         publisher = node.create_publisher(JointState, "reference", SAMPLE_QOS)
         _await(lambda: publisher.get_subscription_count() > 0, stop, "nobody subscribes to reference; start the table")
-        encoder = JointStateEncoder((axis,), ("position", "velocity"))
+        encoder = JointStateEncoder((axis.name,), ("position", "velocity"))
+        scale = axis.position_scale
         clock = node.get_clock()
         begun, start_ns = time.monotonic(), clock.now().nanoseconds
         done, is_braking = 0, False
@@ -97,7 +105,8 @@ def play_reference(
             due = min(len(position), int((time.monotonic() - begun) / period) + 1)
             for i in range(done, due):
                 stamp = start_ns + round(i * period * 1e9)
-                publisher.publish(encoder.encode(stamp, [origin + float(position[i])], [float(velocity[i])]))
+                set_point = (origin + float(position[i])) / scale
+                publisher.publish(encoder.encode(stamp, [set_point], [float(velocity[i]) / scale]))
             done = due
             time.sleep(_TURN)
         publisher.wait_for_all_acked(Duration(seconds=_ACK_TIME))  # the last of them is the one that says rest
@@ -118,7 +127,7 @@ def _await(condition: Callable[[], bool], stop: threading.Event, sentence: str) 
         time.sleep(0.02)
 
 
-def _standing_at(node: Node, axis: str, stop: threading.Event) -> float:
+def _standing_at(node: Node, axis: AxisSettings, stop: threading.Event) -> float:
     """Return where the table stands [m]: the first position it publishes."""
     import rclpy
     from sensor_msgs.msg import JointState
@@ -128,14 +137,14 @@ def _standing_at(node: Node, axis: str, stop: threading.Event) -> float:
     found: list[float] = []
 
     def take(message: JointState) -> None:
-        if axis in message.name and len(message.position) > message.name.index(axis):
-            found.append(float(message.position[message.name.index(axis)]))
+        if axis.name in message.name and len(message.position) > message.name.index(axis.name):
+            found.append(axis.position_scale * float(message.position[message.name.index(axis.name)]))
 
     subscription = node.create_subscription(JointState, "position", take, SAMPLE_QOS)
     end = time.monotonic() + _FIRST_POSITION_TIME
     while not found:
         if stop.is_set() or time.monotonic() > end:
-            raise RecordingError(f"no position of axis {axis} arrives; start the table, or give --centre")
+            raise RecordingError(f"no position of axis {axis.name} arrives; start the table, or give --centre")
         rclpy.spin_once(node, timeout_sec=0.05)
     node.destroy_subscription(subscription)
     return found[-1]

@@ -10,9 +10,10 @@ from sgms_observer.nodes.intake import IntakeCounts
 from sgms_observer.nodes.statistics import AxisStatistics, StepTimes
 from sgms_observer.observer.outgoing import ParameterReport
 from sgms_observer.observer.pairing import PairingCounts
+from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.status import Status
 
-OK, WARN, ERROR, STALE = range(4)
+OK, WARN, ERROR = range(3)  # stale is what an aggregator says of a node that reports nothing
 
 HIGH_NIS = "innovations are larger than the model expects; raise measurement_std or identify the model anew"
 NO_SAMPLES = "no samples arrive; check that position and control_effort are published and remapped"
@@ -36,7 +37,7 @@ def axis_entry(
     """Return what diagnostics say of one axis.
 
     Args:
-        name: the node's name.
+        name: the node's full name.
         axis: the axis's name.
         statistics: what the estimator said since the last report.
         counts: what became of the axis's messages since the start.
@@ -45,16 +46,18 @@ def axis_entry(
     """
     level = _LEVELS.get(statistics.worst, WARN)
     sentence = statistics.worst.sentence
+    state = statistics.latest.name.lower()
     if statistics.samples == 0:
-        level, sentence = STALE, NO_SAMPLES
+        level, sentence = ERROR if statistics.total else WARN, NO_SAMPLES
+        state = "without samples" if statistics.total else state
     elif level == OK and statistics.nis > _NIS_HIGH:
         level, sentence = WARN, HIGH_NIS
     troubles = new.sentences()
-    if troubles and level in (OK, STALE):
+    if troubles and (level == OK or sentence == NO_SAMPLES):
         level, sentence = max(level, WARN), troubles[0]
     dropped = counts.late + counts.duplicates + counts.invalid
     values = {
-        "state": statistics.latest.name.lower(),
+        "state": state,
         "rate [Hz]": _number(statistics.samples / seconds if seconds > 0.0 else math.nan),
         "samples": str(statistics.total),
         "dropped": str(dropped),
@@ -83,6 +86,20 @@ def axis_sentences(entry: DiagnosticStatus, statistics: AxisStatistics, new: Pai
     return list(dict.fromkeys([*new.sentences(), *troubles, *told]))
 
 
+def scale_sentences(axes: Sequence[AxisSettings]) -> list[str]:
+    """Return a sentence for each axis whose compensation has other units than its control_effort.
+
+    Args:
+        axes: the axes with their settings as they are now.
+    """
+    return [
+        f"axis {axis.name}: friction_compensation is in {axis.units.effort} and control_effort is not; divide it by"
+        f" effort_scale = {axis.effort_scale:g} where it is added to the controller's output"
+        for axis in axes
+        if axis.compensation.enabled and axis.effort_scale != 1.0
+    ]
+
+
 def node_entry(
     name: str,
     axes: Sequence[str],
@@ -92,11 +109,12 @@ def node_entry(
     times: StepTimes,
     deadline_misses: int,
     seconds: float,
+    faults: Sequence[str] = (),
 ) -> DiagnosticStatus:
     """Return what diagnostics say of the node as a whole.
 
     Args:
-        name: the node's name.
+        name: the node's full name.
         axes: names of the axes.
         state: lifecycle state.
         counts: what became of the messages of all axes since the start.
@@ -104,8 +122,9 @@ def node_entry(
         times: how long the steps took.
         deadline_misses: steps that took longer than their samples lasted, since the start.
         seconds: time since the last report [s].
+        faults: sentences about what keeps the node from its work.
     """
-    sentences = new.sentences(axes)
+    sentences = [*faults, *new.sentences(axes)]
     values = {
         "state": state,
         "messages": str(counts.messages),
@@ -120,7 +139,7 @@ def node_entry(
         "deadline misses": str(deadline_misses),
         "period [s]": _number(seconds),
     }
-    level = WARN if sentences else OK
+    level = ERROR if faults else WARN if sentences else OK
     sentence = sentences[0] if sentences else f"the node is {state}"
     return DiagnosticStatus(level, name, sentence, "", tuple(values.items()))
 

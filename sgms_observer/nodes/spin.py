@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rclpy.executors import Executor
 
     from sgms_observer.nodes.lifecycle import ManagedNode
+    from sgms_observer.settings.arguments import RewrittenArguments
 
 #: ``EventsExecutor`` hangs after one event when it spins without an end; with a time-out it works [s]. Signals are seen
 #: in between.
@@ -44,12 +45,12 @@ def make_executor() -> Executor:
     return EventsExecutor()
 
 
-def run_node(make_node: Callable[[Executor], ManagedNode], arguments: list[str]) -> int:
+def run_node(make_node: Callable[[Executor], ManagedNode], arguments: RewrittenArguments) -> int:
     """Run a node until it is told to stop.
 
     Args:
         make_node: makes the node; the executor is the one that will spin it.
-        arguments: the process's arguments as rclpy takes them, the program's name first.
+        arguments: the process's arguments as rclpy takes them, and the checked settings in them.
 
     Returns:
         The exit code: 0 after SIGINT, SIGTERM or a shutdown of ROS; 1 after an error, which is told in sentences.
@@ -64,11 +65,12 @@ def run_node(make_node: Callable[[Executor], ManagedNode], arguments: list[str])
     try:
         use_shipped_transport()
         note_signals()
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=arguments.argv, signal_handler_options=SignalHandlerOptions.NO)
         if is_told():
             return 0
         executor = make_executor()
         node = make_node(executor)
+        node.given = arguments.settings
         executor.add_node(node)
         never: Future = Future()
         while rclpy.ok() and not is_told() and node.fault is None:

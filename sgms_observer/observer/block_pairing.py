@@ -24,8 +24,8 @@ class Messages:
     Attributes:
         stamp_ns: stamps [ns], shape (n,).
         order: place of each message in the recording, ascending, shape (n,).
-        first: position [m] or effort [N], shape (n,).
-        second: velocity of the reference [m/s], shape (n,); unused otherwise.
+        first: position or effort as the messages have it, shape (n,).
+        second: velocity of the reference, shape (n,); unused otherwise.
     """
 
     stamp_ns: Ints
@@ -57,9 +57,9 @@ def push_block(pairing: Pairing, position: Messages, effort: Messages, reference
 
     Args:
         pairing: takes them in; pop the samples from it afterwards.
-        position: positions [m].
-        effort: efforts [N].
-        reference: set-points [m] and their velocities [m/s].
+        position: positions.
+        effort: efforts.
+        reference: set-points and their velocities.
     """
     if not _push_at_once(pairing, position, effort, reference):
         _push_one_by_one(pairing, position, effort, reference)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.declaration import declared_sections, declared_settings
 
 _OF_FRICTION = ("viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity")
 
@@ -31,6 +34,33 @@ def learnt_changes(axis: AxisSettings, values: dict[str, float], added_mass: flo
         elif name == "offset":
             changes |= _offset(axis, value)
     return changes
+
+
+def learnt_remarks(axis: AxisSettings, changes: Mapping[str, Any], writer: str) -> dict[str, str]:
+    """Return the remark behind each learnt setting: its unit, and who learnt it.
+
+    Args:
+        axis: the settings that the observer started from.
+        changes: as ``learnt_changes`` returned them.
+        writer: name of the node.
+    """
+    remarks = {}
+    for name in changes:
+        unit = _unit(name)
+        remarks[name] = f"{axis.units.of(unit)}; learnt by {writer}" if unit != "-" else f"learnt by {writer}"
+    return remarks
+
+
+def _unit(name: str) -> str:
+    """Return the unit of a setting of an axis that slides, or ``-``."""
+    *groups, key = name.split(".")
+    if groups[:1] == ["effects"]:
+        parameters = effect(groups[1]).parameters if len(groups) > 1 else ()
+        return next((parameter.unit for parameter in parameters if parameter.name == key), "-")
+    kind: type = AxisSettings
+    for group in groups:
+        kind = declared_sections(kind)[group][0]
+    return declared_settings(kind)[key].unit
 
 
 def _offset(axis: AxisSettings, value: float) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sgms_observer.observer.samples import Samples
+from sgms_observer.settings.units import UNSCALED, Scales
 
 CLOCK_RESET_NS = 1_000_000_000  # stamps that jump back further are a restarted clock, not a late message
 _ROWS = 4096
@@ -73,7 +74,7 @@ class Stream:
 
     Attributes:
         last_ns: latest stamp taken in [ns].
-        queue: (stamp [ns], position [m] or effort [N], velocity [m/s]) of each message that waits, stamps increasing.
+        queue: (stamp [ns], position or effort, velocity) of each message that waits, as it came, stamps increasing.
         is_awaited: whether samples wait for this topic.
     """
 
@@ -91,14 +92,22 @@ class Pairing:
 
     Args:
         sample_period: nominal time between two samples [s].
+        scales: factors from the messages to SI; the samples that ``pop`` returns are in SI.
         tolerance: largest difference of two stamps of one sample, as a share of the sample period.
         hold: how long a sample waits for a silent effort [s], while DDS may send it again; 1/25 of it for a reference.
         most: samples that wait at most, whatever ``hold`` says.
     """
 
     def __init__(
-        self, sample_period: float, *, tolerance: float = 0.25, hold: float = 0.5, most: int = 4096
+        self,
+        sample_period: float,
+        scales: Scales = UNSCALED,
+        *,
+        tolerance: float = 0.25,
+        hold: float = 0.5,
+        most: int = 4096,
     ) -> None:
+        self._scales = None if scales.are_one else scales
         self.tolerance_ns = round(tolerance * sample_period * 1e9)
         self.limit = min(most, max(16, round(hold / sample_period)))
         self.reference_limit = max(8, self.limit // 25)
@@ -115,7 +124,7 @@ class Pairing:
 
         Args:
             stamp_ns: sample time [ns].
-            position: position [m].
+            position: position, as the message has it.
         """
         stream = self.position
         if not math.isfinite(position):
@@ -146,7 +155,7 @@ class Pairing:
 
         Args:
             stamp_ns: sample time [ns].
-            effort: effort [N].
+            effort: effort, as the message has it.
         """
         if math.isfinite(effort):
             given_up = self._push(self.effort, stamp_ns, effort, _NAN)
@@ -159,8 +168,8 @@ class Pairing:
 
         Args:
             stamp_ns: sample time [ns].
-            position: set-point [m].
-            velocity: its velocity [m/s]; NaN if unknown.
+            position: set-point, as the message has it.
+            velocity: its velocity; NaN if unknown.
         """
         if math.isfinite(position) and not math.isinf(velocity):
             given_up = self._push(self.reference, stamp_ns, position, velocity)
@@ -169,14 +178,18 @@ class Pairing:
             self.counts.invalid += 1
 
     def pop(self) -> Samples | None:
-        """Return complete samples that were not returned yet, or None.
+        """Return complete samples that were not returned yet, in SI, or None.
 
         Stamps increase inside a block. A block that starts before the end of the one before it follows a reset of the
         clock. Call until it returns None.
         """
         if self.ready:
-            return self.ready.popleft()
-        return self._take() if self._first != self._next else None
+            samples = self.ready.popleft()
+        elif self._first != self._next:
+            samples = self._take()
+        else:
+            return None
+        return samples if self._scales is None else samples.in_si(self._scales)
 
     @property
     def has_samples(self) -> bool:

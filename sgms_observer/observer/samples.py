@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.settings.units import Scales
+
 Floats = NDArray[np.float64]
 
 
@@ -28,6 +30,40 @@ class Samples:
     effort: Floats
     reference_position: Floats
     reference_velocity: Floats
+
+    def in_si(self, scales: Scales) -> Samples:
+        """Return samples in SI from samples as topics and bags carry them.
+
+        Args:
+            scales: of the axis.
+        """
+        if scales.are_one:
+            return self
+        factor = scales.position
+        return Samples(
+            self.stamp_ns,
+            factor * self.position,
+            scales.effort * self.effort,
+            factor * self.reference_position,
+            factor * self.reference_velocity,
+        )
+
+    def in_topic_units(self, scales: Scales) -> Samples:
+        """Return samples as topics and bags carry them, from samples in SI.
+
+        Args:
+            scales: of the axis.
+        """
+        if scales.are_one:
+            return self
+        factor = scales.position
+        return Samples(
+            self.stamp_ns,
+            self.position / factor,
+            self.effort / scales.effort,
+            self.reference_position / factor,
+            self.reference_velocity / factor,
+        )
 
 
 @dataclass(frozen=True)

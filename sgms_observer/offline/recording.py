@@ -6,7 +6,7 @@ Pauses cut the recording into pieces; pieces too short to learn from are left ou
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -19,6 +19,7 @@ from scipy.interpolate import CubicSpline
 from sgms_observer.errors import DataError
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.encoder import encoder_step, position_noise
+from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]
 
@@ -129,9 +130,15 @@ class Recordings(Sequence[Recording]):
 
 
 def read_recordings(
-    path: str | Path, axis: str, other: str | None = None, *, sample_period: float | None = None, sha256: str = ""
+    path: str | Path,
+    axis: AxisSettings,
+    other: AxisSettings | None = None,
+    *,
+    sample_period: float | None = None,
+    sha256: str = "",
+    topics: Mapping[str, str] | None = None,
 ) -> Recordings:
-    """Read the pieces of a bag.
+    """Read the pieces of a bag, in SI units.
 
     Args:
         path: the bag.
@@ -139,6 +146,7 @@ def read_recordings(
         other: another axis of the same recording, or None.
         sample_period: nominal time between two samples [s]; None takes it from the recording.
         sha256: hash of the bag.
+        topics: names of ``position``, ``control_effort`` and ``reference`` where they differ.
 
     Raises:
         RecordingError: the bag cannot be read.
@@ -146,13 +154,13 @@ def read_recordings(
     """
     from sgms_observer.bags.reader import BagSamples
 
-    wanted = [axis] if other is None else [axis, other]
+    wanted = {entry.name: entry.scales for entry in (axis, other) if entry is not None}
     blocks: dict[str, list[Samples]] = {name: [] for name in wanted}
-    for name, samples in BagSamples(path, wanted, sample_period):
+    for name, samples in BagSamples(path, wanted, sample_period, topics=topics):
         blocks[name].append(samples)
     label = Path(path).name
-    second = join_samples(blocks[other]) if other is not None else None
-    return recordings_from_samples(join_samples(blocks[axis]), label, sha256, second)
+    second = join_samples(blocks[other.name]) if other is not None else None
+    return recordings_from_samples(join_samples(blocks[axis.name]), label, sha256, second)
 
 
 def recordings_from_samples(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from sgms_observer.report.lateness import RECOVERY, Lateness, judge_lateness
 from sgms_observer.report.page import Section, Table, write_page
 from sgms_observer.report.run_pictures import Run, run_pictures
 from sgms_observer.settings.axis import AxisSettings, Settings
+from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -82,18 +84,18 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
     sections: list[Section] = []
     verdicts: list[str] = []
     for axis in settings.axes:
-        run, stamps = _run_of(bag, axis.name)
+        run, stamps = _run_of(bag, axis)
         switched = (switched_ns - int(stamps[0])) * 1e-9
         way = _way(bag, axis, stamps)
         without = _half(run, way, _SETTLE, switched)
         with_it = _half(run, way, switched + _SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
-        lines += _lines(axis.name, without, with_it, same, compared)
+        lines += _lines(axis, without, with_it, same, compared)
         verdicts.append(
             f"axis {axis.name}: friction known to {100 * without.friction_share:.2f} % of its range, tracking error"
             f" {_times(without.tracking_rms, with_it.tracking_rms)} with compensation"
         )
-        sections += _sections(axis.name, run, switched, without, with_it, same, compared)
+        sections += _sections(axis, run, switched, without, with_it, same, compared)
     page = write_page(
         out,
         "Friction observer on a simulated stage",
@@ -104,12 +106,12 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
     return Presentation(lines, page)
 
 
-def _run_of(bag: Path, axis: str) -> tuple[Run, Ints]:
-    """Return one axis's signals on the stamps of its estimates, and those stamps [ns]."""
-    stamps, estimate = _signal(bag, "friction_estimate", axis)
+def _run_of(bag: Path, axis: AxisSettings) -> tuple[Run, Ints]:
+    """Return one axis's signals on the stamps of its estimates, in SI, and those stamps [ns]."""
+    stamps, estimate = _signal(bag, "friction_estimate", axis.name)
 
     def on_stamps(topic: str) -> dict[str, Floats]:
-        own, fields = _signal(bag, topic, axis)
+        own, fields = _signal(bag, topic, axis.name)
         place = np.minimum(np.searchsorted(own, stamps), max(0, len(own) - 1))
         is_there = own[place] == stamps
         return {name: np.where(is_there, values[place], np.nan) for name, values in fields.items()}
@@ -119,11 +121,12 @@ def _run_of(bag: Path, axis: str) -> tuple[Run, Ints]:
         time=(stamps - stamps[0]) * 1e-9,
         position=truth["position"],
         velocity=estimate["velocity"],
-        reference=on_stamps("reference")["position"],
+        reference=axis.position_scale * on_stamps("reference")["position"],
         friction=estimate["effort"],
         friction_std=on_stamps("friction_std")["effort"],
         truth=truth["effort"],
         compensation=on_stamps("friction_compensation")["effort"],
+        units=axis.units,
     )
     return run, stamps
 
@@ -177,7 +180,7 @@ def _replayed(bag: Path, settings: Settings, axis: str) -> tuple[int, int]:
     chosen = next(entry for entry in settings.axes if entry.name == axis)
     observer = AxisObserver(chosen, settings.sample_period)
     replayed: dict[int, float] = {}
-    for _, samples in BagSamples(bag, [axis], settings.sample_period):
+    for _, samples in BagSamples(bag, {axis: chosen.scales}, settings.sample_period):
         estimates = observer.step(samples)
         replayed.update(zip(estimates.stamp_ns.tolist(), estimates.friction.tolist(), strict=True))
     stamps, fields = _signal(bag, "friction_estimate", axis)
@@ -192,8 +195,9 @@ def _times(before: float, after: float) -> str:
     return f"{after / before:.1f} times larger"
 
 
-def _on_the_way(without: Half, with_it: Half) -> str:
+def _on_the_way(without: Half, with_it: Half, units: Units) -> str:
     """Return what late compensations did, as far as the recording tells."""
+    readable = _readable(without, with_it, units)
     if math.isnan(with_it.late_share):
         return "the recording does not tell which compensations came in time"
     if with_it.late_share == 0.0:
@@ -202,58 +206,65 @@ def _on_the_way(without: Half, with_it: Half) -> str:
     if math.isnan(with_it.clear_rms):
         return f"{late}, and never for {RECOVERY:g} s none: this machine is too busy for this rate"
     return (
-        f"{late}; apart from these and {1e3 * RECOVERY:.0f} ms after each: {1e9 * with_it.clear_rms:.0f} nm rms,"
-        f" {1e9 * with_it.clear_peak:.0f} nm peak, {_times(without.tracking_rms, with_it.clear_rms)} and"
+        f"{late}; apart from these and {1e3 * RECOVERY:.0f} ms after each: {readable(with_it.clear_rms)} rms,"
+        f" {readable(with_it.clear_peak)} peak, {_times(without.tracking_rms, with_it.clear_rms)} and"
         f" {_times(without.tracking_peak, with_it.clear_peak)}"
     )
 
 
-def _lines(axis: str, without: Half, with_it: Half, same: int, compared: int) -> list[str]:
+def _readable(without: Half, with_it: Half, units: Units) -> Callable[[float], str]:
+    """Return what shows tracking errors, all with one prefix."""
+    return partial(units.readable, largest=max(without.tracking_peak, with_it.tracking_peak))
+
+
+def _lines(axis: AxisSettings, without: Half, with_it: Half, same: int, compared: int) -> list[str]:
     """Return what the terminal shows of one axis."""
+    readable = _readable(without, with_it, axis.units)
     return [
-        f"axis {axis}",
-        f"  friction estimate   {without.friction_rms:.4f} N rms, {100 * without.friction_share:.2f} % of the true"
-        f" friction's range ({without.samples} samples; truth inside two sigma {100 * without.coverage:.1f} %)",
-        f"  tracking error      {1e9 * without.tracking_rms:.0f} nm rms, {1e9 * without.tracking_peak:.0f} nm peak"
+        f"axis {axis.name}",
+        f"  friction estimate   {without.friction_rms:.4f} {axis.units.effort} rms,"
+        f" {100 * without.friction_share:.2f} % of the true friction's range ({without.samples} samples; truth inside two sigma {100 * without.coverage:.1f} %)",
+        f"  tracking error      {readable(without.tracking_rms)} rms, {readable(without.tracking_peak)} peak"
         " without compensation",
-        f"                      {1e9 * with_it.tracking_rms:.0f} nm rms, {1e9 * with_it.tracking_peak:.0f} nm peak"
+        f"                      {readable(with_it.tracking_rms)} rms, {readable(with_it.tracking_peak)} peak"
         f" with it: {_times(without.tracking_rms, with_it.tracking_rms)} and"
         f" {_times(without.tracking_peak, with_it.tracking_peak)}",
         f"  replay of the bag   {same} of {compared} live estimates again to the last bit",
-        f"  on the way          {_on_the_way(without, with_it)}",
+        f"  on the way          {_on_the_way(without, with_it, axis.units)}",
     ]
 
 
 def _sections(
-    axis: str, run: Run, switched: float, without: Half, with_it: Half, same: int, compared: int
+    axis: AxisSettings, run: Run, switched: float, without: Half, with_it: Half, same: int, compared: int
 ) -> Sequence[Section]:
     """Return the report's sections about one axis."""
+    name, unit, readable = axis.name, axis.units.effort, _readable(without, with_it, axis.units)
     table = Table(
         ("", "without compensation", "with compensation"),
         (
-            ("friction error, rms", f"{without.friction_rms:.4f} N", f"{with_it.friction_rms:.4f} N"),
+            ("friction error, rms", f"{without.friction_rms:.4f} {unit}", f"{with_it.friction_rms:.4f} {unit}"),
             (
                 "the same, of the friction's range",
                 f"{100 * without.friction_share:.2f} %",
                 f"{100 * with_it.friction_share:.2f} %",
             ),
             ("truth inside two sigma", f"{100 * without.coverage:.1f} %", f"{100 * with_it.coverage:.1f} %"),
-            ("tracking error, rms", f"{1e9 * without.tracking_rms:.0f} nm", f"{1e9 * with_it.tracking_rms:.0f} nm"),
-            ("tracking error, peak", f"{1e9 * without.tracking_peak:.0f} nm", f"{1e9 * with_it.tracking_peak:.0f} nm"),
+            ("tracking error, rms", readable(without.tracking_rms), readable(with_it.tracking_rms)),
+            ("tracking error, peak", readable(without.tracking_peak), readable(with_it.tracking_peak)),
         ),
-        f"Axis {axis}: errors against the simulated truth, the first {_SETTLE:g} s of each half left out.",
+        f"Axis {name}: errors against the simulated truth, the first {_SETTLE:g} s of each half left out.",
     )
     text = (
         "The stage and the observer ran as two processes and spoke over ROS topics only; the observer saw the measured"
         " position, the control effort and the reference, and never the truth.",
-        f"On the way from observer to stage: {_on_the_way(without, with_it)}.",
+        f"On the way from observer to stage: {_on_the_way(without, with_it, axis.units)}.",
         f"Replaying the recording gives {same} of {compared} live estimates again to the last bit.",
     )
     end = float(run.time[-1])
-    before = run_pictures(run, (max(0.0, switched - _SHOWN), switched), f"{axis}_without_")
-    after = run_pictures(run, (max(switched, end - _SHOWN), end), f"{axis}_with_")
+    before = run_pictures(run, (max(0.0, switched - _SHOWN), switched), f"{name}_without_")
+    after = run_pictures(run, (max(switched, end - _SHOWN), end), f"{name}_with_")
     return (
-        Section(f"Axis {axis}: the numbers", text, (table,)),
-        Section(f"Axis {axis}: without compensation", pictures=before),
-        Section(f"Axis {axis}: with compensation", pictures=after),
+        Section(f"Axis {name}: the numbers", text, (table,)),
+        Section(f"Axis {name}: without compensation", pictures=before),
+        Section(f"Axis {name}: with compensation", pictures=after),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, Sheet, sheet
 from sgms_observer.report.page import Picture
+from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
 _MOST_POINTS = 20_000
@@ -29,6 +30,7 @@ class Run:
         friction_std: its standard deviation [N].
         truth: true friction [N].
         compensation: feedforward [N].
+        units: of the axis; those above are a prismatic one's.
     """
 
     time: Floats
@@ -39,11 +41,13 @@ class Run:
     friction_std: Floats
     truth: Floats
     compensation: Floats
+    units: Units = field(default_factory=Units)
 
     def between(self, start: float, end: float) -> Run:
         """Return the part from ``start`` to ``end`` [s]."""
         rows = slice(*np.searchsorted(self.time, [start, end]))
-        return Run(**{name: getattr(self, name)[rows] for name in self.__dataclass_fields__})
+        signals = {name: getattr(self, name)[rows] for name in self.__dataclass_fields__ if name != "units"}
+        return Run(**signals, units=self.units)
 
     @property
     def has_truth(self) -> bool:
@@ -92,15 +96,18 @@ def run_pictures(run: Run, window: tuple[float, float], name: str = "") -> tuple
 
 def _motion(run: Run, name: str) -> Picture:
     caption = "Position with its set-point, tracking error and estimated velocity."
+    factor, unit = _readable(run.position, run.units)
+    error_factor, error_unit = _readable(run.position - run.reference, run.units)
+    speed_factor, speed_unit = _readable(run.velocity, run.units, "m/s")
     with sheet(f"{name}motion", caption, rows=3, height=1.9, sharex=True) as drawn:
         top, middle, bottom = drawn.axes
-        _line(top, run.time, 1e6 * run.reference, REFERENCE, "set-point", linestyle="--")
-        _line(top, run.time, 1e6 * run.position, MEASURED, "measured")
-        top.set_ylabel("position [um]")
-        _line(middle, run.time, 1e6 * (run.position - run.reference), MEASURED)
-        middle.set_ylabel("tracking error [um]")
-        _line(bottom, run.time, 1e3 * run.velocity, ESTIMATE, "estimated")
-        bottom.set(xlabel="time [s]", ylabel="velocity [mm/s]")
+        _line(top, run.time, factor * run.reference, REFERENCE, "set-point", linestyle="--")
+        _line(top, run.time, factor * run.position, MEASURED, "measured")
+        top.set_ylabel(f"position [{unit}]")
+        _line(middle, run.time, error_factor * (run.position - run.reference), MEASURED)
+        middle.set_ylabel(f"tracking error [{error_unit}]")
+        _line(bottom, run.time, speed_factor * run.velocity, ESTIMATE, "estimated")
+        bottom.set(xlabel="time [s]", ylabel=f"velocity [{speed_unit}]")
         _legends(drawn)
     return _finished(drawn)
 
@@ -111,27 +118,29 @@ def _friction(run: Run, name: str) -> Picture:
         top, bottom = drawn.axes
         _band(top, run)
         _line(top, run.time, run.compensation, MEASURED, "compensation", linestyle=":")
-        top.set_ylabel("friction [N]")
+        top.set_ylabel(f"friction [{run.units.effort}]")
         if run.has_truth:
             _line(bottom, run.time, run.friction - run.truth, ESTIMATE, "estimate - truth")
         width = 2.0 * run.friction_std
         bottom.fill_between(run.time, -width, width, color=ESTIMATE, alpha=0.15, linewidth=0, label="two sigma")
-        bottom.set(xlabel="time [s]", ylabel="error [N]")
+        bottom.set(xlabel="time [s]", ylabel=f"error [{run.units.effort}]")
         _legends(drawn)
     return _finished(drawn)
 
 
 def _maps(run: Run, name: str) -> Picture:
     caption = "Friction over velocity and over position: the hysteresis a Coulomb model cannot draw."
+    factor, unit = _readable(run.position, run.units)
+    speed_factor, speed_unit = _readable(run.velocity, run.units, "m/s")
+    abscissas = (speed_factor * run.velocity, factor * run.position)
+    labels = (f"velocity [{speed_unit}]", f"position [{unit}]")
     with sheet(f"{name}hysteresis", caption, columns=2, height=3.6, sharey=True) as drawn:
-        for axes, abscissa, label in zip(
-            drawn.axes, (1e3 * run.velocity, 1e6 * run.position), ("velocity [mm/s]", "position [um]"), strict=True
-        ):
+        for axes, abscissa, label in zip(drawn.axes, abscissas, labels, strict=True):
             if run.has_truth:
                 _line(axes, abscissa, run.truth, TRUTH, "truth")
             _line(axes, abscissa, run.friction, ESTIMATE, "estimate", alpha=0.8)
             axes.set_xlabel(label)
-        drawn.axes[0].set_ylabel("friction [N]")
+        drawn.axes[0].set_ylabel(f"friction [{run.units.effort}]")
         _legends(drawn)
     return _finished(drawn)
 
@@ -142,9 +151,15 @@ def _zoom(run: Run, reversal: float, name: str) -> Picture:
         axes = drawn.axes[0]
         _band(axes, run)
         axes.axvline(reversal, color=REFERENCE, linewidth=0.8)
-        axes.set(xlabel="time [s]", ylabel="friction [N]")
+        axes.set(xlabel="time [s]", ylabel=f"friction [{run.units.effort}]")
         _legends(drawn)
     return _finished(drawn)
+
+
+def _readable(values: Floats, units: Units, unit: str = "m") -> tuple[float, str]:
+    """Return the factor and unit in which the largest of the known values is easy to read."""
+    known = np.abs(values[np.isfinite(values)])
+    return units.prefixed(float(known.max(initial=0.0)), unit)
 
 
 def _band(axes: Axes, run: Run) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from sgms_observer.errors import ConfigurationError, RecordingError
-from sgms_observer.settings.axis import Settings
+from sgms_observer.settings.axis import SAVE_FILE, Settings
 from sgms_observer.settings.effects import CatalogueSource
 from sgms_observer.settings.load import installed_catalogue, repeated_faults, settings_from_tree
 from sgms_observer.settings.normal_form import normal_parameters, without_empty
@@ -117,6 +117,31 @@ def rewrite_arguments(
     return RewrittenArguments([*kept[:place], "--params-file", str(file), *kept[place:]], settings, file)
 
 
+def refuse_incomplete(arguments: RewrittenArguments, node_name: str) -> None:
+    """Refuse to start a node on the example's numbers: somebody's axes and their masses must be given.
+
+    Args:
+        arguments: what ``rewrite_arguments`` returned.
+        node_name: for the sentence.
+
+    Raises:
+        ConfigurationError: one sentence per value that is missing, or one about parameters that are missing at all.
+    """
+    if arguments.file is None:
+        raise ConfigurationError(
+            [
+                f"{node_name} was started without parameters; name a parameter file with --config FILE, in a launch"
+                " file with params_file:=FILE (a copy of config/table.yaml is a start), and check its path"
+            ]
+        )
+    tree = parameter_tree(arguments.settings.source, str(arguments.file))
+    if "axes" not in tree:
+        raise ConfigurationError(["axes must be given; name the axes as the messages do, for instance axes: [x]"])
+    missing = [axis.name for axis in arguments.settings.axes if "mass" not in (tree.get(axis.name) or {})]
+    if missing:
+        raise ConfigurationError([f"{name}.mass must be given; weigh or identify what moves" for name in missing])
+
+
 def _laid_over_each_other(
     given: Sequence[tuple[tuple[str, ...], str]], full_name: str
 ) -> tuple[dict[Any, Any], list[str]]:
@@ -131,7 +156,11 @@ def _laid_over_each_other(
         document = read_document(value)
         sentences += (sentence for _, sentence in repeated_faults(document, value, (full_name,)))
         if our_sections(document, (full_name,)):
-            tree = overlaid(tree, _moved(parameter_tree(document, value, (full_name,)), Path(value).parent))
+            own = _moved(parameter_tree(document, value, (full_name,)), Path(value).parent)
+            name = own.get("save_file", SAVE_FILE)
+            if isinstance(name, str):  # the check has a sentence for anything else
+                own["save_file"] = str(Path(value).resolve().parent / Path(name).expanduser())
+            tree = overlaid(tree, own)
         else:
             for_others.append((document, value))
     if for_others and not tree:  # a launch file may hand on files for others, but not only those

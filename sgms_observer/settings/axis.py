@@ -10,7 +10,11 @@ from sgms_observer.settings.field import section, setting
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings, FilterSettings
 from sgms_observer.settings.stage import StageSettings
-from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC, Units
+from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC, Scales, Units
+
+
+#: Where ~/save_parameters writes unless the parameter file says otherwise.
+SAVE_FILE = "learnt.yaml"
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,11 @@ class AxisSettings:
         """Return the units that belong to the axis's joint type."""
         return Units(self.joint_type)
 
+    @property
+    def scales(self) -> Scales:
+        """Return the factors from what topics and bags carry to the axis's units."""
+        return Scales(self.position_scale, self.effort_scale)
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -85,11 +94,16 @@ class Settings:
     )
     autostart: bool = setting(True, "configure and activate the node by itself")
     save_file: str = setting(
-        "learnt.yaml", "file that ~/save_parameters writes; relative names start where the node was started"
+        SAVE_FILE, "file that ~/save_parameters writes; relative names start at the folder of the parameter file"
     )
     effect_files: tuple[str, ...] = setting((), "Python files with effects of the user's own")
     source: dict[str, Any] = field(default_factory=dict, compare=False)  # the YAML's tree as read, for writing it back
     folder: str = field(default=".", compare=False)  # where relative file names in ``source`` start
+
+    @property
+    def scales(self) -> dict[str, Scales]:
+        """Return each axis's name with its factors from topics and bags to SI."""
+        return {axis.name: axis.scales for axis in self.axes}
 
 
 def coupled_number(axes: Sequence[AxisSettings], number: int) -> int | None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any, get_type_hints
 
-from sgms_observer.settings.units import Units
+from sgms_observer.settings.units import Units, physical_range
 
 #: YAML types of a setting, under ROS's names for them.
 DOUBLE, INTEGER, BOOL, STRING = "double", "integer", "bool", "string"
 DOUBLES, STRINGS = "double_array", "string_array"
+
+_LARGEST_INTEGER = 2**31 - 1
 
 _KINDS: dict[Any, str] = {
     float: DOUBLE,
@@ -35,8 +38,8 @@ class Declared:
         default: value when the YAML is silent.
         description: one sentence for people.
         unit: SI unit, or ``-``; ``of_joint_type`` makes it that of a revolute axis.
-        minimum: smallest allowed value, if any.
-        maximum: largest allowed value, if any.
+        minimum: smallest allowed value; for a number without one, what is physical (``units.physical_range``).
+        maximum: largest allowed value; likewise.
         above: bound that the value must strictly exceed, if any.
         choices: the allowed words, if they are listed.
         is_nonzero: whether zero is the one number that is not allowed.
@@ -52,6 +55,19 @@ class Declared:
     above: float | None = None
     choices: tuple[str, ...] | None = None
     is_nonzero: bool = False
+
+    def __post_init__(self) -> None:
+        """Give every number a finite range."""
+        smallest, largest = physical_range(self.unit)
+        if self.kind == INTEGER:
+            largest = min(largest, _LARGEST_INTEGER)
+        elif self.kind not in (DOUBLE, DOUBLES):
+            return
+        if self.minimum is None or math.isinf(self.minimum):
+            lowest = -largest if self.above is None else self.above + smallest
+            object.__setattr__(self, "minimum", lowest)
+        if self.maximum is None or math.isinf(self.maximum):
+            object.__setattr__(self, "maximum", largest)
 
     def of_joint_type(self, joint_type: str) -> Declared:
         """Return the setting with the unit that it has on an axis of this joint type.

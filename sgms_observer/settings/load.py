@@ -33,7 +33,8 @@ AXES = Declared(
 #: Parameters that every ROS node has; they are not ours to judge.
 ROS_PARAMETERS = ("use_sim_time", "qos_overrides", "start_type_description_service", "diagnostic_updater")
 
-_AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
+#: Joints of robots in one system are told apart by a slash: left/x.
+_AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(?:/[A-Za-z0-9_-]+)*")
 
 
 def installed_catalogue(effect_files: Sequence[str]) -> Catalogue:
@@ -172,7 +173,7 @@ def _axis_names(tree: Mapping[Any, Any], faults: Faults) -> tuple[str, ...]:
         if not _AXIS_NAME.fullmatch(name):
             faults.add(
                 "axes",
-                f"axes = {shown(name)} must be a word of letters, digits, - and _; rename the axis",
+                f"axes = {shown(name)} must be a word of letters, digits, -, _ and / between them; rename the axis",
             )
         elif name in taken:
             faults.add("axes", f"axes = {shown(name)} must not be the name of a setting; rename the axis")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -29,8 +28,8 @@ class ParameterDeclaration:
         default: value when nobody gives one; a list for an array.
         unit: SI unit, or ``-``.
         description: one sentence for people, with the unit.
-        minimum: smallest allowed value, itself allowed; None for no bound.
-        maximum: largest allowed value, itself allowed; None for no bound.
+        minimum: smallest allowed value, itself allowed; None for what is no number.
+        maximum: largest allowed value, itself allowed; None for what is no number.
         choices: the allowed words; None for any.
         read_only: whether it is fixed once the node runs.
     """
@@ -53,7 +52,6 @@ Declare = Callable[[ParameterDeclaration], Any]
 def _declaration(name: str, declared: Declared, default: Any = None) -> ParameterDeclaration:
     """Return a setting as a parameter of a node."""
     value = declared.default if default is None else default
-    minimum = declared.minimum if declared.above is None else math.nextafter(declared.above, math.inf)
     unit = "" if declared.unit == "-" else f" [{declared.unit}]"
     choices = f" ({', '.join(declared.choices)})" if declared.choices else ""
     return ParameterDeclaration(
@@ -62,8 +60,8 @@ def _declaration(name: str, declared: Declared, default: Any = None) -> Paramete
         default=list(value) if isinstance(value, tuple) else value,
         unit=declared.unit,
         description=f"{declared.description}{unit}{choices}",
-        minimum=None if minimum is None or math.isinf(minimum) else minimum,
-        maximum=None if declared.maximum is None or math.isinf(declared.maximum) else declared.maximum,
+        minimum=declared.minimum,
+        maximum=declared.maximum,
         choices=declared.choices,
     )
 

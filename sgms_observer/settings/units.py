@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 PRISMATIC, REVOLUTE = "prismatic", "revolute"
@@ -14,7 +15,67 @@ JOINT_TYPES = (PRISMATIC, REVOLUTE)
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
 
 _REVOLUTE_WORDS = {"m": "rad", "N": "N m", "kg": "kg m^2"}
+#: Smallest positive and largest magnitude that a quantity has on any machine: every range that a node declares is finite.
+#: Wide on purpose; they refuse a slip of six zeros, not a choice.
+_PHYSICAL = {
+    "-": (1e-9, 1e9),
+    "Hz": (1e-4, 1e7),
+    "N": (1e-9, 1e7),
+    "N s/m": (1e-9, 1e9),
+    "N/m": (1e-6, 1e13),
+    "N/s": (1e-9, 1e12),
+    "kg": (1e-12, 1e7),
+    "m": (1e-15, 1e6),
+    "m/s": (1e-12, 1e5),
+    "m/s^2": (1e-9, 1e7),
+    "m/s^3": (1e-9, 1e10),
+    "rad": (1e-12, 1e6),
+    "s": (1e-9, 1e6),
+}
+_OF_ANY_OTHER = (1e-12, 1e12)
 _WORD = re.compile(r"(?<![A-Za-z])(kg|N|m)(?![A-Za-z])")
+
+
+def physical_range(unit: str) -> tuple[float, float]:
+    """Return the smallest positive and the largest magnitude that a quantity of this unit may have.
+
+    Args:
+        unit: of a prismatic axis; the numbers are wide enough for a revolute one.
+    """
+    return _PHYSICAL.get(unit, _OF_ANY_OTHER)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Factors from what topics and bags carry to SI.
+
+    Attributes:
+        position: m (or rad) per unit of position, velocity and reference.
+        effort: N (or N m) per unit of control_effort.
+    """
+
+    position: float = 1.0
+    effort: float = 1.0
+
+    @property
+    def are_one(self) -> bool:
+        """Return whether topics and bags are in SI already."""
+        return self.position == 1.0 and self.effort == 1.0
+
+
+#: Topics and bags in SI.
+UNSCALED = Scales()
+#: Names of axes with their scales, or the names alone of axes whose topics and bags are in SI.
+ScaledAxes = Mapping[str, Scales] | Sequence[str]
+
+
+def scales_by_axis(axes: ScaledAxes) -> dict[str, Scales]:
+    """Return each axis's name with its scales.
+
+    Args:
+        axes: names with or without scales.
+    """
+    return dict(axes) if isinstance(axes, Mapping) else dict.fromkeys(axes, UNSCALED)
 
 
 @dataclass(frozen=True)
@@ -93,16 +154,17 @@ class Units:
         )
         return 1.0 / prefix_size, f"{prefix}{self.of(unit)}"
 
-    def readable(self, value: float, unit: str = "m", digits: int = 3) -> str:
+    def readable(self, value: float, unit: str = "m", digits: int = 3, largest: float | None = None) -> str:
         """Return a number with the unit in which it is easy to read: ``31.4 nm``, ``1.2 mm/s``, ``250 urad``.
 
         Args:
             value: in the unit without a prefix.
             unit: what it has on a prismatic axis.
             digits: significant ones.
+            largest: chooses the prefix instead of ``value``, for numbers that people compare.
         """
         rounded = float(f"{value:.{digits}g}") if math.isfinite(value) else value
-        factor, name = self.prefixed(rounded, unit)
+        factor, name = self.prefixed(rounded if largest is None else largest, unit)
         number = float(f"{rounded * factor:.{digits}g}")
         whole = f"{number:.0f}"
         return f"{whole if 1e3 <= abs(number) < 1e6 and float(whole) == number else f'{number:.{digits}g}'} {name}"

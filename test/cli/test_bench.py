@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytest.importorskip("casadi", reason="CasADi is not installed")
+
 from sgms_observer.bench.accuracy import accuracy, converged, newest_force
 from sgms_observer.bench.live import time_live
 from sgms_observer.bench.peers import time_casadi, time_peers

@@ -1,6 +1,7 @@
 """Every effect: compiled, symbolic and vectorised agree; derivatives; blocks; physics."""
 
 import inspect
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,8 +9,7 @@ from effects_motion import PERIOD, VALUES, motion
 
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.compiled import CompiledEffects
-from sgms_observer.effects.effect import INPUTS, Place
-from sgms_observer.effects.symbolic import symbolic_effect
+from sgms_observer.effects.effect import INPUTS, Effect, Place
 from sgms_observer.formulas import vectorised
 from sgms_observer.settings.axis import EffectSettings
 
@@ -31,6 +31,14 @@ def run(effects: CompiledEffects, m: dict[str, np.ndarray], state: np.ndarray | 
         chosen["q"], chosen["v"], chosen["a"], chosen["t"], chosen["u"], chosen["h"], chosen["level"], state,
         chosen["v2"], chosen["a2"],
     )  # fmt: skip
+
+
+def symbolic_effect(entry: Effect) -> Any:
+    """Return an effect's formulas over CasADi symbols."""
+    pytest.importorskip("casadi", reason="CasADi is not installed")
+    from sgms_observer.effects.symbolic import symbolic_effect
+
+    return symbolic_effect(entry)
 
 
 def by_casadi(name: str, m: dict[str, np.ndarray], p: tuple[float, ...]) -> np.ndarray:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 
-import casadi
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,9 +16,9 @@ from sgms_observer.formulas import friction as formulas
 from sgms_observer.formulas import vectorised
 from sgms_observer.friction.gms import gms_rate, gms_step, gms_step_with_slopes
 from sgms_observer.friction.sgms import sgms_rate, sgms_ratio, sgms_step_with_slopes
-from sgms_observer.friction.symbolic import element_rate, element_step
 from sgms_observer.settings.friction import FrictionSettings
 
+_NEEDS_CASADI = pytest.mark.skipif(importlib.util.find_spec("casadi") is None, reason="CasADi is not installed")
 PERIODS = (1e-4, 1e-3)
 ratios = st.floats(-1.2, 1.2)
 travels = st.floats(0.0, 1e5)
@@ -34,6 +34,7 @@ def test_step_solves_the_formula(u0: float, travel: float, gain: float) -> None:
     assert abs(residual) <= 1e-12 * (1.0 + travel) * 1000.0  # lambda amplifies the rounding of u
 
 
+@_NEEDS_CASADI
 @settings(max_examples=200, deadline=None)
 @given(
     force=st.floats(-0.4, 0.4),
@@ -48,6 +49,8 @@ def test_slopes_are_the_symbolic_ones(
 ) -> None:
     inputs = [force, sign * velocity, period, 12e6, 0.3, lam, 0.98, gain]
     after, *slopes = sgms_step_with_slopes(*inputs)
+    from sgms_observer.friction.symbolic import element_step
+
     residual, exact = element_step()
     share = abs(inputs[1]) * period * 12e6 / 0.3
     assert abs(float(residual(after, inputs))) <= 1e-9 * (1.0 + share)
@@ -57,10 +60,13 @@ def test_slopes_are_the_symbolic_ones(
     np.testing.assert_allclose(np.array(slopes) / scale, expected / scale, rtol=1e-6, atol=1e-6)
 
 
+@_NEEDS_CASADI
 @settings(max_examples=200, deadline=None)
 @given(force=st.floats(-0.4, 0.4), velocity=st.floats(-0.1, 0.1), gain=st.floats(0.5, 200.0))
 def test_rate_is_the_symbolic_one(force: float, velocity: float, gain: float) -> None:
     value, by_force, by_level, by_gain = sgms_rate(force, velocity, 0.3, 1000.0, 0.98, gain)
+    from sgms_observer.friction.symbolic import element_rate
+
     rate, gradient = element_rate()([force, velocity if velocity != 0.0 else 0.0, 0.3, 1000.0, 0.98, gain])
     exact = np.array(gradient).ravel()
     tolerance = {"rtol": 1e-6, "atol": 1e-9}
@@ -227,10 +233,13 @@ def test_step_size_convergence(friction: FrictionSettings) -> None:
     assert errors[0] < 0.02
 
 
+@_NEEDS_CASADI
 def test_three_backends_agree() -> None:
     speeds = np.linspace(-0.01, 0.01, 41)
     plain = [formulas.stribeck_level(v, 4.5, 4.0, 1e-3) for v in speeds]
     np.testing.assert_allclose(vectorised("friction").stribeck_level(speeds, 4.5, 4.0, 1e-3), plain, rtol=1e-15)
+    import casadi
+
     symbol = casadi.SX.sym("v")
     from sgms_observer.formulas import symbolic
 

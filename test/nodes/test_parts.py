@@ -15,7 +15,7 @@ from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.intake import Intake
 from sgms_observer.nodes.pace import LONGEST_CATCH_UP, Pace
-from sgms_observer.nodes.report import NO_SAMPLES, STALE, WARN, axis_entry
+from sgms_observer.nodes.report import ERROR, NO_SAMPLES, WARN, axis_entry
 from sgms_observer.nodes.statistics import AxisStatistics, Growth, Sentences, StepClock
 from sgms_observer.observer.learnt import learnt_changes
 from sgms_observer.observer.outgoing import ELEMENTS, ESTIMATE, Outgoing
@@ -157,8 +157,10 @@ class TestStatistics:
         statistics.start_anew()
         assert statistics.worst is Status.RUNNING and math.isnan(statistics.nis)
         nothing = PairingCounts()
-        assert axis_entry("node", "x", statistics, nothing, nothing, 1.0).level == STALE
-        assert axis_entry("node", "x", statistics, nothing, nothing, 1.0).message == NO_SAMPLES
+        entry = axis_entry("node", "x", statistics, nothing, nothing, 1.0)
+        assert (entry.level, entry.message, dict(entry.values)["state"]) == (ERROR, NO_SAMPLES, "without samples")
+        entry = axis_entry("node", "x", AxisStatistics(), nothing, nothing, 1.0)
+        assert (entry.level, entry.message, dict(entry.values)["state"]) == (WARN, NO_SAMPLES, "starting")
         assert "NaN" in axis_entry("node", "x", statistics, nothing, PairingCounts(invalid=2), 1.0).message
 
     def test_what_is_over_is_counted_but_not_told_again(self) -> None:
@@ -214,8 +216,8 @@ def test_two_runs_never_share_a_domain() -> None:
         for _ in range(5)
     ]
     domains = [int(other.stdout.readline()) for other in others]
-    for other in others:
-        other.communicate("\n")
     domains += [claim_domain(), claim_domain(), int(os.environ["ROS_DOMAIN_ID"])]
+    for other in others:  # until here: the domain of a process that ended is free again
+        other.communicate("\n")
     assert len(set(domains)) == len(domains)
     assert all(1 <= domain <= 100 for domain in domains)

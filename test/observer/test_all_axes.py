@@ -1,4 +1,4 @@
-"""Axes that feel each other: the same bits in any split, the right neighbour, and no force from an axis that went silent."""
+"""Axes that feel each other: the same bits in any split, the right neighbour, no force from one that went silent."""
 
 from __future__ import annotations
 

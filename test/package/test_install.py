@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
@@ -55,7 +56,10 @@ def test_pip_puts_the_executables_on_path(source: Path, tmp_path: Path) -> None:
     _check_version(prefix / "bin" / "sgms", prefix)
 
 
-@pytest.mark.skipif(importlib.util.find_spec("colcon_ros") is None, reason="colcon is not installed")
+_HAS_COLCON = importlib.util.find_spec("colcon_ros") is not None
+
+
+@pytest.mark.skipif(not _HAS_COLCON, reason="colcon is not installed")
 def test_colcon_puts_the_executables_where_ros2_run_looks(source: Path, tmp_path: Path) -> None:
     bases = ["--build-base", str(tmp_path / "build"), "--install-base", str(tmp_path / "install")]
     _run([sys.executable, "-m", "colcon", "--log-base", str(tmp_path / "log"), "build", *bases], source)
@@ -63,3 +67,16 @@ def test_colcon_puts_the_executables_where_ros2_run_looks(source: Path, tmp_path
     assert all(os.access(prefix / "lib" / "sgms_observer" / name, os.X_OK) for name in EXECUTABLES)
     _check_share(prefix)
     _check_version(prefix / "lib" / "sgms_observer" / "sgms", prefix)
+
+
+@pytest.mark.skipif(not _HAS_COLCON, reason="colcon is not installed")
+def test_colcon_test_runs_the_tests(source: Path, tmp_path: Path) -> None:
+    """One that is quick and one that is not: by default colcon runs the quick one, with ``--whole`` both."""
+    bases = ["--build-base", str(tmp_path / "build"), "--install-base", str(tmp_path / "install")]
+    colcon = [sys.executable, "-m", "colcon", "--log-base", str(tmp_path / "log")]
+    _run([*colcon, "build", *bases], source)
+    chosen = ["test/package/test_metadata.py::test_versions_agree", "test/cli/test_progress.py::test_terminal_shows_a_bar_and_clears_it"]
+    for options, count in (([], 1), ([" --whole"], 2)):
+        _run([*colcon, "test", *bases, "--pytest-args", *chosen, *options], source)
+        (suite,) = ElementTree.parse(tmp_path / "build" / "sgms_observer" / "pytest.xml").getroot().iter("testsuite")
+        assert (suite.get("tests"), suite.get("errors"), suite.get("failures")) == (str(count), "0", "0")

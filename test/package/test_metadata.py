@@ -8,14 +8,14 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+from quick import QUICK
+
 import sgms_observer
 
 ROOT = Path(__file__).resolve().parents[2]
 MANIFEST = ElementTree.parse(ROOT / "package.xml").getroot()
 
 ROSDEP_KEYS = {
-    "casadi": "casadi-pip",
-    "rosbags": "python3-rosbags-pip",
     **{name: f"python3-{name}" for name in ("numpy", "scipy", "numba", "matplotlib", "jinja2")},
     "pyyaml": "python3-yaml",
 }
@@ -50,6 +50,17 @@ def test_every_requirement_is_a_range() -> None:
         assert re.fullmatch(r"\w+<[\d.]+,>=[\d.]+", line), line
 
 
+def test_rosdep_needs_no_pip() -> None:
+    """`rosdep install` refuses pip keys on Ubuntu 24.04, whose Python is managed by apt."""
+    keys = [element.text for element in MANIFEST if element.tag.endswith("depend")]
+    assert keys and not [key for key in keys if key.endswith("-pip")]
+
+
+def test_colcon_finds_pytest() -> None:
+    """`colcon test` runs pytest only where the package's metadata name it under the extra ``test``."""
+    assert any(line.startswith("pytest") for line in _setup_py("extras_require['test']"))
+
+
 def test_build_type_is_ament_python() -> None:
     assert MANIFEST.findtext("export/build_type") == "ament_python"
 
@@ -65,3 +76,7 @@ def test_manifest_names_every_ros_package_that_is_imported() -> None:
     imported = {name for path in sources for name in pattern.findall(path.read_text(encoding="utf-8"))}
     assert "sgms_observer" in imported
     assert imported & known <= declared
+
+
+def test_every_quick_test_exists() -> None:
+    assert not [name for name in QUICK if not (ROOT / "test" / name).exists()]

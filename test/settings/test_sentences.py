@@ -114,7 +114,7 @@ ONE_FAULT = [
     # axes
     ({"axes": []}, "axes = [] must name at least one axis; write axes: [x]"),
     ({"axes": ["x", "x"]}, "axes = ['x', 'x'] must name each axis once; remove the second x"),
-    ({"axes": ["x/y"]}, "axes = 'x/y' must be a word of letters, digits, - and _; rename the axis"),
+    ({"axes": ["x/"]}, "axes = 'x/' must be a word of letters, digits, -, _ and / between them; rename the axis"),
     ({"axes": ["autostart"]}, "axes = 'autostart' must not be the name of a setting; rename the axis"),
     ({"axes": [1]}, "axes = 1 must be text; put it in quotes"),
     (

@@ -1,0 +1,222 @@
+"""First values of an axis's settings: those of a template, or what a recording shows at first sight."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from sgms_observer.application.axis_facts import AxisFacts
+from sgms_observer.application.force_balance import ForceBalance
+from sgms_observer.application.recording_use import MAX_UNEXPLAINED, uses_of
+from sgms_observer.settings.units import REVOLUTE, Units
+
+FRACTIONS = (0.067, 0.056, 0.047, 0.83)
+"""Shares of the elements in the sliding force: Table I of Boegli et al."""
+_DEFLECTIONS = (1.0 / 200.0, 1.0 / 50.0, 1.0 / 15.0, 1.0)
+"""Slip deflections of the elements over the largest one: as Table I, 25 nm to 5 um."""
+_LARGEST_DEFLECTION = 0.01
+"""Of the range: presliding is short beside the motion."""
+_MIN_DEFLECTION_STEPS = 2.0
+"""Encoder steps in the largest deflection at least: what is shorter is not seen."""
+_STATIC_OVER_COULOMB = 1.1
+_STRIBECK_SHARE = 0.02  # of the peak speed
+_ATTRACTION_PER_COULOMB = 12.5  # 1/s, as Table I
+_CORRECTION_TIME = 2.0e-3  # s
+_WINDOW, _WINDOW_SAMPLES = 3.0e-3, 8  # s, and samples at least
+_MIN_GAP_SAMPLES = 5
+_UNKNOWN_FRICTION = 0.1
+"""Of the rms effort: Coulomb friction where the recording does not show it."""
+
+
+@dataclass(frozen=True)
+class AxisDraft:
+    """First values of one axis, in SI units.
+
+    Attributes:
+        name: the axis.
+        joint_type: prismatic or revolute.
+        position_scale: factor to m or rad.
+        effort_scale: factor to N or N m.
+        mass: [kg or kg m^2].
+        coulomb: Coulomb force [N or N m].
+        static: static force [N or N m].
+        viscous: viscous coefficient [N s/m or N m s/rad].
+        stribeck_velocity: [m/s or rad/s].
+        largest_deflection: slip deflection of the softest element [m or rad].
+        effects: name of the effect to its parameters.
+        step: of the encoder [m or rad].
+        noise: standard deviation of the position's noise [m or rad].
+        speed: largest speed [m/s or rad/s].
+        stroke: range of the motion [m or rad].
+        effort: largest effort [N or N m].
+        residual: effort that mass and friction leave unexplained, rms [N or N m].
+        period: time between two samples [s].
+        remarks: setting to where its value comes from.
+        warnings: sentences about values that the recording does not show.
+    """
+
+    name: str
+    joint_type: str
+    position_scale: float = 1.0
+    effort_scale: float = 1.0
+    mass: float = 10.0
+    coulomb: float = 4.0
+    static: float = 4.5
+    viscous: float = 20.0
+    stribeck_velocity: float = 1.0e-3
+    largest_deflection: float = 5.0e-6
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    step: float = 1.0e-9
+    noise: float = 5.0e-9
+    speed: float = 6.0e-3
+    stroke: float = 4.0e-4
+    effort: float = 100.0
+    residual: float = 0.1
+    period: float = 1.0e-3
+    remarks: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def element_stiffness(self) -> tuple[float, ...]:
+        """Stiffness of each element [N/m or N m/rad]: its share of the static force over its slip deflection."""
+        return tuple(
+            share * self.static / (length * self.largest_deflection)
+            for share, length in zip(FRACTIONS, _DEFLECTIONS, strict=True)
+        )
+
+    @property
+    def attraction_rate(self) -> float:
+        """Attraction parameter of the GMS model [N/s or N m/s]."""
+        return _ATTRACTION_PER_COULOMB * self.coulomb
+
+    @property
+    def window(self) -> float:
+        """Window of the filter [s]."""
+        return max(_WINDOW, _WINDOW_SAMPLES * self.period)
+
+    @property
+    def correction_every(self) -> int:
+        """Samples from one correction to the next."""
+        return max(1, round(_CORRECTION_TIME / self.period))
+
+    def pause(self, shortest: float) -> float:
+        """Return a pause that is long beside the time between two samples [s].
+
+        Args:
+            shortest: [s].
+        """
+        return max(shortest, _MIN_GAP_SAMPLES * self.period)
+
+
+def template_draft(name: str, joint_type: str) -> AxisDraft:
+    """Return first values without a recording: a table's axis, or a robot's joint.
+
+    Args:
+        name: the axis.
+        joint_type: prismatic or revolute.
+    """
+    if joint_type != REVOLUTE:
+        return AxisDraft(name, joint_type)
+    return AxisDraft(
+        name, joint_type, mass=1.0, coulomb=10.0, static=11.0, viscous=10.0, stribeck_velocity=1.0e-2,
+        largest_deflection=1.0e-3, step=1.0e-6, noise=1.0e-6, speed=1.0, stroke=0.5, effort=200.0, residual=0.5,
+    )  # fmt: skip
+
+
+def recorded_draft(facts: AxisFacts, joint_type: str, position_scale: float, effort_scale: float) -> AxisDraft:
+    """Return first values as a recording shows them; what it does not show is a guess, with a warning.
+
+    Args:
+        facts: what the recording shows, in SI units.
+        joint_type: prismatic or revolute.
+        position_scale: factor that made SI units of the bag's positions.
+        effort_scale: likewise of its efforts.
+    """
+    template = template_draft(facts.name, joint_type)
+    draft = replace(template, position_scale=position_scale, effort_scale=effort_scale)
+    if facts.period > 0.0:
+        draft = replace(draft, period=float(f"{facts.period:.6g}"))
+    draft, has_motion = _with_motion(draft, facts)
+    if not has_motion:
+        warning = f"{facts.name}: the position never changes in this bag; everything but names and rates is the template's"
+        return replace(draft, warnings=(warning,))
+    balance = facts.balance
+    if balance is None or balance.unexplained > MAX_UNEXPLAINED or balance.sign < 0:
+        why = next((use.reason for use in uses_of(facts) if use.reason), "its motion does not tell them apart")
+        warning = f"{facts.name}: mass and friction are not identifiable from this recording and are guesses: {why}"
+        rms = facts.effort_rms
+        if not np.isfinite(rms) or rms <= 0.0:
+            return replace(draft, warnings=(warning,))
+        guess = _UNKNOWN_FRICTION * rms
+        return replace(draft, **_friction(guess, facts), residual=guess, warnings=(warning,))
+    return _with_balance(draft, facts, balance)
+
+
+def _with_motion(draft: AxisDraft, facts: AxisFacts) -> tuple[AxisDraft, bool]:
+    """Return the draft with what the positions show, and whether they show a motion."""
+    if not facts.stroke > 0.0:
+        return draft, False
+    speed = facts.peak_speed if facts.peak_speed > 0.0 else facts.stroke
+    remarks = {"speed": "from the bag"}
+    if facts.encoder_step > 0.0:
+        remarks["step"] = "from the bag"
+    step = facts.encoder_step or 1.0e-6 * facts.stroke
+    effort = max(map(abs, facts.effort_range))
+    return (
+        replace(
+            draft,
+            step=step,
+            noise=max(step / math.sqrt(12.0), facts.position_noise),
+            speed=speed,
+            stroke=facts.stroke,
+            stribeck_velocity=_STRIBECK_SHARE * speed,
+            largest_deflection=max(_LARGEST_DEFLECTION * facts.stroke, _MIN_DEFLECTION_STEPS * step),
+            effort=2.0 * effort if effort > 0.0 else draft.effort,
+            remarks=remarks,
+        ),
+        True,
+    )
+
+
+def _friction(coulomb: float, facts: AxisFacts) -> dict[str, float]:
+    """Return the forces of the friction model, and a viscous part that is as large at the peak speed."""
+    speed = facts.peak_speed if facts.peak_speed > 0.0 else facts.stroke
+    return {"coulomb": coulomb, "static": _STATIC_OVER_COULOMB * coulomb, "viscous": coulomb / speed}
+
+
+def _with_balance(draft: AxisDraft, facts: AxisFacts, balance: ForceBalance) -> AxisDraft:
+    """Return the draft with what the force balance shows."""
+    units = Units(draft.joint_type)
+    remarks, warnings = dict(draft.remarks), []
+    values: dict[str, float] = {}
+    residual = balance.unexplained * facts.effort_rms
+    sources = (
+        ("mass", "mass", units.mass),
+        ("coulomb", "coulomb_force", units.effort),
+        ("viscous", "viscous_coefficient", units.damping),
+    )
+    for key, name, unit in sources:
+        value, error = balance.value(name), balance.std_error(name)
+        if value > 0.0 and balance.is_significant(name):
+            values[key] = value
+            remarks[key] = f"from the bag: +- {error:.2g} {unit}"
+            continue
+        remarks[key] = "a guess: not identifiable from this recording"
+        warnings.append(
+            f"{facts.name}: the recording does not show {name} ({value:.3g} +- {error:.2g} {unit}); the file holds a guess"
+        )
+    guess = _friction(values.get("coulomb", max(_UNKNOWN_FRICTION * facts.effort_rms, 1e-9)), facts)
+    values = {**guess, **values}
+    values["viscous"] = values["viscous"] if "viscous" not in remarks or remarks["viscous"][:1] == "f" else 0.0
+    effects: dict[str, dict[str, float]] = {}
+    sine, cosine = balance.value("gravity_sin"), balance.value("gravity_cos")
+    if balance.is_significant("gravity_sin") or balance.is_significant("gravity_cos"):
+        effects["gravity"] = {"amplitude": math.hypot(sine, cosine), "angle": math.atan2(cosine, sine)}
+    if balance.is_significant("offset"):
+        effects["offset"] = {"force": balance.value("offset")}
+    return replace(
+        draft, **values, effects=effects, residual=max(residual, 1e-9), remarks=remarks, warnings=tuple(warnings)
+    )

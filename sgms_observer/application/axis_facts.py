@@ -1,0 +1,225 @@
+"""What a recording shows of one axis: rate, jitter, gaps, range, encoder step, efforts, rough force balance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from sgms_observer.application.force_balance import ForceBalance, fit_force_balance
+from sgms_observer.bags.reader import read_samples
+from sgms_observer.bags.survey import TopicSurvey
+from sgms_observer.errors import DataError
+from sgms_observer.offline.encoder import encoder_step
+from sgms_observer.offline.recording import Recordings, join_samples, recordings_from_samples
+from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.units import REVOLUTE
+
+Floats = NDArray[np.float64]
+
+_GAP = 1.5  # periods; a longer pause lacks a sample at least
+_SPEED_RATE_SHARE = 0.05
+"""Corner of the low-pass that the peak speed is read behind, over the sample rate."""
+_MIN_REVERSAL = 0.02
+"""Of the range: a shorter way back is no reversal of the motion."""
+_REVERSAL_STEPS = 5.0  # encoder steps, likewise
+
+
+@dataclass(frozen=True)
+class AxisFacts:
+    """What a recording shows of one axis, in SI units as the scales make them.
+
+    Attributes:
+        name: the axis.
+        samples: positions with a stamp of their own.
+        duration: from the first to the last [s].
+        period: usual time between two samples [s]; 0 if unknown.
+        jitter: standard deviation of that time without gaps [s].
+        gaps: pauses longer than one and a half periods.
+        longest_gap: longest pause [s].
+        duplicate_stamps: messages with the stamp of the one before.
+        backward_stamps: messages with an earlier stamp than the one before.
+        position_range: smallest and largest position [m or rad].
+        encoder_step: step of the grid that the positions lie on [m or rad]; 0 where none shows.
+        position_noise: white noise and steps of the position, standard deviation [m or rad].
+        peak_speed: largest speed, low-passed [m/s or rad/s].
+        reversals: changes of direction.
+        effort_range: smallest and largest effort [N or N m]; NaN where there is none.
+        effort_rms: [N or N m].
+        missing_efforts: share of the samples without an effort [-].
+        has_reference: set-points are recorded.
+        pieces: pieces between pauses that are long enough to learn from.
+        balance: rough force balance, or None where it cannot be fitted.
+        notes: sentences about what reading the recording dropped or changed.
+        fault: why nothing can be learnt from it; empty if something can.
+    """
+
+    name: str
+    samples: int
+    duration: float
+    period: float
+    jitter: float
+    gaps: int
+    longest_gap: float
+    duplicate_stamps: int
+    backward_stamps: int
+    position_range: tuple[float, float]
+    encoder_step: float
+    position_noise: float
+    peak_speed: float
+    reversals: int
+    effort_range: tuple[float, float]
+    effort_rms: float
+    missing_efforts: float
+    has_reference: bool
+    pieces: int
+    balance: ForceBalance | None
+    notes: tuple[str, ...]
+    fault: str
+
+    @property
+    def rate(self) -> float:
+        """Samples per second [Hz]; 0 if unknown."""
+        return 1.0 / self.period if self.period > 0.0 else 0.0
+
+    @property
+    def stroke(self) -> float:
+        """Range of the positions [m or rad]."""
+        return self.position_range[1] - self.position_range[0]
+
+    def as_json(self) -> dict[str, object]:
+        """Return the facts for ``--json``."""
+        return {
+            "name": self.name,
+            "samples": self.samples,
+            "duration_s": self.duration,
+            "rate_hz": self.rate,
+            "jitter_s": self.jitter,
+            "gaps": self.gaps,
+            "longest_gap_s": self.longest_gap,
+            "duplicate_stamps": self.duplicate_stamps,
+            "backward_stamps": self.backward_stamps,
+            "position": {
+                "min": self.position_range[0],
+                "max": self.position_range[1],
+                "step": self.encoder_step or None,
+                "peak_speed": self.peak_speed,
+                "reversals": self.reversals,
+            },
+            "effort": {
+                "min": self.effort_range[0],
+                "max": self.effort_range[1],
+                "rms": self.effort_rms,
+                "missing_share": self.missing_efforts,
+            },
+            "has_reference": self.has_reference,
+            "pieces": self.pieces,
+            "sign": {1: "as the motion", -1: "reversed", 0: None}[self.balance.sign if self.balance else 0],
+            "force_balance": self.balance.as_json() if self.balance else None,
+            "notes": list(self.notes),
+        }
+
+
+def read_axis_facts(
+    bag: str | Path,
+    axis: AxisSettings,
+    survey: TopicSurvey,
+    topics: Mapping[str, str],
+    has_gravity: bool | None = None,
+) -> AxisFacts:
+    """Read what a recording shows of one axis.
+
+    Args:
+        bag: the recording.
+        axis: its name, joint type and scales.
+        survey: of the topic that holds its position.
+        topics: names of the input topics where they differ.
+        has_gravity: fit gravity of a turning axis; None fits it on a revolute joint.
+
+    Raises:
+        RecordingError: the bag cannot be read or lacks a topic or the axis.
+    """
+    blocks = read_samples(bag, axis.name, scales=axis.scales, topics=topics, needs_effort=False)
+    samples = join_samples(list(blocks))
+    position, effort = samples.position, samples.effort
+    stamps = survey.stamps_of(axis.name)
+    pauses = np.diff(stamps) * 1e-9
+    forward = pauses[pauses > 0.0]
+    typical = float(np.median(forward)) if forward.size else 0.0
+    whole = forward[forward <= _GAP * typical]
+    period = float(np.mean(whole)) if whole.size else 0.0
+    finite, driven = position[np.isfinite(position)], effort[np.isfinite(effort)]
+    fault, recordings = "", Recordings(())
+    try:
+        recordings = recordings_from_samples(samples, Path(bag).name)
+        period = recordings[0].period
+    except DataError as error:
+        fault = str(error)
+    gravity = axis.joint_type == REVOLUTE if has_gravity is None else has_gravity
+    step = max((piece.encoder_step for piece in recordings), default=encoder_step(finite))
+    return AxisFacts(
+        name=axis.name,
+        samples=len(position),
+        duration=float(np.ptp(stamps)) * 1e-9 if stamps.size else 0.0,
+        period=period,
+        jitter=float(np.std(whole)) if whole.size else 0.0,
+        gaps=int(np.count_nonzero(forward > _GAP * typical)),
+        longest_gap=float(forward.max()) if forward.size else 0.0,
+        duplicate_stamps=int(np.count_nonzero(pauses == 0.0)),
+        backward_stamps=int(np.count_nonzero(pauses < 0.0)),
+        position_range=_range(finite),
+        encoder_step=step,
+        position_noise=max((piece.position_noise for piece in recordings), default=0.0),
+        peak_speed=max((_peak_speed(piece.position, piece.period) for piece in recordings), default=float("nan")),
+        reversals=sum(count_reversals(piece.position, _REVERSAL_STEPS * step) for piece in recordings),
+        effort_range=_range(driven),
+        effort_rms=float(np.sqrt(np.mean(driven**2))) if driven.size else float("nan"),
+        missing_efforts=1.0 - driven.size / max(len(effort), 1),
+        has_reference=bool(np.any(np.isfinite(samples.reference_position))),
+        pieces=len(recordings),
+        balance=fit_force_balance(recordings, axis, gravity) if recordings else None,
+        notes=recordings.notes,
+        fault=fault,
+    )
+
+
+def count_reversals(position: Floats, shortest: float) -> int:
+    """Return how often the motion changes its direction.
+
+    Args:
+        position: in order of time, shape (n,) [m or rad].
+        shortest: shorter ways are not counted [m or rad]; at least 2 % of the range.
+    """
+    way = max(shortest, _MIN_REVERSAL * float(np.ptp(position))) if len(position) else 0.0
+    if way <= 0.0:
+        return 0
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(position))) != 0) + 1
+    count, direction = 0, 0
+    low = high = float(position[0])
+    for value in (*position[turns].tolist(), float(position[-1])):
+        if direction >= 0:
+            high = max(high, value)
+            if high - value >= way:
+                count += direction > 0
+                direction, low = -1, value
+        if direction <= 0:
+            low = min(low, value)
+            if value - low >= way:
+                count += direction < 0
+                direction, high = 1, value
+    return count
+
+
+def _peak_speed(position: Floats, period: float) -> float:
+    """Return the largest speed behind a low-pass [m/s or rad/s]."""
+    sections = signal.butter(2, 2.0 * _SPEED_RATE_SHARE, output="sos")
+    smooth = signal.sosfiltfilt(sections, position)
+    return float(np.max(np.abs(np.gradient(smooth, period))))
+
+
+def _range(values: Sequence[float] | Floats) -> tuple[float, float]:
+    return (float(np.min(values)), float(np.max(values))) if len(values) else (float("nan"), float("nan"))

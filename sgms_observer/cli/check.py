@@ -1,0 +1,56 @@
+"""``sgms check``: whether a parameter file, and a recording, fit together."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from sgms_observer.cli.options import add_bag_options, add_output_options
+from sgms_observer.cli.outcome import EXIT_DONE, EXIT_FAILED, Outcome
+
+NAME = "check"
+HELP = "tell whether a parameter file is right, and fits a recording: all faults at once"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments.
+
+    Args:
+        parser: the command's own parser.
+    """
+    parser.add_argument("config", metavar="YAML", help="parameter file")
+    parser.add_argument("bag", nargs="?", metavar="BAG", help="recording to compare it with (default: none)")
+    add_bag_options(parser, "all axes of the file")
+    add_output_options(parser)
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    """Do the job.
+
+    Args:
+        args: what the user gave.
+
+    Returns:
+        The exit code and the result.
+    """
+    from sgms_observer.application.check import Checked, check
+    from sgms_observer.cli.options import axes_from, topics_from
+    from sgms_observer.errors import ConfigurationError
+    from sgms_observer.settings.load import load_settings
+
+    topics = topics_from(args.topic)
+    try:
+        settings = load_settings(args.config)
+        axes = axes_from(args.axis, [axis.name for axis in settings.axes], args.config)
+    except ConfigurationError as error:
+        found = Checked(error.sentences, (), ())
+    else:
+        found = check(settings, args.bag, axes, topics) if args.bag else Checked((), (), tuple(axes))
+    for fault in found.faults:
+        print(fault, file=sys.stderr)
+    for warning in found.warnings:
+        print(f"Warning: {warning}", file=sys.stderr)
+    if found.faults:
+        return Outcome(EXIT_FAILED, found.as_json())
+    print(f"{args.config} is right" + (f" and fits {args.bag}" if args.bag else ""))
+    return Outcome(EXIT_DONE, found.as_json())

@@ -1,0 +1,48 @@
+"""``sgms info``: what is in a bag, and what it can be used for."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from sgms_observer.cli.options import add_bag_options, add_output_options
+from sgms_observer.cli.outcome import Outcome
+
+NAME = "info"
+HELP = "tell what is in a bag: topics, joints, rates, gaps, encoder step, signs, and what it can be used for"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments.
+
+    Args:
+        parser: the command's own parser.
+    """
+    parser.add_argument("bag", metavar="BAG", help="the recording")
+    parser.add_argument(
+        "--joint-type",
+        choices=("prismatic", "revolute"),
+        help="whether the axes slide (m, N, kg) or turn (rad, N m, kg m^2); without it no units are printed",
+    )
+    add_bag_options(parser, "all joints of the bag")
+    add_output_options(parser)
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    """Do the job.
+
+    Args:
+        args: what the user gave.
+
+    Returns:
+        The exit code and the result.
+    """
+    from sgms_observer.application.bag_info import inspect_bag
+    from sgms_observer.cli.options import topics_from
+
+    info = inspect_bag(args.bag, topics_from(args.topic), args.axis, args.joint_type)
+    for line in info.lines():
+        print(line)
+    for warning in info.warnings:
+        print(f"Warning: {warning}", file=sys.stderr)
+    return Outcome(result=info.as_json())

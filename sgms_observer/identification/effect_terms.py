@@ -1,0 +1,233 @@
+"""Effects of the parameter file as terms of the force balance: which of their parameters are fitted, and their force.
+
+Added forces, level factors and effects of the plant are fitted. Effects of the effort's path and of the measured
+position change what was measured: a fit of them could explain the recording by erasing it. They stay as they are.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.effects import kernels
+from sgms_observer.effects.catalogue import effect
+from sgms_observer.effects.compiled import SCRATCH, CompiledEffects
+from sgms_observer.effects.effect import EffectParameter, Place
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
+
+Floats = NDArray[np.float64]
+
+OFFSET_EFFECT = "offset"
+GRAVITY = "gravity"
+_TRANSFORMING = (Place.EFFORT_PATH, Place.MEASURED_POSITION)
+_PHASES = ("phase", "second_phase", "angle")
+_FIXED = {"gravity.ratio": "it is the gear ratio, which is known", "mass_error.mass": "mass is fitted in its place"}
+"""Parameters that are never fitted, and why."""
+_SHARE_STEP = 0.1  # scale of a strength without unit
+_SHAPE_STEP = 0.3  # scale of a shape over its value
+
+
+@dataclass(frozen=True)
+class EffectVector:
+    """Values of the effects' parameters in one search.
+
+    Attributes:
+        values: SI units, in the order of ``EffectTerms.names``, shape (m,).
+        scale: size of a typical change of each, shape (m,).
+        low, high: bounds, shape (m,).
+        free: numbers of those that are fitted.
+    """
+
+    values: Floats = field(default_factory=lambda: np.empty(0))
+    scale: Floats = field(default_factory=lambda: np.empty(0))
+    low: Floats = field(default_factory=lambda: np.empty(0))
+    high: Floats = field(default_factory=lambda: np.empty(0))
+    free: tuple[int, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def with_values(self, values: Floats) -> EffectVector:
+        """Return the same with other values."""
+        return replace(self, values=np.asarray(values, dtype=np.float64))
+
+
+@dataclass(frozen=True)
+class EffectTerms:
+    """The effects of one axis as identification sees them.
+
+    Attributes:
+        fitted: effects whose force enters the balance; the offset is a parameter of its own.
+        kept: effects of the effort's path and of the measured position, which stay as they are.
+        added: names of effects that are not in the parameter file.
+        unit: of the position, for sentences.
+    """
+
+    fitted: tuple[EffectSettings, ...] = ()
+    kept: tuple[EffectSettings, ...] = ()
+    added: tuple[str, ...] = ()
+    unit: str = "m"
+
+    @property
+    def parameters(self) -> tuple[EffectParameter, ...]:
+        """Return the catalogue's entry of each parameter."""
+        return tuple(entry for item in self.fitted for entry in effect(item.name).parameters)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return ``effect.parameter`` of each parameter."""
+        return tuple(f"{item.name}.{entry.name}" for item in self.fitted for entry in effect(item.name).parameters)
+
+    @property
+    def start(self) -> EffectVector:
+        """Return the values of the parameter file; all parameters free that can be fitted at all."""
+        values = [value for item in self.fitted for value in item.values or effect(item.name).defaults]
+        free = tuple(number for number, name in enumerate(self.names) if name not in _FIXED)
+        low, high = (np.array([getattr(entry, key) for entry in self.parameters]) for key in ("minimum", "maximum"))
+        return EffectVector(np.array(values, dtype=np.float64), np.ones(len(values)), low, high, free)
+
+    def without(self, name: str) -> EffectTerms:
+        """Return the terms without one effect."""
+        keep = tuple(item for item in self.fitted if item.name != name)
+        return replace(self, fitted=keep, added=tuple(other for other in self.added if other != name))
+
+    def phase_of(self, number: int) -> int | None:
+        """Return the number of the phase that belongs to a strength, or None: ``A sin(.. + phase)``."""
+        names = self.names
+        owner, own = names[number].split(".")
+        wanted = "second_phase" if own == "second_amplitude" else None
+        for other, name in enumerate(names):
+            effect_name, parameter = name.split(".")
+            is_phase = parameter == wanted if wanted else parameter in _PHASES and parameter != "second_phase"
+            if effect_name == owner and own.endswith("amplitude") and is_phase:
+                return other
+        return None
+
+
+NO_EFFECTS = EffectTerms()
+
+
+def effect_terms(axis: AxisSettings) -> EffectTerms:
+    """Return the terms of an axis; a revolute joint gets gravity whether or not its file has it.
+
+    Args:
+        axis: start settings.
+    """
+    others = [item for item in axis.effects if item.name != OFFSET_EFFECT]
+    fitted = tuple(item for item in others if effect(item.name).place not in _TRANSFORMING)
+    kept = tuple(item for item in others if effect(item.name).place in _TRANSFORMING)
+    if axis.units.is_revolute and all(item.name != GRAVITY for item in others):
+        fitted = (*fitted, EffectSettings(GRAVITY, effect(GRAVITY).defaults))
+        return EffectTerms(fitted, kept, (GRAVITY,), axis.units.position)
+    return EffectTerms(fitted, kept, (), axis.units.position)
+
+
+def reason_fixed(name: str) -> str:
+    """Return why a parameter is never fitted; empty if it is.
+
+    Args:
+        name: ``effect.parameter``.
+    """
+    return _FIXED.get(name, "")
+
+
+@dataclass(frozen=True)
+class EffectForce:
+    """The force of the fitted effects along one recording.
+
+    Attributes:
+        compiled: the effects, with a state that fits the period.
+        period: time between two samples [s].
+        position, velocity, acceleration: motion, shape (n,).
+        seconds: time since the recording's first sample [s], shape (n,).
+        effort: effort [N], shape (n,).
+        other_velocity, other_acceleration: motion of the other axis, shape (n,).
+        has_level: whether a formula asks for the Stribeck level.
+    """
+
+    compiled: CompiledEffects
+    period: float
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    seconds: Floats
+    effort: Floats
+    other_velocity: Floats
+    other_acceleration: Floats
+    has_level: bool
+
+    @staticmethod
+    def along(
+        settings: Sequence[EffectSettings], period: float, position: Floats, effort: Floats, other: Floats | None,
+        first: float,
+    ) -> EffectForce:  # fmt: skip
+        """Build the terms along a motion.
+
+        Args:
+            settings: effects whose force is wanted.
+            period: time between two samples [s].
+            position: filtered position, shape (n,).
+            effort: effort, shape (n,).
+            other: position of the other axis, shape (n,), or None.
+            first: time of the first sample since the recording began [s].
+        """
+        velocity: Floats = np.gradient(position, period)
+        zero = np.zeros(len(position))
+        other_velocity = zero if other is None else np.gradient(other, period)
+        other_acceleration = zero if other is None else np.gradient(other_velocity, period)
+        formulas = [f for item in settings for f in (effect(item.name).output, effect(item.name).advance) if f]
+        has_level = any("level" in inspect.signature(formula).parameters for formula in formulas)
+        return EffectForce(
+            CompiledEffects(settings, period), period, position, velocity, np.gradient(velocity, period),
+            np.asarray(first + period * np.arange(len(position))), effort, other_velocity, other_acceleration,
+            has_level,
+        )  # fmt: skip
+
+    def at(self, values: Floats, level: Floats) -> tuple[Floats, Floats]:
+        """Return force [N] and factor on the Stribeck level [-].
+
+        Args:
+            values: of the effects' parameters, shape (m,).
+            level: Stribeck level [N], shape (n,).
+        """
+        effects = self.compiled
+        force, factor = np.zeros(len(self.position)), np.ones(len(self.position))
+        periods = np.full(len(self.position), self.period)
+        if effects.has_force_or_level:
+            kernels.effects_block(
+                effects.kinds, effects.p_at, effects.s_at, values, effects.initial_state(), effects.user,
+                self.position, self.velocity, self.acceleration, self.seconds, self.effort, periods, level,
+                self.other_velocity, self.other_acceleration, np.zeros(SCRATCH), force, factor,
+            )  # fmt: skip
+        for name, start in zip(effects.names, effects.p_at, strict=False):
+            if name in ("mass_error", "flexible_mode"):
+                force = force + (values[start] if name == "mass_error" else -values[start]) * self.acceleration
+        return force, factor
+
+    def scales(self, vector: EffectVector, names: Sequence[str], level: Floats, effort_rms: float) -> Floats:
+        """Return the size of a typical change of each parameter.
+
+        Args:
+            vector: start values.
+            names: ``effect.parameter`` of each.
+            level: Stribeck level [N], shape (n,).
+            effort_rms: rms of the effort [N].
+        """
+        base, _factor = self.at(vector.values, level)
+        out = np.ones(len(vector))
+        for number, name in enumerate(names):
+            owner, own = name.split(".")
+            entry = effect(owner).parameter(own)
+            if entry.is_strength:
+                more = vector.values.copy()
+                more[number] += 1.0e-3 * (1.0 if entry.unit == "-" else entry.maximum)
+                change = float(np.sqrt(np.mean((self.at(more, level)[0] - base) ** 2)))
+                per_unit = change / (more[number] - vector.values[number])
+                out[number] = effort_rms / per_unit if per_unit > 0.0 and entry.unit != "-" else _SHARE_STEP
+            elif entry.unit != "rad":
+                out[number] = _SHAPE_STEP * (abs(vector.values[number]) or 0.1 * entry.maximum)
+        return out

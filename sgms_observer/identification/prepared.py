@@ -1,0 +1,202 @@
+"""A recording prepared for identification: filtered once, at the rate that the model is simulated at.
+
+Both sides of the force balance pass the same zero-phase low-pass, so that no filter delay enters and the noise of the
+twice differentiated position stays small. The friction is driven by a position that is filtered less: it may follow
+sharp reversals, while the noise that mass times acceleration would add, and that a stiff element could imitate, is gone
+from the balance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+from scipy.interpolate import CubicSpline
+
+from sgms_observer.effects.compiled import CompiledEffects
+from sgms_observer.errors import DataError
+from sgms_observer.identification.effect_terms import NO_EFFECTS, EffectForce, EffectTerms
+from sgms_observer.offline.recording import Recording
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+MOTION_OVER_BALANCE = 2.5
+"""Corner of the low-pass on the position that drives the friction, over the corner of the balance."""
+
+MIN_PERIODS = 80.0
+"""A recording has to last this many periods of the cutoff."""
+
+_ORDER = 4
+_COLUMNS = 8  # that are filtered at once
+_WORKING_RATE = 10.0  # samples of the driving position per period of its corner
+_ROW_RATE = 8.0  # rows of the balance per period of its corner
+_BORDER = 4.0  # of the filter's time constants 1/cutoff dropped at either end
+_FORGET = 3.0  # slip deflections of one-way travel after which the unknown start no longer matters
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """One recording, filtered: the driving position at the working rate, the balance in fewer rows.
+
+    Attributes:
+        name: where it comes from.
+        period: working period [s].
+        position: position that drives the friction [m], at the working rate.
+        sections: second-order sections of the balance's low-pass at the working rate.
+        stride: working samples per row.
+        time: of each row [s], from 0.
+        velocity: of each row [m/s].
+        acceleration: of each row [m/s^2].
+        effort: spline through the filtered effort [N] over time [s].
+        usable: rows away from the filter's borders.
+        effects: force of the file's effects along the motion, at the working rate.
+        noise: standard deviation of the white part of the recorded position [m].
+        unit: of the position, for sentences.
+    """
+
+    name: str
+    period: float
+    position: Floats
+    sections: Floats
+    stride: int
+    time: Floats
+    velocity: Floats
+    acceleration: Floats
+    effort: CubicSpline
+    usable: Booleans
+    effects: EffectForce
+    noise: float
+    unit: str = "m"
+
+    def low_pass(self, values: Floats) -> Floats:
+        """Return the rows of signals at the working rate, through the balance's zero-phase low-pass."""
+        if values.ndim == 2 and values.shape[1] > _COLUMNS:  # the filter copies its input several times
+            return np.hstack([self.low_pass(values[:, k : k + _COLUMNS]) for k in range(0, values.shape[1], _COLUMNS)])
+        return np.asarray(signal.sosfiltfilt(self.sections, values, axis=0)[:: self.stride])
+
+    def settled(self, slip_deflection: float) -> Booleans:
+        """Return usable rows after the elements have forgotten how they started.
+
+        Args:
+            slip_deflection: largest deflection at which an element slips [m].
+        """
+        way = np.sign(np.diff(self.position))
+        turning = np.concatenate(([True], way[1:] != way[:-1]))
+        since = np.maximum.accumulate(np.where(turning, np.arange(len(turning)), 0))
+        run = np.abs(self.position[1:] - self.position[since])
+        far = np.flatnonzero(run > _FORGET * slip_deflection)
+        mask = self.usable.copy()
+        mask[: (int(far[0]) // self.stride + 1 if len(far) else len(mask))] = False
+        return mask
+
+
+def prepare(recording: Recording, cutoff: float, terms: EffectTerms = NO_EFFECTS, first: float = 0.0) -> Prepared:
+    """Filter a recording and bring it to the working rate.
+
+    Args:
+        recording: evenly sampled position and effort.
+        cutoff: corner of the balance's low-pass [Hz].
+        terms: effects of the parameter file.
+        first: time of its first sample since the whole recording began [s].
+
+    Raises:
+        DataError: if the recording is too short or too slowly sampled.
+    """
+    rate = 1.0 / recording.period
+    motion_cutoff = MOTION_OVER_BALANCE * cutoff
+    if motion_cutoff >= 0.45 * rate:
+        raise DataError(
+            f"{recording.name} is sampled at {rate:.4g} Hz; choose a cutoff below {0.18 * rate:.4g} Hz,"
+            f" not {cutoff:.4g} Hz"
+        )
+    if recording.duration < MIN_PERIODS / cutoff:
+        raise DataError(f"{recording.name} lasts {recording.duration:.3g} s; a cutoff of {cutoff:.4g} Hz needs more")
+    noise = recording.position_noise
+    recording = _dense(recording, _WORKING_RATE * motion_cutoff)
+    rate = 1.0 / recording.period
+    kept = CompiledEffects(terms.kept, recording.period)
+    sharp = _low_pass(motion_cutoff, rate)
+    both = np.concatenate([sharp, _low_pass(cutoff, rate)])
+    measured = kept.corrected_position(recording.position)
+    effort = kept.arrived_effort(recording.effort, kept.initial_state())
+    position = signal.sosfiltfilt(sharp, measured)
+    step = max(1, int(rate / (_WORKING_RATE * motion_cutoff) + 1e-6))
+    period = recording.period * step
+    stride = max(1, int(1.0 / (_ROW_RATE * cutoff * period) + 1e-6))
+    smooth = signal.sosfiltfilt(both, measured)
+    velocity: Floats = np.gradient(smooth) / recording.period
+    acceleration: Floats = np.gradient(velocity) / recording.period
+    keep = slice(None, None, step * stride)
+    time = np.asarray(period * stride * np.arange(len(smooth[keep])))
+    border = int(np.ceil(_BORDER / cutoff / (period * stride)))
+    usable = np.zeros(len(time), dtype=bool)
+    usable[border:-border] = True
+    driving = np.ascontiguousarray(position[::step])
+    other = recording.other_position
+    other = None if other is None else np.asarray(signal.sosfiltfilt(sharp, other)[::step])
+    return Prepared(
+        name=recording.name,
+        period=period,
+        position=driving,
+        sections=np.concatenate([_low_pass(motion_cutoff, 1.0 / period), _low_pass(cutoff, 1.0 / period)]),
+        stride=stride,
+        time=time,
+        velocity=velocity[keep],
+        acceleration=acceleration[keep],
+        effort=CubicSpline(time, signal.sosfiltfilt(both, effort)[keep]),
+        usable=usable,
+        effects=EffectForce.along(
+            terms.fitted, period, driving, np.ascontiguousarray(signal.sosfiltfilt(sharp, effort)[::step]), other, first
+        ),
+        noise=noise,
+        unit=terms.unit,
+    )
+
+
+def prepare_all(recordings: Sequence[Recording], cutoff: float, terms: EffectTerms) -> list[Prepared]:
+    """Filter all recordings; time begins with the first piece of each name.
+
+    Args:
+        recordings: evenly sampled pieces.
+        cutoff: corner of the balance's low-pass [Hz].
+        terms: effects of the parameter file.
+    """
+    begun: dict[str, float] = {}
+    for recording in recordings:
+        begun[recording.name] = min(recording.start, begun.get(recording.name, recording.start))
+    return [prepare(piece, cutoff, terms, piece.start - begun[piece.name]) for piece in recordings]
+
+
+def _dense(recording: Recording, rate: float) -> Recording:
+    """Return the recording at ``rate`` [Hz] at least: band-limited, between and through the samples.
+
+    At 1 kHz a friction that turns within a sample, and a central difference at the balance's corner, would be wrong by
+    per cents; between the samples the position is as well known as at them.
+    """
+    times = math.ceil(rate * recording.period - 1e-6)
+    if times <= 1:
+        return recording
+    keep = (len(recording) - 1) * times + 1
+
+    def denser(values: Floats) -> Floats:
+        return np.asarray(signal.resample_poly(values, times, 1, padtype="line"))[:keep]
+
+    other = recording.other_position
+    return replace(
+        recording,
+        period=recording.period / times,
+        position=denser(recording.position),
+        effort=denser(recording.effort),
+        reference_position=None,
+        other_position=None if other is None else denser(other),
+    )
+
+
+def _low_pass(cutoff: float, rate: float) -> Floats:
+    """Return the second-order sections of the low-pass."""
+    return np.asarray(signal.butter(_ORDER, 2.0 * cutoff / rate, output="sos"))
