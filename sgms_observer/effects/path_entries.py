@@ -22,7 +22,11 @@ PATH_EFFECTS = (
     Effect(
         "actuator_saturation",
         Place.EFFORT_PATH,
-        (EffectParameter("limit", "N", 1.0e6, 1.0e-6, 1.0e9, "largest effort that arrives", is_strength=True),),
+        (
+            EffectParameter(
+                "limit", "N", 1.0e6, 1.0e-6, 1.0e9, "largest effort that arrives", is_strength=True, acts_on="effort"
+            ),
+        ),
         "u -> min(max(u, -L), L)",
         "residual only at the largest efforts",
         "efforts up to the actuator's limit",
@@ -33,7 +37,11 @@ PATH_EFFECTS = (
     Effect(
         "actuator_dead_zone",
         Place.EFFORT_PATH,
-        (EffectParameter("width", "N", 0.0, 0.0, 1.0e6, "effort that is lost around zero", is_strength=True),),
+        (
+            EffectParameter(
+                "width", "N", 0.0, 0.0, 1.0e6, "effort that is lost around zero", is_strength=True, acts_on="effort"
+            ),
+        ),
         "u -> u - min(max(u, -d), d)",
         "a constant loss with the sign of the effort, not of the velocity",
         "braking phases, where effort and velocity differ in sign; rests",
@@ -46,7 +54,14 @@ PATH_EFFECTS = (
         Place.EFFORT_PATH,
         (
             EffectParameter(
-                "delay", "s", 0.0, 0.0, 0.02, "time from the published effort to the force", is_strength=True
+                "delay",
+                "s",
+                0.0,
+                0.0,
+                0.02,
+                "time from the published effort to the force",
+                is_strength=True,
+                acts_on="time",
             ),
         ),
         "u(t) -> u(t - d)",
@@ -61,7 +76,7 @@ PATH_EFFECTS = (
         Place.MEASURED_POSITION,
         (
             EffectParameter("amplitude", "m", 0.0, -1.0e-3, 1.0e-3, "amplitude", is_strength=True),
-            EffectParameter("pitch", "m", 2.0e-5, 1.0e-8, 1.0, "signal period of the encoder"),
+            EffectParameter("pitch", "m", 2.0e-5, 1.0e-8, 1.0, "signal period of the encoder", acts_on="position"),
             EffectParameter("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, "angle at position zero"),
         ),
         "q -> q + A sin(2 pi q / pitch + phase)",
@@ -76,7 +91,14 @@ PATH_EFFECTS = (
         Place.MEASURED_POSITION,
         (
             EffectParameter(
-                "resolution", "m", 1.0e-12, 1.0e-12, 1.0e-1, "step of the measured position", is_strength=True
+                "resolution",
+                "m",
+                1.0e-12,
+                1.0e-12,
+                1.0e-1,
+                "step of the measured position",
+                is_strength=True,
+                acts_on="position",
             ),
         ),
         "q -> r floor(q / r + 1/2)",

@@ -119,6 +119,27 @@ def test_a_bad_file_is_one_sentence(tmp_path: Path, text: str, sentence: str) ->
         catalogue.load_user_effects([tmp_path / "absent.py"])
 
 
+def test_a_record_says_over_what_it_lies_and_what_bounds_its_shape() -> None:
+    for entry in catalogue.BUILT_IN:
+        if entry.name in FIELD_NAMES and not entry.coordinates:
+            assert entry.place in (Place.EFFORT_PATH, Place.MEASURED_POSITION) or entry.name in (
+                "offset",  # a constant
+                "periodic_disturbance",  # of the frequency
+                "cross_axis_coupling",  # of the other axis
+                "flexible_mode",
+                "learnt_map",
+                "learnt_map_2",
+                "learnt_map_3",  # what its table says
+            )
+        for parameter in entry.parameters:
+            if parameter.unit in ("m", "m/s", "s", "Hz") and not parameter.is_strength and not entry.lists:
+                assert parameter.acts_on, f"{entry.name}.{parameter.name}"
+    with pytest.raises(ConfigurationError, match="acts_on = 'place' must be one of"):
+        EffectParameter("a", "m", 0.0, 0.0, 1.0, "x", acts_on="place")
+    with pytest.raises(ConfigurationError, match="coordinate 'place' is unknown"):
+        Effect("odd", Place.ADDED_FORCE, (), "F", "x", "y", (), "me", lambda q: q, coordinates=("place",))
+
+
 def test_a_formula_with_a_strange_argument_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="argument 'w' is unknown"):
         Effect("odd", Place.ADDED_FORCE, (), "F", "x", "y", (), "me", lambda w: w)
