@@ -30,7 +30,7 @@ COORDINATES = (
 """Coordinates over which a term of no particular form could say the same as an effect."""
 
 QUANTITIES = ("position", "velocity", "acceleration", "effort", "time", "travel", "rate")
-"""Recorded quantities that bound what a parameter can be; ``travel`` is the distance covered, ``rate`` that of samples."""
+"""Recorded quantities that bound a parameter; ``travel`` is the distance covered, ``rate`` the sampling rate."""
 
 
 class Place(Enum):
@@ -133,6 +133,9 @@ class Effect:
             the lists by name, and the effect's path in the YAML.
         coordinates: some of ``COORDINATES``, over which a term of no particular form could say the same; empty where
             none could, as for effects of the other axis, in the frequency or on the effort.
+        inverse: formula of the command that lets a force arrive, or of the true position behind a measured one.
+        added_mass: mass that it adds to the model's own, as a multiple of its first parameter [-].
+        is_delay: whether it delays the effort by its first parameter [s].
     """
 
     name: str
@@ -149,6 +152,9 @@ class Effect:
     lists: tuple[EffectList, ...] = ()
     list_faults: Callable[[Mapping[str, tuple[Any, ...]], str], list[str]] | None = None
     coordinates: tuple[str, ...] = ()
+    inverse: Callable[..., Any] | None = None
+    added_mass: float = 0.0
+    is_delay: bool = False
 
     def __post_init__(self) -> None:
         """Check names and formula arguments.

@@ -271,6 +271,7 @@ FORCE_EFFECTS = (
         ("actuator_gain", "actuator_delay", "flexible_mode"),
         "Janot, Gautier, Brunot 2019, EMPS benchmark",
         formula.mass_error,
+        added_mass=1.0,
         coordinates=("acceleration",),
     ),
     Effect(
@@ -293,5 +294,6 @@ FORCE_EFFECTS = (
         formula.flexible_mode,
         formula.flexible_mode_next,
         (0.0, 0.0),
+        added_mass=-1.0,
     ),
 )

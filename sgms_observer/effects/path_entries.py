@@ -18,6 +18,7 @@ PATH_EFFECTS = (
         ("mass_error",),
         "Gautier, Briot 2014, Global identification of joint drive gains, J. Dynamic Systems 136(5)",
         formula.actuator_gain,
+        inverse=formula.actuator_gain_command,
     ),
     Effect(
         "actuator_saturation",
@@ -33,6 +34,7 @@ PATH_EFFECTS = (
         ("actuator_gain",),
         "Astrom, Hagglund 2006, Advanced PID Control",
         formula.actuator_saturation,
+        inverse=formula.actuator_saturation_command,
     ),
     Effect(
         "actuator_dead_zone",
@@ -48,6 +50,7 @@ PATH_EFFECTS = (
         ("stribeck", "presliding"),
         "Tao, Kokotovic 1994, Adaptive control of plants with unknown dead-zones, IEEE T. Automatic Control 39(1)",
         formula.actuator_dead_zone,
+        inverse=formula.actuator_dead_zone_command,
     ),
     Effect(
         "actuator_delay",
@@ -70,6 +73,7 @@ PATH_EFFECTS = (
         ("mass_error", "flexible_mode"),
         "Janot, Gautier, Brunot 2019, EMPS benchmark (command delay)",
         formula.actuator_delay,
+        is_delay=True,
     ),
     Effect(
         "encoder_interpolation_error",
@@ -85,6 +89,7 @@ PATH_EFFECTS = (
         ("cogging", "quantisation"),
         "Heydemann 1981, Determination and correction of quadrature fringe measurement errors, Applied Optics 20(19)",
         formula.encoder_interpolation_error,
+        inverse=formula.encoder_interpolation_correction,
     ),
     Effect(
         "quantisation",

@@ -8,6 +8,8 @@ from sgms_observer.effects import catalogue
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Effect, EffectParameter, Place
 from sgms_observer.effects.page import catalogue_page
+from sgms_observer.effects.switch_source import PAGE as SWITCH
+from sgms_observer.effects.switch_source import switch_source
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import EffectSettings
 
@@ -145,3 +147,7 @@ def test_a_formula_with_a_strange_argument_is_refused() -> None:
         Effect("odd", Place.ADDED_FORCE, (), "F", "x", "y", (), "me", lambda w: w)
     with pytest.raises(ConfigurationError, match="outside"):
         EffectParameter("a", "-", 2.0, 0.0, 1.0, "too large")
+
+
+def test_the_compiled_switch_is_written_from_the_records() -> None:
+    assert SWITCH.read_text(encoding="utf-8") == switch_source(), "run python -m sgms_observer.effects.switch_source"
