@@ -111,13 +111,13 @@ def _switch(branches: list[tuple[Effect, list[str]]]) -> str:
     same: dict[tuple[str, ...], list[Effect]] = {}
     for entry, lines in branches:
         same.setdefault(tuple(lines), []).append(entry)
-    text = []
-    for lines, entries in same.items():
+    text: list[str] = []
+    for steps, entries in same.items():
         numbers = [BUILT_IN.index(entry) for entry in entries]
         condition = f"kind == {numbers[0]}" if len(numbers) == 1 else f"{numbers[0]} <= kind <= {numbers[-1]}"
         names = ", ".join(entry.name for entry in entries)
         text.append(f"    {'elif' if text else 'if'} {condition}:  # {names}")
-        text += [f"        {line.replace(_STATE, f'{entries[0].name}_state')}" for line in lines]
+        text += [f"        {line.replace(_STATE, f'{entries[0].name}_state')}" for line in steps]
     return "\n".join(text)
 
 
