@@ -15,7 +15,7 @@ $(VENV)/.complete: setup.py tools/setup_environment
 	@touch $@
 
 demo: setup
-	$(VENV)/bin/sgms demo --out $(OUT)
+	$(VENV)/bin/sgms demo --out $(OUT) --overwrite
 
 test: setup
 	$(VENV)/bin/python -m pytest $(PYTEST_ARGS)

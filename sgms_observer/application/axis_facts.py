@@ -177,7 +177,7 @@ def read_axis_facts(
         peak_speed=max((_peak_speed(piece.position, piece.period) for piece in recordings), default=float("nan")),
         reversals=sum(count_reversals(piece.position, _REVERSAL_STEPS * step) for piece in recordings),
         effort_range=_range(driven),
-        effort_rms=float(np.sqrt(np.mean(driven**2))) if driven.size else float("nan"),
+        effort_rms=_rms(driven),
         missing_efforts=1.0 - driven.size / max(len(effort), 1),
         has_reference=bool(np.any(np.isfinite(samples.reference_position))),
         pieces=len(recordings),
@@ -219,6 +219,14 @@ def _peak_speed(position: Floats, period: float) -> float:
     sections = signal.butter(2, 2.0 * _SPEED_RATE_SHARE, output="sos")
     smooth = signal.sosfiltfilt(sections, position)
     return float(np.max(np.abs(np.gradient(smooth, period))))
+
+
+def _rms(values: Floats) -> float:
+    """Return the root mean square, NaN of nothing; scaled, so that no number is too large to be squared."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    if not largest:
+        return 0.0 if values.size else float("nan")
+    return largest * float(np.sqrt(np.mean((values / largest) ** 2)))
 
 
 def _range(values: Sequence[float] | Floats) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from sgms_observer.identification.answer import (
     Row,
     bag_hash,
     identification_answer,
+    judged_on_held_out,
     least_squares_answer,
     provenance,
 )
@@ -194,7 +195,7 @@ def _identified(
         held_out = unexplained_share(unseen, result, axis)
         word = axis.units.effort_word
         sentence = f"{axis.name}: {100.0 * held_out:.2f} % of the rms {word} unexplained on held-out bags"
-        answer = replace(answer, summary=(*answer.summary, sentence))
+        answer = judged_on_held_out(replace(answer, summary=(*answer.summary, sentence)), axis, held_out)
     return IdentifiedAxis(axis.name, answer, result.unexplained, held_out, result.cutoff, notes)
 
 

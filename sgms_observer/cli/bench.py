@@ -12,6 +12,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sgms_observer.cli.options import add_output_options, add_overwrite_option
+
 if TYPE_CHECKING:
     from sgms_observer.cli.progress import Progress
 
@@ -47,6 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--publish-every", type=int, default=1, metavar="N", help="live: publish every n-th estimate (default: 1)"
     )
     parser.add_argument("--cold", action="store_true", help="also time a first-ever start, which compiles everything")
+    add_overwrite_option(parser)
+    add_output_options(parser, has_result=False)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -60,6 +64,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
+    from sgms_observer.whole_file import refuse_existing_files
 
     limits = {"windows": (1, 100_000), "live_seconds": (0.5, 3600), "replay_seconds": (0.5, 3600)}
     faults = [
@@ -71,6 +76,8 @@ def run(args: argparse.Namespace) -> int:
         faults.append(f"--publish-every = {args.publish_every} must be at least 1; give 1 for every estimate")
     if faults:
         raise ConfigurationError(faults)
+    if args.json:
+        refuse_existing_files([args.json], args.overwrite)
     result = _empty()
     with tempfile.TemporaryDirectory(prefix="sgms-bench-") as folder:
         chosen = [part for part in PARTS if part in args.only and _can_run(part)]

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sgms_observer.cli.options import add_output_options, add_overwrite_option
+
 if TYPE_CHECKING:
     from sgms_observer.nodes.conductor import Conductor
 
@@ -38,6 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--duration", type=float, default=20.0, metavar="S", help="time on the graph [s], half of it compensated"
     )
     parser.add_argument("--config", metavar="F", help="parameter file of both nodes (default: config/demo.yaml)")
+    add_overwrite_option(parser)
+    add_output_options(parser, has_result=False)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,6 +53,7 @@ def run(args: argparse.Namespace) -> int:
     Returns:
         The exit code, 0 only on success.
     """
+    from sgms_observer.bags.replacement import refuse_existing_bag
     from sgms_observer.errors import ConfigurationError, DataError
     from sgms_observer.settings.load import load_settings
     from sgms_observer.shipped import shipped_file
@@ -65,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
 
     out = Path(args.out)
     bag = out / "bag"
+    refuse_existing_bag(bag, args.overwrite)
     shutil.rmtree(bag, ignore_errors=True)
     switched_ns, said = _play(config, [axis.name for axis in settings.axes], out, bag, args.duration)
     result = present(bag, settings, switched_ns, out)
@@ -77,10 +83,13 @@ def run(args: argparse.Namespace) -> int:
 
 def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) -> tuple[int, list[str]]:
     """Run the nodes and record them; return when the compensation went on [ns], and what the stage noted."""
+    from sgms_observer.application.kernels import compile_ahead
     from sgms_observer.cli.progress import Progress
     from sgms_observer.nodes.conductor import Conductor, prepare_graph
     from sgms_observer.nodes.pace import AGE_SENTENCE
 
+    with Progress("compile", 1.0) as progress:
+        compile_ahead(show=progress.show)
     domain = prepare_graph()
     print(f"starting {STAGE}, {OBSERVER} and a recorder on this machine's graph, ROS_DOMAIN_ID {domain}", flush=True)
     with Conductor(out / "log") as conductor:

@@ -5,6 +5,15 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from sgms_observer.cli.options import (
+    add_axis_option,
+    add_output_options,
+    add_overwrite_option,
+    axes_from,
+    axis_from,
+)
+from sgms_observer.cli.outcome import Outcome
+
 if TYPE_CHECKING:
     from sgms_observer.identification.excitation import Excitation
 
@@ -22,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="CSV", help="file to write: time [s], position [m; rad], velocity [m/s; rad/s]"
     )
-    parser.add_argument("--axis", metavar="NAME", help="axis to excite (default: the first)")
+    add_axis_option(parser, "the first of the file")
     parser.add_argument(
         "--stroke", type=float, metavar="WIDTH", help="full width of the motion (default: 0.02 m; 0.5 rad)"
     )
@@ -40,30 +49,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--publish", action="store_true", help="publish it in real time as reference (sensor_msgs/JointState)"
     )
+    add_overwrite_option(parser)
+    add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> Outcome:
     """Do the job.
 
     Args:
         args: what the user gave.
 
     Returns:
-        The exit code, 0 only on success.
+        The exit code and the result.
     """
     from dataclasses import replace
+
+    import numpy as np
 
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.identification.excitation import CAUTIOUS_LIMITS, build_excitation
     from sgms_observer.settings.load import load_settings
+    from sgms_observer.whole_file import refuse_existing_files
 
     if not args.out and not args.publish:
         raise ConfigurationError(["sgms excite needs --out CSV or --publish; give at least one"])
+    if args.out:
+        refuse_existing_files([args.out], args.overwrite)
     settings = load_settings(args.config)
-    axis = next((axis for axis in settings.axes if args.axis in (None, axis.name)), None)
-    if axis is None:
-        known = ", ".join(axis.name for axis in settings.axes)
-        raise ConfigurationError([f"--axis {args.axis} is not in {args.config}; it has {known}"])
+    names = [axis.name for axis in settings.axes]
+    name = axes_from([axis_from(args.axis, NAME) or names[0]], names, args.config)[0]
+    axis = settings.axes[names.index(name)]
     given = {name: getattr(args, name) for name in ("stroke", "speed", "acceleration", "smallest")}
     limits = replace(
         CAUTIOUS_LIMITS[axis.joint_type], **{name: value for name, value in given.items() if value is not None}
@@ -71,6 +86,14 @@ def run(args: argparse.Namespace) -> int:
     reference = build_excitation(axis, limits, settings.sample_period)
     for section in reference.sections:
         print(f"{section.start:8.2f} s to {section.end:8.2f} s: {section.name}, for {section.shows}")
+    readable = axis.units.readable
+    low, high = float(reference.position.min()), float(reference.position.max())
+    print(
+        f"{axis.name}: from {readable(low)} to {readable(high)} around the start, at most"
+        f" {readable(float(abs(reference.velocity).max()), 'm/s')} and"
+        f" {readable(float(abs(np.diff(reference.velocity)).max()) / settings.sample_period, 'm/s^2')},"
+        f" {reference.time[-1]:.2f} s"
+    )
     if args.out:
         _write(args.out, reference, args.centre or 0.0)
         print(f"wrote {args.out}: {reference.time[-1]:.2f} s, {len(reference.time)} samples")
@@ -81,7 +104,19 @@ def run(args: argparse.Namespace) -> int:
             axis, reference.position, reference.velocity, settings.sample_period, limits.acceleration, args.centre
         )
         print("published to the end" if finished else "interrupted: the reference was brought to rest")
-    return 0
+    sections = [
+        {"name": part.name, "from_s": part.start, "to_s": part.end, "shows": part.shows} for part in reference.sections
+    ]
+    return Outcome(
+        result={
+            "schema": 1,
+            "csv": args.out,
+            "axis": axis.name,
+            "duration_s": float(reference.time[-1]),
+            "samples": len(reference.time),
+            "sections": sections,
+        }
+    )
 
 
 def _write(path: str, reference: Excitation, centre: float) -> None:

@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--holdout", action="append", default=[], metavar="BAG", help="judge the model on this bag too; may be repeated"
     )
-    add_bag_options(parser, "all of the parameter file")
+    add_bag_options(parser, "all axes of the file")
     add_overwrite_option(parser)
     add_output_options(parser)
 

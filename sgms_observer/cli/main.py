@@ -14,6 +14,7 @@ from typing import NoReturn
 from sgms_observer import __version__
 from sgms_observer.cli import registry
 from sgms_observer.cli.outcome import EXIT_FAILED, EXIT_USAGE, Outcome, json_value
+from sgms_observer.cli.progress import Progress
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import noted_interrupts
 
@@ -35,6 +36,14 @@ class SentenceParser(argparse.ArgumentParser):
         self.exit(EXIT_USAGE, f"{self.prog}: {message}; see '{self.prog} --help'\n")
 
 
+class _CommandList(argparse.HelpFormatter):
+    """Help whose column of commands is as wide as the longest of them."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog)
+        self._action_max_length = max(map(len, registry.COMMANDS)) + 2 * self._indent_increment
+
+
 def build_parser(wanted: str | None) -> SentenceParser:
     """Return the parser of the whole command line.
 
@@ -42,7 +51,9 @@ def build_parser(wanted: str | None) -> SentenceParser:
         wanted: the command that will run, which alone is then declared; None for all.
     """
     parser = SentenceParser(
-        prog="sgms", description="Friction observer on the (Smoothed) Generalized Maxwell-Slip model."
+        prog="sgms",
+        description="Friction observer on the (Smoothed) Generalized Maxwell-Slip model.",
+        formatter_class=_CommandList,
     )
     parser.add_argument("--version", action="version", version=f"sgms {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
@@ -108,7 +119,11 @@ def _finish(command: registry.Command, args: argparse.Namespace) -> int:
     is_silent = has_json or getattr(args, "quiet", False)
     with contextlib.ExitStack() as stack:
         if is_silent:
-            stack.enter_context(contextlib.redirect_stdout(stack.enter_context(open(os.devnull, "w", encoding="utf-8"))))
+            stack.enter_context(
+                contextlib.redirect_stdout(stack.enter_context(open(os.devnull, "w", encoding="utf-8")))
+            )
+            Progress.is_quiet = True
+            stack.callback(setattr, Progress, "is_quiet", False)
         outcome = command.run(args)
     outcome = outcome if isinstance(outcome, Outcome) else Outcome(outcome)
     if has_json:

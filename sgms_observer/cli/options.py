@@ -103,18 +103,17 @@ def axes_from(arguments: Sequence[str] | None, known: Sequence[str], source: str
     return wanted
 
 
-def axis_from(arguments: Sequence[str] | None, default: str, command: str) -> str:
-    """Return the one axis that a command takes.
+def axis_from(arguments: Sequence[str] | None, command: str) -> str | None:
+    """Return the one axis that the user named, or None.
 
     Args:
         arguments: the names, or None.
-        default: the axis if none is named.
         command: the command's name, for messages.
 
     Raises:
         ConfigurationError: several axes are named.
     """
-    wanted = list(dict.fromkeys(arguments or [default]))
+    wanted = list(dict.fromkeys(arguments or ()))
     if len(wanted) > 1:
         raise ConfigurationError([f"sgms {command} takes one axis at a time; --axis names {', '.join(wanted)}"])
-    return wanted[0]
+    return wanted[0] if wanted else None

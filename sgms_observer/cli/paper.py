@@ -7,6 +7,8 @@ import itertools
 import json
 from pathlib import Path
 
+from sgms_observer.cli.options import add_output_options, add_overwrite_option
+
 NAME = "paper"
 HELP = "the paper's Table II and Figures 2, 3, 5-7, and the package's own best on the same signals"
 
@@ -22,6 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--consistency-seeds", type=_count, default=100, metavar="N", help="noise seeds of the NIS test (default: 100)"
     )
+    add_overwrite_option(parser)
+    add_output_options(parser, has_result=False)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -38,9 +42,10 @@ def run(args: argparse.Namespace) -> int:
     from sgms_observer.paper.figures_estimation import figure_five, figures_six_and_seven
     from sgms_observer.paper.figures_friction import figure_three, figure_two
     from sgms_observer.paper.table import runs_of_table, table_markdown, table_two
-    from sgms_observer.whole_file import try_folder, write_text
+    from sgms_observer.whole_file import refuse_existing_files, try_folder, write_text
 
     folder = Path(args.out)
+    refuse_existing_files([folder / "table2.json", folder / "beyond.json"], args.overwrite)
     runs = runs_of_table(args.seeds) + runs_beyond(args.seeds, args.consistency_seeds)
     done = itertools.count(1)
     try_folder(folder)

@@ -9,6 +9,8 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
+from sgms_observer.cli.options import add_output_options
+
 if TYPE_CHECKING:
     from rclpy.node import Node
 
@@ -38,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--wait", type=float, default=5.0, metavar="S", help="wait at most this long for a subscriber [s] (default: 5)"
     )
+    add_output_options(parser, has_result=False)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from types import TracebackType
-from typing import TextIO
+from typing import ClassVar, TextIO
 
 _BAR = 30
 _TERMINAL_PERIOD = 0.1  # s
@@ -13,13 +13,15 @@ _PIPE_PERIOD = 15.0  # s
 
 
 class Progress:
-    """How far a job is, on stderr, as a context manager.
+    """How far a job is, on stderr, as a context manager; nothing while ``is_quiet``.
 
     Args:
         label: what is being done, for people.
         total: the job's size, in any unit.
         stream: where to print; stderr by default.
     """
+
+    is_quiet: ClassVar[bool] = False
 
     def __init__(self, label: str, total: float, stream: TextIO | None = None) -> None:
         self._label = label
@@ -37,7 +39,7 @@ class Progress:
             done: in the unit of ``total``.
         """
         now = time.monotonic()
-        if now < self._due:
+        if now < self._due or Progress.is_quiet:
             return
         self._is_shown = True
         share = min(done / self._total, 1.0) if self._total > 0.0 else 1.0

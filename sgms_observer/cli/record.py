@@ -9,6 +9,8 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+from sgms_observer.cli.options import add_output_options, add_overwrite_option
+
 if TYPE_CHECKING:
     from rclpy.executors import Executor
 
@@ -38,6 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the bag (default: mcap)"
     )
+    add_overwrite_option(parser)
+    add_output_options(parser, has_result=False)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -68,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
 
     if args.duration is not None and not args.duration > 0.0:
         raise RecordingError(f"--duration {args.duration:g} s must be above 0")
-    writer = BagWriter(args.out, args.storage, keep_on_failure=True)
+    writer = BagWriter(args.out, args.storage, keep_on_failure=True, is_overwriting=args.overwrite)
     node = None
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

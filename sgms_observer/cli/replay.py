@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
+from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option, axes_from
+from sgms_observer.cli.outcome import Outcome
 from sgms_observer.fleet.arguments import add_fleet_arguments
 
 if TYPE_CHECKING:
@@ -44,41 +46,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the new bag (default: mcap)"
     )
-    parser.add_argument(
-        "--topic",
-        action="append",
-        default=[],
-        metavar="NAME=TOPIC",
-        help="where the bag's topic is called otherwise, such as position=/joint_states; may be given several times",
-    )
+    add_bag_options(parser, "all axes of the file")
     add_fleet_arguments(parser)
+    add_overwrite_option(parser)
+    add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int | Outcome:
     """Do the job.
 
     Args:
         args: what the user gave.
 
     Returns:
-        The exit code, 0 only on success.
+        The exit code and the result.
     """
+    from sgms_observer.cli.options import topics_from
     from sgms_observer.cli.progress import Progress
 
     if len(args.bags) > 1 or args.scheduler is not None:
         from sgms_observer.fleet.command import replay_many
 
-        return replay_many(args, _renamed(args.topic))
+        return replay_many(args, topics_from(args.topic))
     start = time.perf_counter()
     with Progress("replay", 1.0) as progress:
-        done = replay_bag(args.bags[0], args.config, args.out, args.storage, _renamed(args.topic), progress.show)
+        done = replay_bag(args.bags[0], args.config, args.out, args.storage, topics_from(args.topic), progress.show,
+                          axes=args.axis, is_overwriting=args.overwrite)  # fmt: skip
     seconds = time.perf_counter() - start
     for name, tally in done.tallies.items():
         print(f"{name}: {tally.sentence()}")
     for warning in done.warnings:
         print(f"note: {warning}")
     print(f"{args.out}: {done.messages} messages in {seconds:.1f} s, {done.duration / seconds:.1f} times real time")
-    return 0
+    return Outcome(result=done.as_json(args.out))
 
 
 @dataclass(frozen=True)
@@ -97,9 +97,33 @@ class Replayed:
     messages: int
     duration: float
 
+    def as_json(self, bag: str) -> dict[str, object]:
+        """Return the result that ``--json`` prints.
+
+        Args:
+            bag: the new bag.
+        """
+        axes = {name: tally.figures() for name, tally in self.tallies.items()}
+        return {
+            "schema": 1,
+            "bag": bag,
+            "messages": self.messages,
+            "duration_s": self.duration,
+            "axes": axes,
+            "warnings": list(self.warnings),
+        }
+
 
 def replay_bag(
-    bag: str, config: str, out: str, storage: str, topics: Mapping[str, str], show: Callable[[float], None]
+    bag: str,
+    config: str,
+    out: str,
+    storage: str,
+    topics: Mapping[str, str],
+    show: Callable[[float], None],
+    *,
+    axes: Sequence[str] | None = None,
+    is_overwriting: bool = False,
 ) -> Replayed:
     """Run the observer over a recording and write what the node would publish.
 
@@ -110,15 +134,23 @@ def replay_bag(
         storage: ``mcap`` or ``sqlite3``.
         topics: names of the input topics where they differ.
         show: told how much is done, from 0 to 1.
+        axes: axes of the file to observe; None for all.
+        is_overwriting: replace a bag that is there.
 
     Raises:
         SgmsError: something cannot be read, written or made sense of.
     """
+    from dataclasses import replace
+
     from sgms_observer.bags.reader import BagSamples
+    from sgms_observer.bags.replacement import refuse_existing_bag
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.settings.load import load_settings
 
+    refuse_existing_bag(out, is_overwriting)
     settings = load_settings(config)
+    names = axes_from(axes, [axis.name for axis in settings.axes], config)
+    settings = replace(settings, axes=tuple(axis for axis in settings.axes if axis.name in names))
     names = [axis.name for axis in settings.axes]
     source = BagSamples(bag, settings.scales, settings.sample_period, topics=topics)
     first, last = source.span_ns
@@ -130,7 +162,7 @@ def replay_bag(
         observers = AllAxes(settings.axes, settings.sample_period)
         outgoing = Outgoing(settings)
         observed = (dict(observers.step(block)) for block in samples)
-        with BagWriter(out, storage) as written, _beside(observed, _WAITING) as blocks:
+        with BagWriter(out, storage, is_overwriting=is_overwriting) as written, _beside(observed, _WAITING) as blocks:
             for estimates in blocks:
                 for number, estimate in estimates.items():
                     tallies[names[number]].add(estimate)
@@ -138,19 +170,6 @@ def replay_bag(
                 latest = max(int(estimate.stamp_ns[-1]) for estimate in estimates.values())
                 show((latest - first) / max(1, last - first))
     return Replayed(tallies, tuple(source.warnings), sum(written.counts.values()), (last - first) * 1e-9)
-
-
-def _renamed(arguments: Sequence[str]) -> dict[str, str]:
-    """Return the topics the user renamed."""
-    from sgms_observer.errors import ConfigurationError
-
-    found = {}
-    for argument in arguments:
-        name, equals, topic = argument.partition("=")
-        if not (name and equals and topic):
-            raise ConfigurationError([f"--topic {argument} must read NAME=TOPIC, such as position=/joint_states"])
-        found[name] = topic
-    return found
 
 
 def _blocks_of_all_axes(source: Iterable[tuple[str, Samples]], names: Sequence[str]) -> Iterator[dict[int, Samples]]:

@@ -5,16 +5,19 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
+
+from sgms_observer.cli.options import add_output_options, add_overwrite_option
+from sgms_observer.cli.outcome import Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.observer.samples import Estimates, Floats, Samples
     from sgms_observer.settings.axis import AxisSettings, Settings
     from sgms_observer.settings.units import Scales
-    from sim_plant.closed_loop import TableObserver
+    from sim_plant.closed_loop import ObserverStep, TableObserver
     from sim_plant.record import StageRecord
     from sim_plant.table import SimulatedTable
 
@@ -52,22 +55,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the bag (default: mcap)"
     )
+    add_overwrite_option(parser)
+    add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> Outcome:
     """Do the job.
 
     Args:
         args: what the user gave.
 
     Returns:
-        The exit code, 0 only on success.
+        The exit code and the result.
     """
+    from sgms_observer.bags.replacement import refuse_existing_bag
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.cli.progress import Progress
     from sgms_observer.settings.load import load_settings
     from sim_plant.table import SimulatedTable
 
+    refuse_existing_bag(args.out, args.overwrite)
     settings = load_settings(args.config)
     table = SimulatedTable(settings, START_NS, args.seed)
     scales = tuple(axis.scales for axis in settings.axes)
@@ -80,7 +87,10 @@ def run(args: argparse.Namespace) -> int:
     settling = round(_SETTLING / settings.sample_period) if duration >= 1.0 else 0
     errors = _Errors(settings.axes, settling, other is not None)
     start = time.perf_counter()
-    with BagWriter(args.out, args.storage) as bag, Progress("simulate", count) as progress:
+    with (
+        BagWriter(args.out, args.storage, is_overwriting=args.overwrite) as bag,
+        Progress("simulate", count) as progress,
+    ):
         done = 0
         while done < count:
             records, estimates = step(min(_SAMPLES_PER_BLOCK, count - done))
@@ -95,7 +105,18 @@ def run(args: argparse.Namespace) -> int:
         print(line)
     messages = sum(bag.counts.values())
     print(f"{args.out}: {messages} messages in {seconds:.1f} s, {duration / seconds:.1f} times real time")
-    return 0
+    return Outcome(
+        result={
+            "schema": 1,
+            "bag": args.out,
+            "axes": list(table.names),
+            "seeds": {stage.axis.name: stage.axis.stage.seed for stage in table.stages},
+            "duration_s": duration,
+            "samples": count,
+            "messages": messages,
+            "errors": errors.lines(),
+        }
+    )
 
 
 def _observed(settings: Settings, table: SimulatedTable) -> TableStep:
@@ -104,25 +125,23 @@ def _observed(settings: Settings, table: SimulatedTable) -> TableStep:
     from sim_plant.closed_loop import ClosedLoop
 
     observers = AllAxes(settings.axes, settings.sample_period)
-    single = [_observer(a, o.step) for a, o in zip(settings.axes, observers.observers, strict=True)]
-    steps = _observers(settings.axes, observers.step) if observers.is_coupled else single
+    scales = [axis.scales for axis in settings.axes]
+    if observers.is_coupled:
+
+        def together(blocks: Mapping[int, Samples]) -> Iterator[tuple[int, Estimates]]:
+            return observers.step({i: block.in_topic_units(scales[i]).in_si(scales[i]) for i, block in blocks.items()})
+
+        steps: TableObserver | list[ObserverStep] = together
+    else:
+        steps = [_observer(axis, one.step) for axis, one in zip(settings.axes, observers.observers, strict=True)]
     has_feedback = any(axis.compensation.enabled and axis.stage.accept_compensation for axis in settings.axes)
     return ClosedLoop(table, steps, has_feedback).step
 
 
 def _observer(axis: AxisSettings, step: Callable[[Samples], Estimates]) -> Callable[[Samples], Estimates]:
     """Return an observer that sees an axis as the bag has it: in topic units, brought back to SI."""
-    return step if axis.scales.are_one else lambda samples: step(_as_recorded(axis, samples))
-
-
-def _observers(axes: Sequence[AxisSettings], step: TableObserver) -> TableObserver:
-    """Return the same for all axes together."""
-    return lambda blocks: step({number: _as_recorded(axes[number], samples) for number, samples in blocks.items()})
-
-
-def _as_recorded(axis: AxisSettings, samples: Samples) -> Samples:
-    """Return samples as they come back out of the bag."""
-    return samples if axis.scales.are_one else samples.in_topic_units(axis.scales).in_si(axis.scales)
+    scales = axis.scales
+    return step if scales.are_one else lambda samples: step(samples.in_topic_units(scales).in_si(scales))
 
 
 def _without_compensation(settings: Settings, seed: int | None) -> SimulatedTable | None:

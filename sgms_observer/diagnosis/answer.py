@@ -1,28 +1,43 @@
-"""What a diagnosis says to the outside: result.json and augmented.yaml."""
+"""The answer of a diagnosis: the gap in its three parts, names with their tests, what was learnt, and the verdict."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
 
 from sgms_observer.diagnosis.advice import Named, detectable, next_experiment
-from sgms_observer.diagnosis.decide import NAMING, Round
-from sgms_observer.diagnosis.fit import Refit, Refits
-from sgms_observer.diagnosis.gap import Gap, measure
+from sgms_observer.diagnosis.ceiling import ALL, FreeForm, free_form
+from sgms_observer.diagnosis.changed import Changed, changed_values
+from sgms_observer.diagnosis.criteria import Test, at_least, at_most
+from sgms_observer.diagnosis.evidence import Improvement, blocks_of, improvement
+from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
+from sgms_observer.diagnosis.gap import Gap, effort_rms, halves, interval, noise_floor, residuals, rms
+from sgms_observer.diagnosis.homing import unhomed
+from sgms_observer.diagnosis.learnt import LEARNT_NAMES, Learnt, learn
 from sgms_observer.diagnosis.locate import Located, locate
-from sgms_observer.diagnosis.model import MASS, STATIC, Model
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.uncertainty import with_shape
-from sgms_observer.diagnosis.workflow import Diagnosis, Options
-from sgms_observer.effects.catalogue import effect
-from sgms_observer.settings.axis import EffectSettings, Settings
-from sgms_observer.settings.write import write_settings
-from sgms_observer.whole_file import write_text
+from sgms_observer.diagnosis.workflow import Diagnosis, Options, Round
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
+
+Floats = NDArray[np.float64]
+
+NAMING = ("effect_found", "ambiguous")
+"""Verdicts that carry a name."""
+CROSS_STEPS = 4
+"""Steps of a fit to one half of the recordings; it starts at the fit to the whole."""
+MAX_LOCATED = 4
+"""Coordinates that are reported."""
+LOCATED_P_VALUE = 0.02
+"""Largest p-value of a coordinate that is reported."""
+ONE_RECORDING_CONFIDENCE = 0.9
+"""Most confidence that recordings without a held-out one can give: nothing tells whether the effect comes back."""
 
 
 @dataclass(frozen=True)
@@ -30,219 +45,273 @@ class Answer:
     """The whole answer.
 
     Attributes:
-        verdict: see docs/discrepancy.md.
-        gap: before and after.
-        effects: what was found.
-        located: where the nominal model disagrees, significant coordinates only.
+        verdict: see docs/diagnosis.md.
+        gap: given, before, after and floor.
+        effects: what was named.
+        learnt: maps of what has no name.
+        changed: values of the file that moved beyond their tolerance.
+        remainder: ``none``, ``learnt`` or ``unknown``: what became of the predictable rest.
+        located: where the refitted file disagrees, significant coordinates only.
         all_located: every coordinate.
-        located_after: the same coordinates as ``located``, with the effects in the model; empty when there are none.
+        located_after: the same coordinates as ``located`` with everything that was found.
         detectable: smallest size each effect would have been seen at, as a share of the Coulomb force.
         next_experiment: one sentence, or None.
-        model: the model after.
+        tests: every test of every hypothesis and of the model.
+        usable: whether the model may be used as it is.
+        warnings: sentences that must not be overlooked.
+        model: the model after, as it is written.
         diagnosis: everything else.
+        motions: the motions that the gap belongs to.
+        residual_before, residual_after: of these motions [N].
     """
 
     verdict: str
     gap: Gap
     effects: tuple[Named, ...]
+    learnt: tuple[Learnt, ...]
+    changed: tuple[Changed, ...]
+    remainder: str
     located: tuple[Located, ...]
     all_located: tuple[Located, ...]
     located_after: tuple[Located, ...]
     detectable: dict[str, float]
     next_experiment: str | None
+    tests: tuple[Test, ...]
+    usable: bool
+    warnings: tuple[str, ...]
     model: Model
     diagnosis: Diagnosis
+    motions: tuple[Motion, ...]
+    residual_before: tuple[Floats, ...]
+    residual_after: tuple[Floats, ...]
+
+    @property
+    def gap_with_learnt(self) -> float:
+        """Return the gap with everything that was found, learnt maps included [%]."""
+        return 100.0 * rms(self.residual_after) / effort_rms(self.motions)
 
 
-def answer_of(found: Diagnosis, options: Options) -> Answer:
-    """Turn a diagnosis into an answer, judged on held-out data.
+@dataclass(frozen=True)
+class _Bench:
+    """The recordings that the gap is measured on, and how a model's residual there comes about.
+
+    Attributes:
+        motions: held-out recordings, or halves of the recordings.
+        found: the diagnosis.
+        has_held_out: whether nothing is fitted to them.
+    """
+
+    motions: tuple[Motion, ...]
+    found: Diagnosis
+    has_held_out: bool
+
+    def residuals(self, model: Model, refits: Refits, effects: Sequence[EffectSettings]) -> tuple[Floats, ...]:
+        """Return the residual of each motion; of halves, with the parameters that the other halves give."""
+        if self.has_held_out:
+            return residuals(model, self.motions)
+        parts: list[Floats] = [np.zeros(0)] * len(self.motions)
+        for side in (0, 1):
+            learn_from = tuple(self.motions[i] for i in range(len(self.motions)) if i % 2 == side)
+            again = replace(refits, judged=judged_with(learn_from, model)).of(effects, None, CROSS_STEPS)
+            for i in range(len(self.motions)):
+                if i % 2 != side:
+                    parts[i] = residuals(again.model, (self.motions[i],))[0]
+        return tuple(parts)
+
+
+def answer_of(found: Diagnosis, axis: AxisSettings, options: Options) -> Answer:
+    """Turn a diagnosis into an answer, judged on data that nothing was fitted to.
 
     Args:
         found: the diagnosis.
+        axis: settings as they are given.
         options: as it was run.
     """
-    verdict, after = found.verdict, found.after
-    before_model, after_model = found.before.model, after.model
-    accepted = [step for step in found.rounds if step.accepted]
-    extra = _extra(found)
-    if verdict in ("unknown_effect", "cannot_tell"):
-        after_model, accepted, extra = before_model, [], []
-    if extra and found.deviation is not None:
-        before_model, after_model = _with_deviation(found, options)
-    stages = [_stage(after_model, found, count) for count in range(1, len(accepted))]
-    gap = measure(found, before_model, after_model, stages, options.seed)
-    if accepted and gap.after > gap.before:
-        verdict, after_model, accepted = "unknown_effect", before_model, []
-        gap = measure(found, before_model, before_model, [], options.seed)
-    named = _named(after, accepted, gap, found, options.tolerance) + extra
-    base = gap.residual_before
-    everywhere = locate(base, gap.motions, options.seed)
+    criteria = options.criteria
+    has_held_out = bool(found.state.held)
+    motions = found.state.held if has_held_out else tuple(h for motion in found.state.learn for h in halves(motion))
+    bench = _Bench(motions, found, has_held_out)
+    accepted = list(found.accepted)
+    before_refits = replace(found.found.refits, nominal=found.nominal)
+    given = residuals(replace(Model.of(axis), effects=found.own), motions)
+    before = bench.residuals(found.before.model, before_refits, found.before.effects)
+    model, fit = found.after.model, found.after
+    after = before if fit is found.before else bench.residuals(model, found.after_refits, fit.effects)
+    tests = [test for item in found.rounds for decision in item.decisions for test in decision.tests]
+    shrinks = _improvement(before, after, motions, criteria.block)
+    if fit is not found.before:
+        names = ", ".join(item.accepted.candidate.name for item in found.rounds if item.accepted)
+        test = at_least(names, "gap as reported: z-score", shrinks.z_score, criteria.interval_z_score)
+        tests.append(test)
+        if not test.passed:  # the model as it is written does not bear the names out
+            accepted, model, fit, after = [], found.before.model, found.before, before
+    learnt: tuple[Learnt, ...] = ()
+    free = _ceiling(found, model, motions, after, has_held_out, options)
+    surely = free.share if free.improvement.z_score > criteria.min_z_score else 0.0
+    if surely > criteria.min_predictable_share and not found.is_poor:
+        map_found = learn(
+            found.state.learn, residuals(model, found.state.learn), motions, after, has_held_out,
+            _free_name(fit.effects), axis.units, criteria,
+        )  # fmt: skip
+        if map_found is not None:
+            learnt = (map_found,)
+    final = model.with_effects([item.settings for item in learnt])
+    total = after
+    if learnt:
+        total = residuals(final, motions)
+    floor = _floor(found, motions, before, after, total, free, surely, options)
+    percent = 100.0 / effort_rms(motions)
+    named_after = rms(after) * percent
+    gap = Gap(
+        rms(given) * percent, rms(before) * percent, named_after, min(floor * percent, named_after),
+        interval(before, motions, criteria, options.seed), interval(after, motions, criteria, options.seed),
+        "held-out" if has_held_out else "cross-validated", found.state.learn[0].band, criteria.min_gap_over_floor,
+    )  # fmt: skip
+    whole = at_most("model", "share of the effort that is unexplained", 0.01 * gap.after, criteria.max_unexplained)
+    rest = at_most("model", "surely predictable share of the rest", surely, criteria.min_predictable_share)
+    tests += [whole, rest]
+    warnings = list(found.warnings)
+    warnings += unhomed([d.candidate.refit.model for item in found.rounds for d in item.decisions], found.court)
+    if not whole.passed:
+        warnings.append(
+            f"unusable model: {gap.after:.0f} % of the effort is unexplained; identify the axis first, or record more"
+            " motion"
+        )
+    effects = _named(found, accepted, fit, motions, gap, percent, axis, options)
+    effects += _read_off(found)
+    changed = changed_values(found, fit, options) if fit is not found.before else ()
+    verdict = _verdict(found, effects, rest, whole)
+    remainder = "none" if rest.passed else "learnt" if learnt else "unknown"
+    everywhere = locate(before, motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")
-    told = [item for item in everywhere if item.p_value < 0.02][:4] if is_alarm else []
-    afterwards = {item.coordinate: item for item in locate(gap.residual_after, gap.motions, options.seed)}
-    told_after = [afterwards[item.coordinate] for item in told] if named else []
+    told = [item for item in everywhere if item.p_value < LOCATED_P_VALUE][:MAX_LOCATED] if is_alarm else []
+    afterwards = {item.coordinate: item for item in locate(total, motions, options.seed)}
     return Answer(
-        verdict, gap, tuple(named), tuple(told), tuple(everywhere), tuple(told_after),
-        detectable(found, options.tolerance), next_experiment(verdict, named, told, found), after_model, found,
+        verdict, gap, tuple(effects), learnt, tuple(changed), remainder, tuple(told), tuple(everywhere),
+        tuple(afterwards[item.coordinate] for item in told if item.coordinate in afterwards),
+        detectable(found, axis, options), next_experiment(verdict, effects, told, found), tuple(tests),
+        whole.passed and not found.is_poor, tuple(warnings), final, found, motions, before, total,
     )  # fmt: skip
 
 
-def _stage(model: Model, found: Diagnosis, count: int) -> Model:
-    """Return the model after its first ``count`` new effects."""
-    return replace(model, effects=model.effects[: len(found.own) + count])
+def _improvement(
+    before: Sequence[Floats], after: Sequence[Floats], motions: Sequence[Motion], length: float
+) -> Improvement:
+    """Return what the later residuals improve, by blocks."""
+    one, other = [], []
+    for motion, early, late in zip(motions, before, after, strict=True):
+        one += blocks_of(early, motion.residual_period, length)
+        other += blocks_of(late, motion.residual_period, length)
+    return improvement(one, other)
 
 
-def _extra(found: Diagnosis) -> list[Named]:
-    """Return effects that were not found by the residual: mass, gain, encoder grid."""
-    listed = []
-    if found.deviation is not None and found.verdict in NAMING:
-        item = found.deviation
-        settings = EffectSettings(item.name, (item.value,))
-        listed.append(Named(settings, (item.std_error,), 0.9, item.alternatives, 0.0, 0.0))
-    if found.resolution is not None:
-        settings = EffectSettings("quantisation", (found.resolution,))
-        listed.append(Named(settings, (0.005 * found.resolution,), 0.99, (), 0.0, 0.0))
-    return listed
-
-
-def _with_deviation(found: Diagnosis, options: Options) -> tuple[Model, Model]:
-    """Return the nominal model inside its owner's tolerance, and the model with the mass or gain error in it."""
-    item = found.deviation
-    assert item is not None
-    logs = found.after.logs.copy()
-    clipped = logs.copy()
-    clipped[: STATIC + 2] = np.clip(clipped[: STATIC + 2], -options.tolerance, options.tolerance)
-    before = found.nominal.shifted(clipped).with_effects(found.after.effects)
-    effects = (*found.after.effects, EffectSettings(item.name, (item.value,)))
-    start = logs.copy()
-    if item.name == "mass_error":
-        start[MASS] = 0.0
+def _ceiling(
+    found: Diagnosis,
+    model: Model,
+    motions: Sequence[Motion],
+    after: Sequence[Floats],
+    has_held_out: bool,
+    options: Options,
+) -> FreeForm:
+    """Return what a free-form term over all coordinates predicts of the rest."""
+    if has_held_out:
+        learn_from: Sequence[Motion] = found.state.learn
+        known: Sequence[Floats] = residuals(model, learn_from)
     else:
-        start[: STATIC + 1] += math.log(item.value)
-    fixed = [(i, j) for i, one in enumerate(effects) for j in range(len(one.values))]
-    return before, Refits(found.judged, found.nominal, options.tolerance).of(effects, start, 4, fixed).model
+        learn_from, known = motions, after
+    return free_form(ALL, learn_from, known, motions, after, options.criteria, options.seed)
 
 
-def _named(after: Refit, accepted: Sequence[Round], gap: Gap, found: Diagnosis, tolerance: float) -> list[Named]:
+def _floor(
+    found: Diagnosis,
+    motions: Sequence[Motion],
+    before: Sequence[Floats],
+    after: Sequence[Floats],
+    total: Sequence[Floats],
+    free: FreeForm,
+    surely: float,
+    options: Options,
+) -> float:
+    """Return what no predictor removes [N]: noise and encoder, or what the best predictor leaves if that is more."""
+    noise = noise_floor(motions, found.state.current.model, found.state.refits.judged.noise, options.seed)
+    left = [rms(before), rms(after), rms(total)]
+    if surely > 0.0:
+        left.append(rms([one - guess for one, guess in zip(after, free.predicted, strict=True)]))
+    return max(noise, min(left))
+
+
+def _free_name(effects: Sequence[EffectSettings]) -> str:
+    """Return the name of a learnt map that the model does not have yet."""
+    taken = {item.name for item in effects}
+    return next((name for name in LEARNT_NAMES if name not in taken), LEARNT_NAMES[-1])
+
+
+def _verdict(found: Diagnosis, effects: Sequence[Named], rest: Test, whole: Test) -> str:
+    """Return the verdict.
+
+    Args:
+        found: the diagnosis.
+        effects: what was named.
+        rest: test of the surely predictable share of the rest.
+        whole: test of the unexplained share of the effort.
+    """
+    if found.is_poor:
+        return "cannot_tell"
+    if effects:
+        return "ambiguous" if any(item.alternatives for item in effects) else "effect_found"
+    if not rest.passed:
+        return "unknown_effect"
+    return "no_effect" if whole.passed else "cannot_tell"
+
+
+def _named(
+    found: Diagnosis,
+    accepted: Sequence[Round],
+    fit: Refit,
+    motions: Sequence[Motion],
+    gap: Gap,
+    percent: float,
+    axis: AxisSettings,
+    options: Options,
+) -> list[Named]:
     """Return the effects that were accepted, in their order."""
     if not accepted:
         return []
-    fixed = [(i, j) for i, e in enumerate(after.effects) for j in range(len(e.values)) if (i, j) not in after.free]
-    refits = Refits(found.judged, found.nominal, tolerance, found.limit)
-    fresh = refits.of(after.effects, after.logs, 1, fixed)  # its derivatives
-    deviations = with_shape(refits, fresh, found.held_out)
-    errors: dict[tuple[int, int], float] = dict(zip(fresh.free, deviations.tolist(), strict=True))
-    listed = []
-    for i, step in enumerate(accepted):
-        index = len(found.own) + i
-        settings = after.effects[index]
+    names = [item.accepted.candidate.name for item in accepted if item.accepted]
+    refits = found.after_refits
+    fixed = [(i, j) for i, e in enumerate(fit.effects) for j in range(len(e.values)) if (i, j) not in fit.free]
+    fresh = refits.of(fit.effects, fit.logs, 1, fixed)  # its derivatives
+    errors: dict[tuple[int, int], float] = dict(
+        zip(fresh.free, with_shape(refits, fresh, found.state.held).tolist(), strict=True)
+    )
+    listed, last = [], gap.before
+    for number, item in enumerate(accepted):
+        assert item.accepted is not None
+        index = [one.name for one in fit.effects].index(names[number])
+        settings = fit.effects[index]
         std = tuple(errors.get((index, j), 0.0) for j in range(len(settings.values)))
-        later = {item.listed[0].name for item in accepted[i + 1 :]}
-        best = step.listed[0].taken
-        others = [min(max(item.taken, 0.0), best) for item in step.listed[1:] if item.name not in later]
-        doubt = sum(math.exp(-(best - other) / (8.0 + 0.02 * best)) for other in others)
-        listed.append(
-            Named(
-                settings,
-                std,
-                1.0 / (1.0 + doubt),
-                step.alternatives,
-                gap.steps[min(i, len(gap.steps) - 2)],
-                gap.steps[i + 1],
-            )
-        )
+        without = [one for one in fit.model.effects if one.name not in names[number + 1 :]]
+        now = gap.after
+        if number + 1 < len(accepted):
+            now = rms(residuals(replace(fit.model, effects=tuple(without)), motions)) * percent
+        others = [
+            improvement(other.evidence.all, item.accepted.evidence.all).z_score
+            for other in item.decisions
+            if other.candidate.settings is not None and other.candidate.name not in names and other.passed
+        ]
+        confidence = float(np.prod([stats.norm.cdf(z) for z in others])) if others else 1.0
+        confidence = min(confidence, float(stats.norm.cdf(item.accepted.improvement.z_score)))
+        if not found.state.held:
+            confidence = min(confidence, ONE_RECORDING_CONFIDENCE)
+        alternatives = tuple(name for name in item.alternatives if name not in names)
+        listed.append(Named(settings, std, confidence, alternatives, last, now))
+        last = now
     return listed
 
 
-def result_of(answer: Answer) -> dict[str, Any]:
-    """Return the content of result.json, schema 1."""
-    gap = answer.gap
-    closure = gap.closure
-    return {
-        "schema": 1,
-        "verdict": answer.verdict,
-        "gap": {
-            "before": gap.before,
-            "after": gap.after,
-            "floor": gap.floor,
-            "unit": "% of rms effort",
-            "on": gap.held_out,
-            "closure": closure,
-            "interval_after": list(gap.interval_after),
-        },
-        "effects": [
-            {
-                "name": item.settings.name,
-                "parameters": _by_name(item.settings.name, item.settings.values),
-                "std_error": _by_name(item.settings.name, item.std_error),
-                "confidence": item.confidence,
-                "alternatives": list(item.alternatives),
-                "gap_before": item.gap_before or gap.before,
-                "gap_after": item.gap_after or gap.after,
-            }
-            for item in answer.effects
-        ],
-        "located": [
-            {
-                "coordinate": item.coordinate,
-                "from": item.low,
-                "to": item.high,
-                "share": item.share,
-                "p_value": item.p_value,
-            }
-            for item in answer.located
-        ],
-        "detectable": answer.detectable,
-        "next_experiment": answer.next_experiment,
-        "notes": list(answer.diagnosis.notes),
-        "candidates": [
-            {item.name: item.taken for item in step.listed} for step in answer.diagnosis.rounds if step.listed
-        ],
-    }
-
-
-def _by_name(name: str, values: Sequence[float]) -> dict[str, float]:
-    """Return values by the names of an effect's parameters."""
-    return {p.name: float(v) for p, v in zip(effect(name).parameters, values, strict=True)}
-
-
-def changes_of(answer: Answer) -> dict[str, Any]:
-    """Return the changes of an axis's settings: refitted parameters and all effects."""
-    if answer.verdict in ("unknown_effect", "cannot_tell"):
-        return {}
-    model = answer.model
-    friction = model.friction
-    effects = list(model.effects)
-    known = {item.name for item in effects}
-    effects += [item.settings for item in answer.effects if item.settings.name not in known]
-    changes: dict[str, Any] = {
-        "mass": model.mass,
-        "friction.viscous_coefficient": friction.viscous_coefficient,
-        "friction.coulomb_force": friction.coulomb_force,
-        "friction.static_force": max(friction.static_force, friction.coulomb_force),
-        "friction.stribeck_velocity": friction.stribeck_velocity,
-        "friction.element_stiffness": list(friction.element_stiffness),
-        "friction.element_fraction": list(friction.element_fraction),
-    }
-    if friction.model == "gms":
-        changes["friction.attraction_rate"] = friction.attraction_rate
-    if effects:
-        changes["effects.names"] = [item.name for item in effects]
-        for item in effects:
-            for key, value in _by_name(item.name, item.values or effect(item.name).defaults).items():
-                changes[f"effects.{item.name}.{key}"] = value
-    return changes
-
-
-def write(answer: Answer, settings: Settings, axis: str, out: Path) -> None:
-    """Write result.json and augmented.yaml.
-
-    Args:
-        answer: the answer.
-        settings: the settings as read.
-        axis: name of the axis.
-        out: folder; made if need be.
-    """
-    write_text(json.dumps(result_of(answer), indent=1) + "\n", out / "result.json")
-    head = f"sgms diagnose: {answer.verdict}; gap {answer.gap.before:.3g} -> {answer.gap.after:.3g} % of rms effort"
-    write_settings(settings, out / "augmented.yaml", {axis: changes_of(answer)}, {"": head})
+def _read_off(found: Diagnosis) -> list[Named]:
+    """Return what is read off the positions: a coarser grid than the settings say."""
+    if found.resolution is None or found.is_poor:
+        return []
+    settings = EffectSettings("quantisation", (found.resolution,))
+    return [Named(settings, (0.005 * found.resolution,), 0.99, (), math.nan, math.nan)]

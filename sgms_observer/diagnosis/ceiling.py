@@ -21,7 +21,8 @@ from sgms_observer.diagnosis.motion import Motion
 Floats = NDArray[np.float64]
 
 ALL = (
-    "position", "direction", "velocity", "acceleration", "time", "time since reversal", "distance since reversal", "dwell",
+    "position", "direction", "velocity", "acceleration", "time", "time since reversal", "distance since reversal",
+    "dwell",
 )  # fmt: skip
 """Coordinates of the ceiling."""
 FOLDS = 5

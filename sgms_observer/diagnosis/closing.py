@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sgms_observer.diagnosis.motion import HELD, later, motion_of
-from sgms_observer.diagnosis.record import Record
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 
 SKIPPED = 0.5  # s, while filters fill
@@ -29,13 +29,14 @@ class Closing:
     compensation: float
 
 
-def closing(record: Record, axis: AxisSettings, period: float) -> Closing:
+def closing(record: Recording, axis: AxisSettings, period: float, band: float) -> Closing:
     """Run observer and compensation over a recording.
 
     Args:
         record: position and effort.
         axis: settings with the model to try.
         period: nominal sample period [s].
+        band: upper corner of the judging band [Hz].
     """
     tuned = replace(axis.compensation, enabled=True, gain=1.0, limit=1.0e6, slew_limit=1.0e9, fade_std=1.0e6)
     observer = AxisObserver(replace(axis, compensation=tuned), period)
@@ -45,7 +46,7 @@ def closing(record: Record, axis: AxisSettings, period: float) -> Closing:
     estimates = observer.step(Samples(stamp, record.position, record.effort, nothing, nothing))
     good = np.arange(n) * record.period > SKIPPED
     innovation = estimates.innovation[good & np.isfinite(estimates.innovation)]
-    motion = motion_of(record, HELD if axis.filter.effort_is_held else 0.0)
+    motion = motion_of(record, HELD if axis.filter.effort_is_held else 0.0, band)
     feedforward = later(np.nan_to_num(estimates.compensation), motion.lag)[:: motion.step]
     mass = axis.mass + observer.effects.added_mass
     left = motion.low_pass(motion.effort - mass * motion.acceleration - feedforward)

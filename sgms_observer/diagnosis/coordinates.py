@@ -35,7 +35,7 @@ FREE_FORM = {
     "backlash": ("distance since reversal", "direction"),
     "frictional_lag": ("velocity", "acceleration"),
 }
-"""Coordinates of the free-form term that an effect has to be as good as; effects in time and of the effort have none."""
+"""Coordinates of the free-form term that an effect has to match; effects in time and of the effort have none."""
 
 
 @njit
@@ -61,8 +61,8 @@ def coordinates_of(motion: Motion, names: Sequence[str]) -> Floats:
 
     Args:
         motion: the recording.
-        names: ``position``, ``direction``, ``velocity``, ``acceleration``, ``time``, ``effort``, ``time since reversal``,
-            ``distance since reversal``, ``dwell``.
+        names: ``position``, ``direction``, ``velocity``, ``acceleration``, ``time``, ``effort``,
+            ``time since reversal``, ``distance since reversal``, ``dwell``.
 
     Returns:
         Shape (n, len(names)), SI units; the direction is -1, 0 or 1.

@@ -24,10 +24,13 @@ from sgms_observer.diagnosis.fit import Judged, Refit, Refits
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.ranges import believable
+from sgms_observer.diagnosis.search import CONTACT_SHARE
 from sgms_observer.effects.catalogue import effect
 
 Floats = NDArray[np.float64]
 
+SLACK_OF_CONTACT = 10.0
+"""Factor by which the slip deflections of a contact may differ from the file's."""
 AT_END = 1.0e-6
 """A parameter lies at the end of its range when it is this near, relative to the end."""
 WHOLE_RANGE = ("motion_share", "attraction_rate", "stop")
@@ -46,6 +49,7 @@ class Court:
         judged: ``learn`` with their noise.
         held: held-out recordings with the noise to whiten with; none where there are none.
         floor: rms residual that noise and encoder leave to a perfect model on ``judge`` [N].
+        first_gap: rms residual on ``judge`` of the file refitted within its tolerance, before anything was added [N].
         criteria: thresholds.
         seed: of the free-form regression.
     """
@@ -55,6 +59,7 @@ class Court:
     judged: Judged
     held: Judged
     floor: float
+    first_gap: float
     criteria: Criteria
     seed: int
 
@@ -62,6 +67,19 @@ class Court:
     def has_held_out(self) -> bool:
         """Return whether there are recordings that nothing is fitted to."""
         return bool(self.held.motions)
+
+    @property
+    def closable_square(self) -> float:
+        """Return the squared residual above the floor in the beginning, summed over ``judge`` [N^2]; 0 for none."""
+        if self.first_gap <= self.criteria.min_gap_over_floor * self.floor:
+            return 0.0
+        count = sum(len(motion.thinned(motion.time)) for motion in self.judge)
+        return (self.first_gap**2 - self.floor**2) * count
+
+    def is_closed(self, model: Model) -> bool:
+        """Return whether a model leaves nothing above the floor on ``judge``."""
+        left = [motion.low_pass(predict(model, motion).residual) for motion in self.judge]
+        return float(np.sqrt(np.mean(np.concatenate(left) ** 2))) <= self.criteria.min_gap_over_floor * self.floor
 
 
 @dataclass(frozen=True)
@@ -137,19 +155,14 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> D
     gap = improvement(earlier.force, later.force)
     if court.has_held_out:
         tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
-    closable = max(gap.before - _floor_square(earlier.force, court), 1.0e-300)
-    tests.append(at_least(item.name, "share of the closable squared gap", gap.fall / closable, criteria.min_closed_share))
+    share = gap.fall / court.closable_square if court.closable_square > 0.0 else 0.0
+    tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     tests += bounds(item, court)
     if item.settings is not None:
         tests += physical(item, court)
         if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
             tests += earned(item, before, later, court)
     return Decision(item, later, gain, tuple(tests))
-
-
-def _floor_square(force: Sequence[Floats], court: Court) -> float:
-    """Return the squared residual that noise and encoder leave over the same samples [N^2]."""
-    return court.floor**2 * sum(len(part) for part in force)
 
 
 def bounds(item: Candidate, court: Court) -> list[Test]:
@@ -171,7 +184,7 @@ def physical(item: Candidate, court: Court) -> list[Test]:
     """Return tests that the recordings reach what the effect acts on."""
     settings = item.settings
     assert settings is not None
-    tests = []
+    tests = [at_least(item.name, "strength over its standard error", strength(item), court.criteria.min_z_score)]
     values = dict(zip((p.name for p in effect(settings.name).parameters), settings.values, strict=True))
     rate = min(motion.step / motion.period for motion in court.learn)
     if "frequency" in values:
@@ -189,6 +202,19 @@ def physical(item: Candidate, court: Court) -> list[Test]:
     return tests
 
 
+def strength(item: Candidate) -> float:
+    """Return the largest strength of an effect over its standard error; infinite where it has no free strength."""
+    settings = item.settings
+    assert settings is not None
+    place = [one.name for one in item.refit.effects].index(settings.name)
+    found = [
+        abs(settings.values[j]) / error
+        for (i, j), error in zip(item.refit.free, item.refit.deviations(), strict=True)
+        if i == place and effect(settings.name).parameters[j].is_strength and error > 0.0
+    ]
+    return max(found, default=math.inf)
+
+
 def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> list[Test]:
     """Return the test that a free-form term over the same coordinates predicts no better than the effect."""
     names = FREE_FORM.get(item.name)
@@ -204,7 +230,8 @@ def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> lis
         replaced[k] = part - guess[start : start + len(part)]
         start += len(part)
     better = improvement(later.force, replaced)
-    return [at_most(item.name, f"z-score of a free-form term over {' and '.join(names)}", better.z_score, criteria.min_z_score)]
+    title = f"z-score of a free-form term over {' and '.join(names)}"
+    return [at_most(item.name, title, better.z_score, criteria.min_z_score)]
 
 
 def term(names: Sequence[str], model: Model, court: Court) -> FreeForm:
@@ -247,9 +274,8 @@ def held_judged(motions: Sequence[Motion], judged: Judged, model: Model) -> Judg
     """
     loudest = max(judged.noise, key=lambda noise: noise.rms)
     noises = tuple(replace(loudest, period=motion.residual_period) for motion in motions)
-    weights = tuple(
-        noise.weights(motion.thinned(predict(model, motion).doubt)) for motion, noise in zip(motions, noises, strict=True)
-    )
+    pairs = zip(motions, noises, strict=True)
+    weights = tuple(noise.weights(motion.thinned(predict(model, motion).doubt)) for motion, noise in pairs)
     return Judged(tuple(motions), noises, weights)
 
 
@@ -263,5 +289,24 @@ def changed_refits(refits: Refits, name: str) -> Refits:
     if name == CHANGED[0]:
         return replace(refits, freedom=replace(refits.freedom, friction=True))
     if name == CHANGED[1]:
-        return replace(refits, freedom=replace(refits.freedom, friction=True, elements=True))
+        model = refits.nominal.spread(*deflections(refits))
+        return replace(refits, nominal=model, freedom=replace(refits.freedom, friction=True, elements=True))
     return replace(refits, nominal=replace(refits.nominal, is_sharp=True))
+
+
+def deflections(refits: Refits) -> tuple[float, float]:
+    """Return the smallest and largest slip deflection that a contact unknown to the file may have.
+
+    From a tenth of the file's smallest to ten times its largest, within what the encoder resolves and what is still a
+    contact beside the stroke.
+
+    Args:
+        refits: recordings and model so far.
+    """
+    friction, motions = refits.nominal.friction, refits.judged.motions
+    reach = np.array(friction.element_fraction) * friction.coulomb_force / np.array(friction.element_stiffness)
+    stroke = float(np.ptp(np.concatenate([motion.position for motion in motions])))
+    step = max(motion.resolution for motion in motions)
+    largest = min(SLACK_OF_CONTACT * float(reach.max()), CONTACT_SHARE * stroke)
+    smallest = max(float(reach.min()) / SLACK_OF_CONTACT, 2.0 * step, 1.0e-4 * largest)
+    return min(smallest, 0.1 * largest), largest

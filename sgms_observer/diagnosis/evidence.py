@@ -1,7 +1,7 @@
 """Predictive evidence: how much better one model predicts data that neither was fitted to.
 
-Held-out recordings are predicted as they are. A block of a recording that was learnt from is predicted by the fit without
-it: the fit's own derivatives say how far the parameters move when the block is left out (exact for a linear model).
+Held-out recordings are predicted as they are. A block of a recording that was learnt from is predicted by the fit
+without it: the fit's own derivatives say how far the parameters move when the block is left out (exact for a linear model).
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def improvement(before: Sequence[Floats], after: Sequence[Floats]) -> Improvemen
     """Compare two models by their residuals on the same blocks.
 
     With ``d`` the change of the residual and ``e`` what the later model leaves, the square falls by ``d^2 + 2 e d``.
-    Where an effect acts is no chance: a few hard reversals may hold all of it. The product ``e d`` is chance; its scatter
-    over blocks is the standard error.
+    Where an effect acts is no chance: a few hard reversals may hold all of it. The product ``e d`` is chance; its
+    scatter over blocks is the standard error.
 
     Args:
         before: residual of the earlier model in each block.

@@ -26,8 +26,8 @@ FREED_ELEMENTS = np.log(3.0)
 """The same of an element's stiffness and share: a factor of three."""
 STEP = 1.0e-4
 """Step of numerical derivatives, in units of the parameters."""
-UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,)}
-"""Parameters that are a unit of others and never fitted: (effect, indices)."""
+UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,), "gravity": (2,)}
+"""Parameters that are a unit of others, or follow from the joint, and are never fitted: (effect, indices)."""
 REFRESH = 3
 """Steps after which derivatives by the nominal parameters are computed anew."""
 BY_RATIO = (
@@ -274,7 +274,8 @@ def units(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
 def kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
     """Return the parameters that are never fitted: units of others, an absent second harmonic, a learnt table."""
     absent = [i for i, item in enumerate(effects) if item.name == "cogging" and item.values[3] == 0.0]
-    return units(effects) + [(i, j) for i in absent for j in (3, 4)]
+    tables = [(i, j) for i, item in enumerate(effects) if effect(item.name).lists for j in range(len(item.values))]
+    return units(effects) + [(i, j) for i in absent for j in (3, 4)] + tables
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sgms_observer.diagnosis.gate import CLOSABLE, SURE, Gate, sureness_of
+from sgms_observer.diagnosis.decision import Court
+from sgms_observer.diagnosis.evidence import blocks_of, improvement
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.catalogue import effect
@@ -65,30 +66,29 @@ def place_of(model: Model, motion: Motion, seconds: float | None = None) -> floa
     return float(places[int(np.argmin([error(place) for place in places]))])
 
 
-def unhomed(models: Sequence[Model], gate: Gate) -> list[str]:
-    """Return a sentence for each recording to judge on that counts its position from elsewhere.
+def unhomed(models: Sequence[Model], court: Court) -> list[str]:
+    """Return a sentence for each held-out recording that counts its position from elsewhere.
 
     Args:
-        models: the fits that were best in some round.
-        gate: recordings to judge on.
+        models: fits with an effect that may return with the position.
+        court: the recordings.
     """
     rippled = [model for model in models if pitch_of(model.effects) is not None]
-    if not rippled or not gate.is_unseen:
+    if not rippled or not court.has_held_out:
         return []
-    model = rippled[-1]
+    model, criteria = rippled[0], court.criteria
     said = []
-    for motion in gate.motions:
-        before = motion.low_pass(predict(model, motion).residual)
-        closable = np.mean(before**2) - gate.floor**2
-        if closable < (CLOSABLE**2 - 1.0) * gate.floor**2:
-            continue
+    for motion in court.judge:
+        here = motion.low_pass(predict(model, motion).residual)
         place = place_of(model, motion)
         there = moved(motion, place)
         after = there.low_pass(predict(model, there).residual)
-        is_sure = sureness_of([(before, after, motion.residual_period)]) > SURE
-        if is_sure and np.mean(before**2) - np.mean(after**2) > CLOSES * closable:
+        blocks = [blocks_of(part, motion.residual_period, criteria.block) for part in (here, after)]
+        gain = improvement(*blocks)
+        closable = gain.before - court.floor**2 * len(here)
+        if gain.z_score > criteria.z_score_of(PLACES) and gain.fall > CLOSES * closable > 0.0:
             said.append(
-                f"{motion.name} fits if it counts its position from {1e3 * place:.3g} mm further along: home the axis"
+                f"{motion.name} fits if it counts its position from {place:.4g} further along: home the axis"
                 " before each recording, or no effect that is bound to a place can be judged on it"
             )
     return said

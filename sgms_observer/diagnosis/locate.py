@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.diagnosis.coordinates import coordinates_of
 from sgms_observer.diagnosis.motion import Motion
 
 Floats = NDArray[np.float64]
 
 BINS = 16
 SHIFTS = 199
-STILL = 1.0e-4  # m/s
 
 
 @dataclass(frozen=True)
@@ -43,47 +43,11 @@ class Located:
     high: float
 
 
-def coordinates(motions: Sequence[Motion]) -> dict[str, tuple[str, Floats]]:
-    """Return unit and values of each coordinate at the rate of residuals."""
-
-    def of(name: str) -> Floats:
-        return np.concatenate([motion.thinned(getattr(motion, name)) for motion in motions])
-
-    velocity = of("velocity")
-    history = [history_of(motion) for motion in motions]
-    listed = {
-        "position": ("m", of("position")),
-        "velocity": ("m/s", velocity),
-        "acceleration": ("m/s^2", of("acceleration")),
-        "time": ("s", of("time")),
-        "effort": ("N", of("effort")),
-        "time since reversal": ("s", np.concatenate([item[0] for item in history])),
-        "distance since reversal": ("m", np.concatenate([item[1] for item in history])),
-        "dwell before this motion": ("s", np.concatenate([item[2] for item in history])),
-    }
-    return listed
-
-
-def history_of(motion: Motion) -> tuple[Floats, Floats, Floats]:
-    """Return time [s] and distance [m] since the last reversal, and the rest before this motion [s]."""
-    velocity, period = motion.velocity, motion.period
-    n = len(velocity)
-    direction = np.where(np.abs(velocity) > STILL, np.sign(velocity), 0.0)
-    since, far, rest = np.zeros(n), np.zeros(n), np.zeros(n)
-    last, start, resting, before = 0.0, 0, 0, 0.0
-    for k in range(n):
-        if direction[k] == 0.0:
-            resting += 1
-        else:
-            if resting > 0:
-                before = resting * period
-                resting = 0
-            if direction[k] != last:
-                start, last = k, direction[k]
-        since[k] = (k - start) * period
-        far[k] = abs(motion.position[k] - motion.position[start])
-        rest[k] = before
-    return motion.thinned(since), motion.thinned(far), motion.thinned(rest)
+UNITS = {
+    "position": "m", "velocity": "m/s", "acceleration": "m/s^2", "time": "s", "effort": "N", "time since reversal": "s",
+    "distance since reversal": "m", "dwell": "s",
+}  # fmt: skip
+"""Coordinates that are looked at, with their units on a prismatic axis."""
 
 
 def locate(residual: Sequence[Floats], motions: Sequence[Motion], seed: int) -> list[Located]:
@@ -105,7 +69,9 @@ def locate(residual: Sequence[Floats], motions: Sequence[Motion], seed: int) -> 
     direction = np.sign(np.concatenate([motion.thinned(motion.velocity) for motion in motions]))
     shifts = rng.integers(int(0.05 * len(slow)), int(0.95 * len(slow)), SHIFTS)
     found = []
-    for name, (unit, coordinate) in coordinates(motions).items():
+    known = np.vstack([coordinates_of(motion, tuple(UNITS)) for motion in motions])
+    for place, (name, unit) in enumerate(UNITS.items()):
+        coordinate = known[:, place]
         for label, signal in ((name, slow), (f"{name}, along the motion", slow * direction)):
             item = _binned(label, unit, coordinate, signal, shifts)
             if item is not None:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.diagnosis.motion import PLAY, Motion, second_difference, split_at_reversals, without_flicker
@@ -31,6 +30,9 @@ SIDED = "asymmetric_coulomb"
 BY_LEVEL = ("frictional_lag", "backlash")
 """Effects that depend on the level."""
 
+SPREAD_COUNT = 8
+"""Elements that stand for an unknown contact: two a decade over four decades."""
+
 MASS, VISCOUS, COULOMB, STATIC, KNEE = range(5)
 SHARED = ("mass", "viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity")
 
@@ -44,7 +46,6 @@ class Model:
         friction: friction settings.
         effects: effects in it.
         is_sharp: whether S-GMS elements stick and slip without smoothing, as GMS elements with a fast attraction do.
-        force_error: rms error of the needed force as far as it is known; rounds the corner of a dead zone's inverse [N].
         joint_period: period in position that the joint implies (2 pi on a revolute one), or None.
     """
 
@@ -52,7 +53,6 @@ class Model:
     friction: FrictionSettings
     effects: tuple[EffectSettings, ...] = ()
     is_sharp: bool = False
-    force_error: float = 0.0
     joint_period: float | None = None
 
     @staticmethod
@@ -104,6 +104,24 @@ class Model:
         n_z = len(stiffness)
         friction = replace(
             old, element_stiffness=tuple(stiffness), element_fraction=tuple(fraction), element_damping=(0.0,) * n_z
+        )
+        return replace(self, friction=friction)
+
+    def spread(self, smallest: float, largest: float) -> Model:
+        """Return the model with elements whose slip deflections are spread evenly over a range of decades.
+
+        They stand for a contact whose elements the file does not know: each carries the same share in the beginning.
+
+        Args:
+            smallest, largest: slip deflections of the first and of the last element [m].
+        """
+        deflection = np.geomspace(smallest, largest, SPREAD_COUNT)
+        share = 1.0 / SPREAD_COUNT
+        friction = replace(
+            self.friction,
+            element_stiffness=tuple((share * self.friction.coulomb_force / deflection).tolist()),
+            element_fraction=(share,) * SPREAD_COUNT,
+            element_damping=(0.0,) * SPREAD_COUNT,
         )
         return replace(self, friction=friction)
 
@@ -165,13 +183,11 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         doubt = np.zeros(0)
     mass = model.mass + seen.added_mass
     needed = mass * seen.acceleration + friction.viscous_coefficient * seen.velocity + elements + seen.force
-    command = needed_command(on_path, needed, motion, model.force_error)
+    command = needed_command(on_path, needed, motion)
     return Prediction(motion.effort - command, elements, doubt)
 
 
-def needed_command(
-    on_path: Sequence[EffectSettings], needed: Floats, motion: Motion, force_error: float = 0.0
-) -> Floats:
+def needed_command(on_path: Sequence[EffectSettings], needed: Floats, motion: Motion) -> Floats:
     """Return the command that makes the needed force arrive: the inverse of the effort's path [N].
 
     Inside a dead zone the command is not determined; the middle is predicted. Beyond a saturation limit the command is
@@ -182,20 +198,12 @@ def needed_command(
         on_path: effects on the way of the effort, in the order in which the effort passes them.
         needed: force that the motion needs [N], shape (n,).
         motion: the recording.
-        force_error: rms error of ``needed``; the sign of a needed force below it is not known [N].
     """
-    command = needed
-    for item in reversed(on_path):
-        value = item.values[0]
-        if item.name == "actuator_gain":
-            command = command / value
-        elif item.name == "actuator_delay":
-            command = np.interp(motion.time + value, motion.time, command)
-        elif item.name == "actuator_dead_zone":
-            command = command + value * special.erf(command / max(np.sqrt(2.0) * force_error, 1.0e-3 * value + 1e-12))
-        elif item.name == "actuator_saturation":
-            lost = motion.effort - np.clip(motion.effort, -value, value)
-            command = command + lost
+    limits = [item.values[0] for item in on_path if item.name == "actuator_saturation"]
+    others = tuple(item for item in on_path if item.name != "actuator_saturation")
+    command = CompiledEffects(others, motion.period).needed_command(needed)
+    for limit in limits:
+        command = command + motion.effort - np.clip(motion.effort, -limit, limit)
     return np.asarray(command, dtype=np.float64)
 
 

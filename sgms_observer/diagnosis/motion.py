@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from sgms_observer.diagnosis.record import Record
 from sgms_observer.errors import DataError
 from sgms_observer.jit import njit
+from sgms_observer.offline.recording import Recording
 
 Floats = NDArray[np.float64]
 Kept = TypeVar("Kept")
@@ -164,7 +164,7 @@ def _band_filter(period: float, band: float) -> Floats:
     return np.asarray(signal.butter(4, min(2.0 * band * period * 1.1, 0.8), output="sos"), dtype=np.float64)
 
 
-def motion_of(record: Record, lag: float = HELD, band: float = BAND) -> Motion:
+def motion_of(record: Recording, lag: float = HELD, band: float = BAND) -> Motion:
     """Filter a record and bring it to the working rate.
 
     Args:

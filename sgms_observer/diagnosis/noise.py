@@ -1,8 +1,8 @@
 """What of a residual is noise: its colour, and where it is larger. Both whiten every column alike.
 
 The force noise of a drive is taken as first-order noise plus white noise, its corner no lower than
-``LOWEST_CORNER`` times the band: whatever moves more slowly than that has a cause. The spectrum is fitted to medians over bands, so
-that lines and slow effects do not count as noise. Where the contact sticks, the encoder's noise (and what a few
+``LOWEST_CORNER`` times the band: whatever moves more slowly than that has a cause. The spectrum is fitted to medians
+over bands, so that lines and slow effects do not count as noise. Where the contact sticks, the encoder's noise (and what a few
 elements cannot follow) comes through its stiffness; residuals there weigh less.
 """
 
@@ -14,7 +14,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-
 
 Floats = NDArray[np.float64]
 

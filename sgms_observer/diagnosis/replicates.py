@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.noise import Noise
-from sgms_observer.diagnosis.record import Record
+from sgms_observer.offline.recording import Recording
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def replicate_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Gene
         shift = rng.uniform(0.0, motion.resolution)
         position = np.round((position + shift) / motion.resolution) * motion.resolution - shift
     held = np.concatenate((effort[1:], effort[-1:]))  # undo the hold correction of ``motion_of`` to first order
-    record = Record(motion.name, motion.period, position, 0.5 * (effort + held))
+    record = Recording(motion.name, motion.period, position, 0.5 * (effort + held))
     made = motion_of(record, motion.lag, motion.band)
     return replace(
         made, effort=effort, has_other=motion.has_other, other_velocity=motion.other_velocity,

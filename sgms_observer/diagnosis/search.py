@@ -208,21 +208,21 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
 
 
 def gravity_shapes(force: float, model: Model) -> list[Shape]:
-    """Return the shape of gravity: a sine of the angle on a revolute joint; an offset is its name on a prismatic one."""
+    """Return the shape of gravity: a sine of the angle; a constant force of a prismatic axis is an offset."""
     if model.joint_period is None:
         return []
 
     def combine(c: Floats) -> tuple[float, ...]:
-        return (force * math.hypot(c[0], c[1]), math.atan2(c[1], c[0]))
+        return (force * math.hypot(c[0], c[1]), math.atan2(c[1], c[0]), 1.0)
 
-    return [Shape("gravity", ((force, 0.0), (force, 0.5 * math.pi)), combine)]
+    return [Shape("gravity", ((force, 0.0, 1.0), (force, 0.5 * math.pi, 1.0)), combine)]
 
 
 def pitches(motions: Sequence[Motion], period: float | None) -> list[float]:
     """Return the periods in position that are worth a look, the longest first.
 
     From two thirds of the stroke down to what the encoder resolves and the band lets pass at the slowest decile of the
-    moving speed, at most ``MOST_PITCHES``; the period that the joint implies and its half are tried whatever the stroke.
+    moving speed, at most ``MOST_PITCHES``; the period that the joint implies and its half are tried in any case.
 
     Args:
         motions: recordings.

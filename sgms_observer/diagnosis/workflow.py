@@ -1,15 +1,13 @@
-"""The workflow: refit the file, add the hypothesis that predicts best what it was not fitted to, repeat, judge the whole."""
+"""The workflow: refit the file, add the hypothesis that predicts best what it was not fitted to, and repeat."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-
 from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import LAST_STEPS, Candidate, effect_candidates, to_the_end
-from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
+from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.decision import (
     CHANGED,
     Court,
@@ -23,14 +21,15 @@ from sgms_observer.diagnosis.decision import (
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
 from sgms_observer.diagnosis.gap import noise_floor, residuals, rms
+from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD, Motion, motion_of
-from sgms_observer.diagnosis.record import Record
 from sgms_observer.diagnosis.screen import Look, Screen
 from sgms_observer.diagnosis.timing import NOT_HELD, timing
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
 from sgms_observer.errors import DataError
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 Report = Callable[[str, float], None]
@@ -39,7 +38,7 @@ STEPS = 6
 """Steps of a fit from a point that was not fitted to these recordings,"""
 AGAIN = 4
 """and of one after the noise was fitted anew."""
-READ_OFF = ("quantisation", "learnt_map")
+READ_OFF = ("quantisation", *LEARNT_NAMES)
 """Effects that are read off the data, or made of them, and not searched."""
 
 
@@ -59,7 +58,7 @@ class Options:
     seed: int = 1
     workers: int = 2
     band: float = 0.0
-    criteria: Criteria = Criteria()
+    criteria: Criteria = field(default_factory=Criteria)
 
 
 @dataclass(frozen=True)
@@ -74,8 +73,8 @@ class Recordings:
         band: residuals are judged below this frequency [Hz].
     """
 
-    records: tuple[Record, ...]
-    holdouts: tuple[Record, ...]
+    records: tuple[Recording, ...]
+    holdouts: tuple[Recording, ...]
     told: float
     lag: float
     band: float
@@ -124,13 +123,19 @@ class State:
             state = state.refitted(state.current, AGAIN)
         return state
 
-    def court(self, options: Options) -> Court:
-        """Return the recordings that evidence is taken from."""
+    def court(self, options: Options, first: Model | None = None) -> Court:
+        """Return the recordings that evidence is taken from.
+
+        Args:
+            options: how to run.
+            first: model of the file refitted within its tolerance; the current one if None.
+        """
         judged = self.refits.judged
         judge = self.held or self.learn
         floor = noise_floor(judge, self.current.model, judged.noise, options.seed)
         held = held_judged(self.held, judged, self.current.model)
-        return Court(self.learn, judge, judged, held, floor, options.criteria, options.seed)
+        gap = rms(residuals(first or self.current.model, judge))
+        return Court(self.learn, judge, judged, held, floor, gap, options.criteria, options.seed)
 
 
 @dataclass(frozen=True)
@@ -161,6 +166,7 @@ class Diagnosis:
         state: state with everything that was accepted.
         before: refit of the model with its own elements.
         after: the same with everything that was accepted.
+        after_refits: how the latter was fitted.
         rounds: passes through the loop.
         court: recordings that evidence was taken from, with the noise that is left in the end.
         resolution: coarser encoder step than the settings say [its unit], or None.
@@ -176,6 +182,7 @@ class Diagnosis:
     state: State
     before: Refit
     after: Refit
+    after_refits: Refits
     rounds: tuple[Round, ...]
     court: Court
     resolution: float | None
@@ -191,8 +198,8 @@ class Diagnosis:
 
 
 def diagnose(
-    records: Sequence[Record],
-    holdouts: Sequence[Record],
+    records: Sequence[Recording],
+    holdouts: Sequence[Recording],
     axis: AxisSettings,
     options: Options,
     report: Report = lambda text, share: None,
@@ -220,39 +227,27 @@ def diagnose(
     nominal, own = replace(Model.of(axis), effects=()), own_effects(axis)
     report("refit of the file within its tolerance", 0.03)
     fine = nominal.refined()
-    error = rms(residuals(fine.with_effects(own), learn))
-    fine = replace(fine, force_error=error)
     refits = Refits(
         judged_with(learn, fine.with_effects(own)), fine, options.tolerance, held=frozenset(item.name for item in own)
     )
     state = State(recordings, learn, held, refits, refits.of(own, None, STEPS))
     state = state.refitted(state.current, AGAIN).timed()
     state = state.refitted(state.current, AGAIN)
-    state = with_force_error(state)
     notes = list(audited.notes)
     if axis.filter.effort_is_held and state.recordings.lag < NOT_HELD:
         notes.append("the effort is not held between samples: set filter.effort_is_held to false")
-    found, rounds = state, ()
+    found = state
+    rounds: tuple[Round, ...] = ()
     if not audited.is_poor:
         state, rounds = _search(state, own, options, report)
         state, rounds = _pruned(state, rounds, options)
     report("refit of the file's own elements", 0.85)
-    before, after = _as_written(found, state, nominal, options)
+    before, after, after_refits = _as_written(found, state, nominal)
     court = state.court(options)
     return Diagnosis(
-        nominal, own, found, state, before, after, tuple(rounds), court, audited.resolution, tuple(notes),
+        nominal, own, found, state, before, after, after_refits, tuple(rounds), court, audited.resolution, tuple(notes),
         audited.warnings, audited.is_poor,
     )  # fmt: skip
-
-
-def with_force_error(state: State) -> State:
-    """Return the state in which the corner of a dead zone's inverse is as round as the needed force is uncertain."""
-    error = rms(residuals(state.current.model, state.learn))
-    fine = replace(state.refits.nominal, force_error=error)
-    model = replace(state.current.model, force_error=error)
-    return replace(
-        state, refits=replace(state.refits, nominal=fine), current=replace(state.current, model=model)
-    )
 
 
 def _search(
@@ -263,11 +258,14 @@ def _search(
     names = [name for name in catalogue_names() if name not in READ_OFF]
     changed = list(CHANGED)
     most = options.criteria.max_effects + len(changed)
+    first = state.current.model
     for number in range(most):
         share = 0.1 + 0.7 * number / most
         report(f"first look at {len(names)} effects", share)
         refits, current = state.refits, state.current
-        court = state.court(options)
+        court = state.court(options, first)
+        if rounds and court.is_closed(current.model):
+            break
         earlier = evidence_of(current, court)
         screen = Screen(refits.judged, current, options.tolerance, refits.freedom, names, options.workers)
         report("full fits", share + 0.02)
@@ -279,11 +277,12 @@ def _search(
         if best is None or sum(item.accepted is not None for item in rounds) >= most:
             rounds.append(Round(screen.looks, tuple(decisions), None, ()))
             break
+        item = best.candidate
         rounds.append(
             Round(screen.looks, tuple(decisions), best, alternatives(best, decisions, options.criteria))
         )
-        state = replace(state, refits=replace(best.candidate.refits, judged=refits.judged), current=best.candidate.refit)
-        state = with_force_error(state.refitted(state.current, STEPS).timed())
+        state = replace(state, refits=replace(item.refits, judged=refits.judged), current=item.refit)
+        state = state.refitted(state.current, STEPS).timed()
         names = [name for name in names if name != best.candidate.name]
         changed = [name for name in changed if name != best.candidate.name]
         if sum(item.candidate.settings is not None for item in (r.accepted for r in rounds) if item) >= (
@@ -338,7 +337,8 @@ def changed_candidate(refits: Refits, current: Refit, name: str) -> Candidate:
         name: one of ``CHANGED``.
     """
     free = changed_refits(refits, name)
-    found = free.of(current.effects, current.logs, LAST_STEPS)
+    is_same = len(free.nominal.parameter_names()) == len(current.logs) and not free.freedom.elements
+    found = free.of(current.effects, current.logs if is_same else None, LAST_STEPS)
     return Candidate(name, free, found, 1)
 
 
@@ -374,48 +374,30 @@ def _pruned(state: State, rounds: Sequence[Round], options: Options) -> tuple[St
     return state, tuple(kept)
 
 
-def _as_written(found: State, state: State, nominal: Model, options: Options) -> tuple[Refit, Refit]:
+def _as_written(found: State, state: State, nominal: Model) -> tuple[Refit, Refit, Refits]:
     """Return the fits with the owner's own elements, without and with what was accepted.
 
     Args:
         found: state after the refit within the tolerance.
         state: state with everything that was accepted.
         nominal: the model as it is given.
-        options: how to run.
+
+    Returns:
+        The fit before, the fit after, and how the latter was fitted.
     """
-    plain = replace(nominal, force_error=found.current.model.force_error)
-    first = replace(found.refits, nominal=plain, judged=judged_with(found.learn, found.current.model))
+    first = replace(found.refits, nominal=nominal, judged=judged_with(found.learn, found.current.model))
     before = first.of(found.current.effects, None, LAST_STEPS)
     if state is found:
-        return before, before
-    later = replace(plain, is_sharp=state.refits.nominal.is_sharp, force_error=state.current.model.force_error)
+        return before, before, first
+    later = replace(nominal, is_sharp=state.refits.nominal.is_sharp)
     if state.refits.freedom.elements:
-        later = replace(later.refined(), is_sharp=later.is_sharp)
+        later = state.refits.nominal
     last = replace(state.refits, nominal=later)
     starts = [None] if state.refits.freedom.elements else [None, before.logs]
     tried = [last.of(state.current.effects, start, LAST_STEPS) for start in starts]
-    return before, min(tried, key=lambda fit: fit.cost)
+    return before, min(tried, key=lambda fit: fit.cost), last
 
 
 def own_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:
     """Return the effects an axis already has, with all their values."""
     return tuple(EffectSettings(item.name, item.values or effect(item.name).defaults) for item in axis.effects)
-
-
-def whole_tests(gap_after: float, floor: float, predictable_z: float, criteria: Criteria) -> tuple[Test, ...]:
-    """Return the tests of the whole model: usable, and nothing predictable left.
-
-    Args:
-        gap_after: gap with everything that was found [%].
-        floor: what no predictor removes [%].
-        predictable_z: z-score of what a free-form term predicts of the rest.
-        criteria: thresholds.
-    """
-    left = max(0.0, 1.0 - (floor / gap_after) ** 2) if gap_after > 0.0 and math.isfinite(floor) else 0.0
-    surely = left if predictable_z > criteria.min_z_score else 0.0
-    return (
-        at_most("model", "share of the effort that is unexplained", 0.01 * gap_after, criteria.max_unexplained),
-        at_most("model", "surely predictable share of the rest", surely, criteria.min_predictable_share),
-    )
-
-

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from sgms_observer.cli.options import axis_from
 from sgms_observer.cli.progress import Progress
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.fleet.jobs import DiagnoseJob, ReplayJob, job_names
@@ -45,10 +46,11 @@ def diagnose_each(args: argparse.Namespace) -> int:
     """
     out = Path(args.out).resolve()
     config = str(Path(args.config).resolve())
+    axis = axis_from(args.axis, "diagnose")
     holdout = tuple(str(Path(bag).resolve()) for bag in args.holdout)
     jobs = [
         DiagnoseJob(
-            name, str(Path(bag).resolve()), holdout, config, str(out / name), args.axis, args.tolerance, args.seed
+            name, str(Path(bag).resolve()), holdout, config, str(out / name), axis, args.tolerance, args.seed
         )
         for name, bag in zip(job_names(args.bags), args.bags, strict=True)
     ]

@@ -117,9 +117,13 @@ def _diagnose(job: DiagnoseJob) -> dict[str, Any]:
     """Diagnose a recording and return what result.json says."""
     import json
 
-    from sgms_observer.cli.diagnose import diagnose_bags
+    from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 
-    diagnose_bags([job.bag], job.holdout, job.config, job.out, job.axis, job.tolerance, job.seed, 1, lambda share: None)
+    diagnose_bags(
+        DiagnoseRequest(
+            [job.bag], job.config, job.out, job.holdout, job.axis, tolerance=job.tolerance, seed=job.seed
+        )
+    )
     result: dict[str, Any] = json.loads((Path(job.out) / "result.json").read_text(encoding="utf-8"))
     return {key: result[key] for key in ("verdict", "gap", "effects", "next_experiment")}
 

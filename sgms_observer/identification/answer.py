@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, 
 from sgms_observer.settings.axis import AxisSettings
 
 _DIGITS = 7
+_NEAR_ZERO = ("effects.offset.force",)  # values whose sign is open need no warning
 _OFFSET_EFFECT = "offset"
 _DAMPING = "friction.element_damping"
 
@@ -29,7 +30,7 @@ class Row:
     Attributes:
         name: parameter as in the YAML.
         value: estimate, SI unit.
-        half_width: half its 95 % interval; NaN where it was not estimated.
+        half_width: half its 95 % interval; NaN where it was not estimated, infinite where the data are blind to it.
         unit: SI unit.
         is_shown: whether the recordings show it.
         note: what to do where they do not.
@@ -45,8 +46,10 @@ class Row:
     @property
     def remark(self) -> str:
         """One remark: unit, interval, and whether it was shown."""
-        if not math.isfinite(self.half_width):
+        if math.isnan(self.half_width):
             known = "not shown: start value" if self.value else "not shown: none"
+        elif math.isinf(self.half_width):
+            known = "not shown: an estimate without interval"
         else:
             known = f"+- {self.half_width:.2g} (95 %)" + ("" if self.is_shown else ", not shown to 5 %")
         note = f"; {self.note}" if self.note and not self.is_shown else ""
@@ -179,6 +182,20 @@ def least_squares_answer(fit: InverseModelFit, axis: AxisSettings, is_opposed: b
     return Answer(changes, remarks, rows, summary, tuple(f"Warning: {one}" for one in warnings), not warnings)
 
 
+def judged_on_held_out(answer: Answer, axis: AxisSettings, unexplained: float) -> Answer:
+    """Return an answer that is not usable if the model fails on held-out bags.
+
+    Args:
+        answer: of the identification.
+        axis: start settings.
+        unexplained: rms residual over rms effort there [-].
+    """
+    if unexplained <= MAX_UNEXPLAINED:
+        return answer
+    warning = f"Warning: {_unexplained_sentence(axis, unexplained, ' on held-out bags')}"
+    return replace(answer, warnings=(*answer.warnings, warning), is_usable=False)
+
+
 def _opposed_sentence(axis: AxisSettings) -> str:
     return (
         f"{axis.name}: control_effort counts against the position: its sign is reversed; set effort_scale:"
@@ -238,6 +255,8 @@ def _effect_values(result: Identification) -> dict[str, dict[str, float]]:
     vector = result.parameters.effects
     for number, name in enumerate(result.terms.names):
         owner, own = name.split(".")
+        if owner in _dropped(result):
+            continue
         if number in vector.free or owner in result.terms.added:
             values.setdefault(owner, {})[own] = float(vector.values[number])
     return values
@@ -255,6 +274,12 @@ def _fractions(shares: Any) -> list[float]:
     return rounded
 
 
+def _dropped(result: Identification) -> tuple[str, ...]:
+    """Return effects that the parameter file does not have and the recordings do not show."""
+    first, names = result.parameters.first_effect, result.terms.names
+    return tuple(owner for owner in result.terms.added if first + names.index(f"{owner}.amplitude") in result.frozen)
+
+
 def _rows(result: Identification, axis: AxisSettings) -> tuple[Row, ...]:
     """Return the table: scalars, effects, then each element."""
     scalars, sure = result.parameters.scalars, result.confidence
@@ -267,6 +292,8 @@ def _rows(result: Identification, axis: AxisSettings) -> tuple[Row, ...]:
     shown = sure.is_shown
     coulomb_width = sure.coulomb_half_width
     static_width = math.hypot(coulomb_width * scalars[RHO], coulomb * wide[RHO])
+    if RHO in result.frozen:
+        static_width = float("nan")
     slow = "slide slower than the Stribeck velocity"
     small = f"reverse over less than {float(result.parameters.slip_deflection.min()):.1g} {unit('m')}, many times"
     rows = [
@@ -312,6 +339,8 @@ def _effect_rows(result: Identification, axis: AxisSettings, wide: Sequence[floa
     rows = []
     vector, first = result.parameters.effects, result.parameters.first_effect
     for number, (name, entry) in enumerate(zip(result.terms.names, result.terms.parameters, strict=True)):
+        if name.split(".")[0] in _dropped(result):
+            continue
         value = float(vector.values[number])
         width = wide[first + number] if number in vector.free else float("nan")
         size = 1.0 if entry.unit == "rad" else abs(value)
@@ -342,11 +371,18 @@ def identification_warnings(result: Identification, axis: AxisSettings, rows: Se
             " control_effort is stamped late or position is filtered"
         )
     for row in rows:
-        if not math.isfinite(row.half_width) and not _is_told_elsewhere(row.name, result):
-            note = f": {row.note}" if row.note else ""
+        if _is_told_elsewhere(row.name, result):
+            continue
+        note = f": {row.note}" if row.note else ""
+        if math.isnan(row.half_width):
+            kept = f"{row.value:.6g} {row.unit} of the parameter file stays"
+            if row.name == "friction.static_force":
+                kept = f"the parameter file's ratio to coulomb_force stays, {result.parameters.scalars[RHO]:.4g}"
+            out.append(f"{axis.name}.{row.name} is not identifiable from this recording; {kept}{note}")
+        elif row.half_width > abs(row.value) and row.name not in _NEAR_ZERO:
             out.append(
-                f"{axis.name}.{row.name} is not identifiable from this recording; {row.value:.6g} {row.unit} of the"
-                f" parameter file stays{note}"
+                f"{axis.name}.{row.name} = {row.value:.4g} {row.unit} is uncertain, +- {row.half_width:.2g}: it fits"
+                f" this recording and may not fit another{note}"
             )
     return tuple(f"Warning: {sentence}" for sentence in out)
 

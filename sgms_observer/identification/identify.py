@@ -36,6 +36,7 @@ from sgms_observer.identification.problem import (
 from sgms_observer.identification.scales import Scales, scales_of
 from sgms_observer.identification.search import Fit, search
 from sgms_observer.identification.selection import (
+    AS_GOOD,
     Rows,
     by_deflection,
     choose_count,
@@ -281,16 +282,18 @@ def unexplained_share(recordings: Sequence[Recording], result: Identification, a
         axis: the settings that it started from.
 
     Raises:
-        DataError: if the axis never slides far enough there.
+        DataError: if no piece is long enough.
     """
     shape = ElementShape.of(axis.friction, result.model)
+    pieces, _notes = _long_enough(recordings, result.cutoff)
+    if result.is_opposed:
+        pieces = [replace(piece, effort=-piece.effort) for piece in pieces]
     residuals, efforts = [], []
-    for piece in prepare_all(recordings, result.cutoff, result.terms):
+    for piece in prepare_all(pieces, result.cutoff, result.terms):
         mask = piece.settled(float(result.parameters.slip_deflection.max()))
+        mask = mask if np.any(mask) else piece.usable
         residuals.append(residual_and_jacobian(piece, result.parameters, shape)[0][mask])
         efforts.append(piece.effort(piece.time)[mask])
-    if not sum(len(part) for part in residuals):
-        raise DataError("these recordings never slide far enough for the elements to forget how they started")
     return float(np.linalg.norm(np.concatenate(residuals)) / np.linalg.norm(np.concatenate(efforts)))
 
 
@@ -350,8 +353,8 @@ def _check_reversals(data: Sequence[Prepared], scales: Scales) -> None:
         reversals += turns
     if reversals < MIN_REVERSALS:
         raise DataError(
-            f"the axis reverses {reversals} times only: these recordings cannot show its friction, which offset,"
-            f" gravity and slow changes imitate; record {MIN_REVERSALS} reversals or more (sgms excite)"
+            f"the axis reverses {'once' if reversals else 'never'}: these recordings cannot show its friction, which"
+            f" offset, gravity and slow changes imitate; record {MIN_REVERSALS} reversals or more (sgms excite)"
         )
 
 
@@ -388,21 +391,25 @@ def _without_hopeless(
 ) -> tuple[Fit, Confidence, tuple[int, ...]]:
     """Put back what the data cannot tell, the least essential first, and fit the others again.
 
-    How far the others move by that is part of their intervals.
+    Values that fit clearly worse when put back stay as fitted, with their wide intervals. A delay is put back in any
+    case: it stands for whatever leads or lags. How far the others move is part of their intervals.
     """
     moved = np.zeros(len(at_start))
-    for group in ((RHO, V_S, RATE, DELAY), range(fit.parameters.first_effect, len(at_start)), (MASS, VISCOUS, OFFSET)):
+    effects = range(fit.parameters.first_effect, len(at_start))
+    for group in ((DELAY,), (RHO, V_S, RATE), effects, (MASS, VISCOUS, OFFSET)):
         confidence = _judge(data, fit, shape, frozen)
         found = _hopeless(fit.parameters, confidence, shape.is_gms, at_start)
         hopeless = [index for index in found if index in group and index not in frozen]
         if hopeless:
-            frozen = (*frozen, *hopeless)
             before = fit.parameters.vector()
             values = before.copy()
             values[hopeless] = at_start[hopeless]
             start = fit.parameters.with_vector(values)
-            fit = search(data.main, data.masks, start, shape, frozen, iterations=_ITERATIONS, tolerance=1e-5)
-            moved += np.abs(fit.parameters.vector() - before)
+            held = (*frozen, *hopeless)
+            again = search(data.main, data.masks, start, shape, held, iterations=_ITERATIONS, tolerance=1e-5)
+            if again.cost <= (1.0 + AS_GOOD) * fit.cost or DELAY in group:
+                fit, frozen = again, held
+                moved += np.abs(fit.parameters.vector() - before)
     return fit, widened(_judge(data, fit, shape, frozen), moved, fit.parameters), frozen
 
 
@@ -411,9 +418,11 @@ def _asks_negative_delay(data: Rows, parameters: Parameters, shape: ElementShape
     if parameters.scalars[DELAY] > 0.0:
         return False
     free = parameters.free([j for j in frozen if j != DELAY], shape.is_gms)
-    width = judge(data.main, data.masks, data.others, parameters, shape, free).half_width[DELAY]
-    step = float(step_to(data.main, data.masks, parameters, shape, free)[free.index(DELAY)])
-    return bool(-step > width)
+    place = free.index(DELAY)
+    error = judge(data.main, data.masks, (), parameters, shape, free).half_width[DELAY]
+    step = float(step_to(data.main, data.masks, parameters, shape, free)[place])
+    others = [float(step_to(other, rows, parameters, shape, free)[place]) for other, rows in data.others]
+    return bool(-step > error + sum(abs(one - step) for one in others))
 
 
 def _judge(data: Rows, fit: Fit, shape: ElementShape, frozen: Sequence[int]) -> Confidence:

@@ -135,8 +135,8 @@ def read_recordings(
     other: AxisSettings | None = None,
     *,
     sample_period: float | None = None,
-    sha256: str = "",
     topics: Mapping[str, str] | None = None,
+    sha256: str = "",
 ) -> Recordings:
     """Read the pieces of a bag, in SI units.
 
@@ -145,8 +145,8 @@ def read_recordings(
         axis: the axis that is identified or diagnosed.
         other: another axis of the same recording, or None.
         sample_period: nominal time between two samples [s]; None takes it from the recording.
-        sha256: hash of the bag.
         topics: names of ``position``, ``control_effort`` and ``reference`` where they differ.
+        sha256: hash of the bag.
 
     Raises:
         RecordingError: the bag cannot be read.

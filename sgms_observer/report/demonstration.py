@@ -223,7 +223,8 @@ def _lines(axis: AxisSettings, without: Half, with_it: Half, same: int, compared
     return [
         f"axis {axis.name}",
         f"  friction estimate   {without.friction_rms:.4f} {axis.units.effort} rms,"
-        f" {100 * without.friction_share:.2f} % of the true friction's range ({without.samples} samples; truth inside two sigma {100 * without.coverage:.1f} %)",
+        f" {100 * without.friction_share:.2f} % of the true friction's range"
+        f" ({without.samples} samples; truth inside two sigma {100 * without.coverage:.1f} %)",
         f"  tracking error      {readable(without.tracking_rms)} rms, {readable(without.tracking_peak)} peak"
         " without compensation",
         f"                      {readable(with_it.tracking_rms)} rms, {readable(with_it.tracking_peak)} peak"

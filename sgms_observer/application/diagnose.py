@@ -1,0 +1,132 @@
+"""Diagnose recordings: read them, run the workflow, judge it, and write the files of the answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from sgms_observer.diagnosis.answer import Answer, answer_of
+from sgms_observer.diagnosis.closing import Closing, closing
+from sgms_observer.diagnosis.report import write_report
+from sgms_observer.diagnosis.result import write
+from sgms_observer.diagnosis.workflow import Options, diagnose
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.offline.band import choose_band
+from sgms_observer.offline.recording import Recording, read_recordings
+from sgms_observer.settings.axis import AxisSettings, Settings
+from sgms_observer.settings.load import load_settings
+from sgms_observer.whole_file import try_folder
+
+FILES = ("result.json", "augmented.yaml", "report.html")
+"""What a diagnosis writes into its folder."""
+
+
+@dataclass(frozen=True)
+class DiagnoseRequest:
+    """What to diagnose, and how.
+
+    Attributes:
+        bags: recordings to learn from.
+        config: parameter file.
+        out: folder of ``FILES``.
+        holdout: recordings to judge on, never fitted to.
+        axis: axis to diagnose; the first of the file if None.
+        topics: names of the input topics where they differ.
+        tolerance: how far the file's mass and friction may be off, as a share.
+        cutoff: upper corner of the judging band [Hz]; 0 chooses it from rate and encoder.
+        seed: of all chance.
+        workers: threads.
+    """
+
+    bags: Sequence[str]
+    config: str
+    out: str
+    holdout: Sequence[str] = ()
+    axis: str | None = None
+    topics: dict[str, str] = field(default_factory=dict)
+    tolerance: float = 0.05
+    cutoff: float = 0.0
+    seed: int = 1
+    workers: int = 1
+
+
+@dataclass(frozen=True)
+class DiagnoseResult:
+    """The answer, what observer and compensation make of it before and after, and notes on the recordings."""
+
+    answer: Answer
+    closings: tuple[Closing, ...]
+    notes: tuple[str, ...]
+
+
+def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lambda share: None) -> DiagnoseResult:
+    """Run the diagnosis and write its files.
+
+    Args:
+        request: what to diagnose.
+        show: told how much is done, from 0 to 1.
+
+    Raises:
+        SgmsError: something cannot be read, written or made sense of.
+    """
+    settings = load_settings(request.config)
+    axis, other = _axes(settings, request)
+    refuse_learnt_from(request.bags, request.holdout)
+    try_folder(request.out)
+    notes: list[str] = []
+
+    def read(bags: Sequence[str]) -> list[Recording]:
+        found = []
+        for bag in bags:
+            pieces = read_recordings(bag, axis, other, topics=request.topics)
+            notes.extend(pieces.notes)
+            found += list(pieces)
+        return found
+
+    learn, judge = read(request.bags), read(request.holdout)
+    band = choose_band([*learn, *judge], axis, request.cutoff)
+    notes.append(band.sentence())
+    options = Options(request.tolerance, request.seed, request.workers, band.corner)
+    with threadpool_limits(limits=1):  # threads of our own; those of the libraries would only wait for each other
+        found = diagnose(learn, judge, axis, options, lambda _text, share: show(share))
+        answer = answer_of(found, axis, options)
+    folder = Path(request.out)
+    write(answer, settings, axis.name, folder)
+    after = next(one for one in load_settings(folder / "augmented.yaml").axes if one.name == axis.name)
+    record = (judge or learn)[0]
+    closings = tuple(closing(record, one, record.period, band.corner) for one in (axis, after))
+    write_report(answer, axis, closings, options, folder, [*request.bags, *request.holdout], notes)
+    return DiagnoseResult(answer, closings, tuple(notes))
+
+
+def _axes(settings: Settings, request: DiagnoseRequest) -> tuple[AxisSettings, AxisSettings | None]:
+    """Return the axis that is diagnosed and another one, if any."""
+    names = [axis.name for axis in settings.axes]
+    wanted = request.axis or names[0]
+    if wanted not in names:
+        raise ConfigurationError([f"--axis {wanted} is not in {request.config}; it has {', '.join(names)}"])
+    return (
+        settings.axes[names.index(wanted)],
+        next((entry for entry in settings.axes if entry.name != wanted), None),
+    )
+
+
+def refuse_learnt_from(bags: Sequence[str], holdout: Sequence[str]) -> None:
+    """Refuse a held-out bag that is learnt from as well.
+
+    Args:
+        bags: recordings to learn from.
+        holdout: recordings to judge on.
+
+    Raises:
+        ConfigurationError: a bag is both.
+    """
+    known = {Path(bag).resolve() for bag in bags}
+    for bag in holdout:
+        if Path(bag).resolve() in known:
+            raise ConfigurationError(
+                [f"--holdout {bag} is also a recording to learn from; it cannot judge: leave it out of one of both"]
+            )

@@ -1,0 +1,84 @@
+"""Values of the owner's file that the recordings moved beyond their tolerance or interval: drift of the machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sgms_observer.diagnosis.fit import Refit
+from sgms_observer.diagnosis.gap import residuals, rms
+from sgms_observer.effects.catalogue import effect
+
+if TYPE_CHECKING:
+    from sgms_observer.diagnosis.workflow import Diagnosis, Options
+
+
+@dataclass(frozen=True)
+class Changed:
+    """One value of the file that moved.
+
+    Attributes:
+        name: path below the axis, for instance ``friction.coulomb_force``.
+        before: value in the file.
+        after: value that the recordings show.
+        std_error: of the latter.
+        closes: share of the closable gap that all changed values together close.
+    """
+
+    name: str
+    before: float | str
+    after: float | str
+    std_error: float
+    closes: float
+
+
+def changed_values(found: Diagnosis, fit: Refit, options: Options) -> tuple[Changed, ...]:
+    """Return the values of the file that moved beyond their tolerance by more than their 90 % interval.
+
+    Args:
+        found: the diagnosis.
+        fit: the fit that is written.
+        options: tolerance and criteria.
+    """
+    listed: list[Changed] = []
+    closes = _closed(found)
+    criteria = options.criteria
+    freedom = found.after_refits.freedom
+    errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.jacobian.T @ fit.jacobian)), 0.0))
+    old, new = found.nominal.friction, fit.model.friction
+    names = [name for name in fit.model.parameter_names() if not name.startswith("element")]
+    for place, name in enumerate(names):
+        if not freedom.friction or name == "mass":
+            continue
+        one, other = float(getattr(old, name)), float(getattr(new, name))
+        error = float(errors[place])
+        width = np.log1p(options.tolerance) + criteria.interval_z_score * error
+        is_beyond = one > 0.0 and abs(np.log(other / one)) > width
+        if is_beyond:
+            listed.append(Changed(f"friction.{name}", one, other, other * error, closes))
+    if freedom.elements:
+        one, other = float(sum(old.element_stiffness)), float(sum(new.element_stiffness))
+        listed.append(Changed("friction.element_stiffness (sum)", one, other, 0.0, closes))
+    if fit.model.is_sharp and not found.nominal.is_sharp:
+        listed.append(Changed("friction.model", old.model, "gms", 0.0, closes))
+    for item in found.own:
+        now = next((one for one in fit.effects if one.name == item.name), item)
+        if now.values == item.values:
+            continue
+        for place, (parameter, one, other) in enumerate(
+            zip(effect(item.name).parameters, item.values, now.values, strict=False)
+        ):
+            index = [one.name for one in fit.effects].index(item.name)
+            if (index, place) in fit.free and one != other:
+                error = float(fit.deviations()[fit.free.index((index, place))])
+                listed.append(Changed(f"effects.{item.name}.{parameter.name}", float(one), float(other), error, closes))
+    return tuple(listed)
+
+
+def _closed(found: Diagnosis) -> float:
+    """Return the share of the closable gap that the changed values close on the recordings to judge on."""
+    court = found.court
+    one, other = (rms(residuals(fit.model, court.judge)) for fit in (found.before, found.after))
+    return float(max(0.0, (one - other) / max(one - court.floor, 1e-300)))

@@ -1,0 +1,159 @@
+"""What a diagnosis says to the outside: result.json (schema 2), augmented.yaml and residual.mcap."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from sgms_observer.diagnosis.answer import Answer
+from sgms_observer.diagnosis.contact import SETTLE
+from sgms_observer.effects.catalogue import effect
+from sgms_observer.settings.axis import Settings
+from sgms_observer.settings.effects import named_values
+from sgms_observer.settings.write import write_settings
+from sgms_observer.whole_file import write_text
+
+SCHEMA = 2
+UNIT = "% of rms effort"
+
+
+def result_of(answer: Answer) -> dict[str, Any]:
+    """Return the content of result.json."""
+    gap = answer.gap
+    result: dict[str, Any] = {
+        "schema": SCHEMA,
+        "verdict": answer.verdict,
+        "usable": answer.usable,
+        "warnings": list(answer.warnings),
+        "gap": {
+            "given": gap.given,
+            "before": gap.before,
+            "after": gap.after,
+            "named": gap.named,
+            "predictable": gap.predictable,
+            "floor": gap.floor,
+            "unit": UNIT,
+            "on": gap.held_out,
+            "band_hz": [0.0, gap.band],
+            "closure": gap.closure,
+            "interval_before": list(gap.interval_before),
+            "interval_after": list(gap.interval_after),
+        },
+        "effects": [
+            {
+                "name": item.settings.name,
+                "parameters": by_name(item.settings.name, item.settings.values),
+                "std_error": by_name(item.settings.name, item.std_error),
+                "confidence": item.confidence,
+                "alternatives": list(item.alternatives),
+                "gap_before": gap.before if math.isnan(item.gap_before) else item.gap_before,
+                "gap_after": gap.after if math.isnan(item.gap_after) else item.gap_after,
+            }
+            for item in answer.effects
+        ],
+        "learnt": [
+            {
+                "name": item.map.name,
+                "coordinates": list(item.coordinates),
+                "share": item.share,
+                "sentence": item.sentence,
+                "gap_after": answer.gap_with_learnt,
+            }
+            for item in answer.learnt
+        ],
+        "changed": [
+            {
+                "name": item.name,
+                "from": item.before,
+                "to": item.after,
+                "std_error": item.std_error,
+                "closes": item.closes,
+            }
+            for item in answer.changed
+        ],
+        "remainder": answer.remainder,
+        "tests": [
+            {
+                "of": test.of,
+                "name": test.name,
+                "value": test.value,
+                "threshold": test.threshold,
+                "passed": test.passed,
+            }
+            for test in answer.tests
+        ],
+        "located": [
+            {
+                "coordinate": item.coordinate,
+                "from": item.low,
+                "to": item.high,
+                "share": item.share,
+                "p_value": item.p_value,
+            }
+            for item in answer.located
+        ],
+        "detectable": answer.detectable,
+        "next_experiment": answer.next_experiment,
+        "notes": list(answer.diagnosis.notes),
+    }
+    return result
+
+
+def by_name(name: str, values: Sequence[float]) -> dict[str, float]:
+    """Return values by the names of an effect's parameters."""
+    return {p.name: float(v) for p, v in zip(effect(name).parameters, values, strict=True)}
+
+
+def changes_of(answer: Answer) -> dict[str, Any]:
+    """Return the changes of an axis's settings: refitted parameters, all effects and what was learnt.
+
+    Nothing changes where nothing was found that held-out data bear out.
+    """
+    if not (answer.effects or answer.learnt or answer.changed or answer.verdict == "no_effect"):
+        return {}
+    model = answer.model
+    friction = model.friction
+    effects = list(model.effects)
+    known = {item.name for item in effects}
+    effects += [item.settings for item in answer.effects if item.settings.name not in known]
+    count = len(friction.element_stiffness)
+    changes: dict[str, Any] = {
+        "mass": model.mass,
+        "friction.viscous_coefficient": friction.viscous_coefficient,
+        "friction.coulomb_force": friction.coulomb_force,
+        "friction.static_force": max(friction.static_force, friction.coulomb_force),
+        "friction.stribeck_velocity": friction.stribeck_velocity,
+        "friction.element_stiffness": list(friction.element_stiffness),
+        "friction.element_fraction": list(friction.element_fraction),
+    }
+    if count != len(answer.diagnosis.nominal.friction.element_stiffness):
+        changes["friction.element_damping"] = [0.0] * count
+    if model.is_sharp and friction.model != "gms":
+        changes["friction.model"] = "gms"
+        changes["friction.attraction_rate"] = friction.coulomb_force / SETTLE
+    elif friction.model == "gms":
+        changes["friction.attraction_rate"] = friction.attraction_rate
+    if effects:
+        changes["effects.names"] = [item.name for item in effects]
+        for item in effects:
+            entry = effect(item.name)
+            for key, value in (named_values(entry, item.values or entry.defaults) or {}).items():
+                changes[f"effects.{item.name}.{key}"] = list(value) if isinstance(value, tuple) else value
+    return changes
+
+
+def write(answer: Answer, settings: Settings, axis: str, out: Path) -> None:
+    """Write result.json and augmented.yaml.
+
+    Args:
+        answer: the answer.
+        settings: the settings as read.
+        axis: name of the axis.
+        out: folder; made if need be.
+    """
+    write_text(json.dumps(result_of(answer), indent=1) + "\n", out / "result.json")
+    head = f"sgms diagnose: {answer.verdict}; gap {answer.gap.before:.3g} -> {answer.gap.after:.3g} % of rms effort"
+    write_settings(settings, out / "augmented.yaml", {axis: changes_of(answer)}, {"": head})

@@ -1,0 +1,253 @@
+"""info, init and check on recordings whose truth is known: one fault at a time, and all at once."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sgms_observer.application.axis_facts import count_reversals
+from sgms_observer.bags.conversion import Table, write_table
+from sgms_observer.bags.writer import BagWriter
+from sgms_observer.cli.main import main
+from sgms_observer.settings.load import load_settings
+
+RATE = 500.0  # Hz
+MASS, VISCOUS, COULOMB, OFFSET = 4.0, 12.0, 3.0, 0.8  # kg, N s/m, N, N
+STEP = 2.0e-6  # m
+
+
+def motion(duration: float = 12.0, stroke: float = 0.2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return time, measured position and effort of a mass with friction."""
+    time = np.arange(0.0, duration, 1.0 / RATE)
+    angles = [(0.4, 2.0 * np.pi * 0.4), (0.1, 2.0 * np.pi * 1.7)]
+    position, velocity, acceleration = np.zeros(len(time)), np.zeros(len(time)), np.zeros(len(time))
+    for share, rate in angles:
+        position += share * stroke * np.sin(rate * time)
+        velocity += share * stroke * rate * np.cos(rate * time)
+        acceleration -= share * stroke * rate**2 * np.sin(rate * time)
+    effort = MASS * acceleration + VISCOUS * velocity + COULOMB * np.sign(velocity) + OFFSET
+    effort += np.random.default_rng(1).normal(0.0, 0.05, len(time))
+    return time + 1.0, STEP * np.round(position / STEP), effort
+
+
+def write(path: Path, *, effort_factor: float = 1.0, axis: str = "x", keep: slice = slice(None), **more: float) -> str:
+    """Write the motion as a bag and return its path."""
+    time, position, effort = motion(**more)
+    stamps = np.round(time * 1e9).astype(np.int64)[keep]
+    write_table(Table(stamps, position[keep], effort_factor * effort[keep], None, None, ()), path, axis)
+    return str(path)
+
+
+def result(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -> dict:
+    """Run a command with ``--json`` and return its result."""
+    assert main([*arguments, "--json"]) == code
+    return json.loads(capsys.readouterr().out)
+
+
+def test_info_says_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag = write(tmp_path / "bag")
+    info = result(capsys, "info", bag, "--joint-type", "prismatic")
+    axis = info["axes"][0]
+    assert info["inputs"] == {"position": "/position", "control_effort": "/control_effort", "reference": None}
+    assert {topic["name"]: topic["messages"] for topic in info["topics"]} == {
+        "/position": 6000,
+        "/control_effort": 6000,
+    }
+    assert axis["rate_hz"] == pytest.approx(RATE, rel=1e-6)
+    assert axis["position"]["step"] == pytest.approx(STEP, rel=1e-6)
+    assert axis["gaps"] == axis["duplicate_stamps"] == 0
+    assert axis["sign"] == "as the motion"
+    for name, truth in (
+        ("mass", MASS),
+        ("viscous_coefficient", VISCOUS),
+        ("coulomb_force", COULOMB),
+        ("offset", OFFSET),
+    ):
+        found = axis["force_balance"][name]
+        assert abs(found["value"] - truth) < 0.05 * truth + 3.0 * found["std_error"], name
+    assert main(["info", bag]) == 0
+    assert "usable for: identify, diagnose, replay" in capsys.readouterr().out
+
+
+def test_info_says_why_a_bag_is_not_usable(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def reasons(bag: str) -> dict[str, str]:
+        axis = result(capsys, "info", bag)["axes"][0]
+        return {use["for"]: use["reason"] for use in axis["uses"] if not use["possible"]}
+
+    assert "counted against the motion" in reasons(write(tmp_path / "sign", effort_factor=-1.0))["identify"]
+    assert "at least 200: record" in reasons(write(tmp_path / "short", keep=slice(0, 100)))["identify"]
+    time, position, effort = motion()
+    stamps = np.round(time * 1e9).astype(np.int64)
+    write_table(Table(stamps, 0.1 * time, effort, None, None, ()), tmp_path / "one_way", "x")
+    assert "reverses 0 times" in reasons(str(tmp_path / "one_way"))["identify"]
+    write_table(Table(stamps, position, None, None, None, ()), tmp_path / "position", "x")
+    assert set(reasons(str(tmp_path / "position"))) == {"identify", "diagnose", "replay"}
+    write_table(Table(stamps, np.zeros(len(stamps)), effort, None, None, ()), tmp_path / "rest", "x")
+    assert "never changes" in reasons(str(tmp_path / "rest"))["identify"]
+    coarse = 0.01 * np.round(position / 0.01)
+    write_table(Table(stamps, coarse, effort, None, None, ()), tmp_path / "coarse", "x")
+    assert "steps of the encoder" in reasons(str(tmp_path / "coarse"))["identify"]
+
+
+def test_gaps_duplicates_and_missing_efforts_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    time, position, effort = motion()
+    stamps = np.round(time * 1e9).astype(np.int64)
+    stamps[3000:] += 100_000_000
+    stamps[10] = stamps[9]
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write_joint_states("position", stamps, ("x",), position=position)
+        bag.write_joint_states("control_effort", stamps[::2], ("x",), effort=effort[::2])
+    axis = result(capsys, "info", str(tmp_path / "bag"))["axes"][0]
+    assert (axis["gaps"], axis["duplicate_stamps"], axis["backward_stamps"]) == (2, 1, 0)
+    assert axis["longest_gap_s"] == pytest.approx(0.102)
+    assert axis["effort"]["missing_share"] == pytest.approx(0.5, abs=0.01)
+    assert any("have no effort" in doubt for doubt in axis["doubts"])
+
+
+def test_topics_of_other_names_and_their_remedy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    time, position, effort = motion()
+    stamps = np.round(time * 1e9).astype(np.int64)
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write_joint_states("/stage1/position/raw", stamps, ("x",), position=position)
+        bag.write_joint_states("/stage1/force", stamps, ("x",), effort=effort)
+    yaml = str(tmp_path / "start.yaml")
+    assert main(["init", str(tmp_path / "bag"), "--out", yaml]) == 1
+    error = capsys.readouterr().err
+    assert "has no topic position; it holds /stage1/force, /stage1/position/raw" in error
+    assert "--topic position=/stage1/" in error
+    assert not Path(yaml).exists()
+    named = ["--topic", "position=/stage1/position/raw", "--topic", "control_effort=/stage1/force"]
+    assert result(capsys, "init", str(tmp_path / "bag"), "--out", yaml, *named)["axes"][0]["name"] == "x"
+    assert result(capsys, "check", yaml, str(tmp_path / "bag"), *named)["fits"]
+    faults = result(capsys, "check", yaml, str(tmp_path / "bag"), code=1)["faults"]
+    assert len(faults) == 2 and all("--topic" in fault for fault in faults)
+    info = result(capsys, "info", str(tmp_path / "bag"))
+    assert info["axes"] == [] and "--topic position=" in info["warnings"][0]
+    for wrong, sentence in (
+        ("position", "must read KEY=NAME"),
+        ("force=x", "none of position"),
+        ("position=/none", "no topic /none"),
+    ):
+        assert main(["check", yaml, str(tmp_path / "bag"), "--topic", wrong]) == 1
+        assert sentence in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("joint_type", ["prismatic", "revolute"])
+def test_a_template_is_commented_and_loads(joint_type: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    yaml = tmp_path / "start.yaml"
+    arguments = ["init", "--out", str(yaml), "--joint-type", joint_type, "--axis", "a", "--axis", "y"]
+    assert main(arguments) == 0
+    text = yaml.read_text()
+    assert [axis.name for axis in load_settings(yaml).axes] == ["a", "y"]
+    assert ("N m/rad" in text) == (joint_type == "revolute")
+    numbers = [line for line in text.splitlines() if ": " in line.split("#")[0]]
+    assert sum("#" in line for line in numbers) > 0.9 * len(numbers)
+    capsys.readouterr()
+    assert main(arguments) == 1
+    assert "exists already" in capsys.readouterr().err and yaml.read_text() == text
+    assert main([*arguments, "--overwrite", "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+
+
+def test_a_bag_gives_a_file_that_simulates_and_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag, yaml = write(tmp_path / "bag"), str(tmp_path / "start.yaml")
+    made = result(capsys, "init", bag, "--out", yaml)["axes"][0]
+    assert made["mass"] == pytest.approx(MASS, rel=0.05)
+    assert made["effects"]["offset"]["force"] == pytest.approx(OFFSET, rel=0.2)
+    assert result(capsys, "check", yaml, bag) == {
+        "schema": 1,
+        "fits": True,
+        "axes": ["x"],
+        "faults": [],
+        "warnings": [],
+    }
+
+
+def test_check_tells_all_faults_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag, yaml = write(tmp_path / "bag"), tmp_path / "start.yaml"
+    assert main(["init", bag, "--out", str(yaml), "--quiet"]) == 0
+    lines = [
+        line.replace("effort_scale: 1.0", "effort_scale: -1.0")
+        .replace("sample_period: 0.002", "sample_period: 0.001")
+        .replace("names: [offset]", "names: [offset, cogging]")
+        .replace("        offset: {", "        cogging: {amplitude: 1.0, pitch: 0.5}\n        offset: {")
+        for line in yaml.read_text().splitlines()
+    ]
+    lines = ["          resolution: 1.0e-4" if line.startswith("          resolution:") else line for line in lines]
+    lines = ["          amplitude: 200.0" if line.startswith("          amplitude:") else line for line in lines]
+    lines = [
+        "        element_stiffness: [1.0, 1.0, 1.0, 1.0]" if "element_stiffness" in line else line for line in lines
+    ]
+    yaml.write_text("\n".join(lines))
+    capsys.readouterr()
+    faults = result(capsys, "check", str(yaml), bag, code=1)["faults"]
+    wanted = ["sample_period = 0.001 s", "effort_scale = -1 has the wrong sign", "cogging.pitch", "encoder.resolution",
+              "stage.reference spans", "element_stiffness lets"]  # fmt: skip
+    for text in wanted:
+        assert sum(text in fault for fault in faults) == 1, text
+    assert len(faults) == len(wanted)
+    assert all("\n" not in fault and ";" in fault for fault in faults)
+    assert main(["check", str(yaml), bag]) == 1
+    assert capsys.readouterr().err.splitlines()[: len(faults)] == faults
+
+
+def test_check_tells_scales_and_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag, yaml = write(tmp_path / "bag"), tmp_path / "start.yaml"
+    assert main(["init", bag, "--out", str(yaml), "--quiet"]) == 0
+    start = yaml.read_text()
+    yaml.write_text(start.replace("position_scale: 1.0", "position_scale: 0.001"))
+    assert any("x.mass" in fault for fault in result(capsys, "check", str(yaml), bag, code=1)["faults"])
+    yaml.write_text(start.replace("position_scale: 1.0", "position_scale: 1000.0"))
+    assert any("in millimetres" in fault for fault in result(capsys, "check", str(yaml), bag, code=1)["faults"])
+    yaml.write_text(start.replace('"x"', '"q"'))
+    assert "holds x, not q" in result(capsys, "check", str(yaml), bag, code=1)["faults"][0]
+    yaml.write_text(start.replace("mass:", "mas:").replace("gain: 0.9", "gain: 9.0"))
+    assert len(result(capsys, "check", str(yaml), code=1)["faults"]) == 2
+    yaml.write_text(start)
+    assert result(capsys, "check", str(yaml))["fits"]
+    assert "--axis q is not in" in result(capsys, "check", str(yaml), "--axis", "q", code=1)["faults"][0]
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_any_recording_gives_facts_or_one_sentence(tmp_path: Path, data: st.DataObject) -> None:
+    """Whatever numbers a bag holds, info and init end without a fault of their own, and what init writes loads."""
+    folder = tmp_path / str(len(list(tmp_path.iterdir())))
+    count = data.draw(st.sampled_from([1, 2, 5, 199, 200, 400]))
+    step = data.draw(st.sampled_from([1, 1_000, 1_000_000, 50_000_000]))
+    wild = st.sampled_from([0.0, 1.0, -1.0, 1e-300, 1e12, -1e12, float("nan"), float("inf")])
+    seed = data.draw(st.integers(0, 2**32 - 1))
+    chance = np.random.default_rng(seed)
+    columns = []
+    for _ in range(2):
+        kind = data.draw(st.sampled_from(["constant", "noise", "steps", "wild", "ramp"]))
+        columns.append({
+            "constant": lambda: np.full(count, data.draw(wild)),
+            "noise": lambda: chance.normal(size=count) * 10.0 ** data.draw(st.integers(-12, 12)),
+            "steps": lambda: chance.integers(-3, 3, count).astype(float),
+            "wild": lambda: chance.choice([0.0, 1e300, -1e300, np.nan, np.inf, 1.0], count),
+            "ramp": lambda: np.linspace(0.0, 1.0, count),
+        }[kind]())  # fmt: skip
+    stamps = 1_000_000_000 + np.cumsum(chance.integers(0, 3, count)) * step
+    with BagWriter(folder / "bag") as bag:
+        bag.write_joint_states("position", stamps, ("x",), position=columns[0])
+        bag.write_joint_states("control_effort", stamps, ("x",), effort=columns[1])
+    yaml = folder / "start.yaml"
+    assert main(["info", str(folder / "bag"), "--quiet"]) in (0, 1)
+    code = main(["init", str(folder / "bag"), "--out", str(yaml), "--quiet"])
+    assert code in (0, 1)
+    if code == 0:
+        load_settings(yaml)
+        assert main(["check", str(yaml), str(folder / "bag"), "--quiet"]) in (0, 1)
+
+
+@given(st.integers(0, 40), st.floats(0.0, 0.04))
+def test_reversals_are_counted_through_noise(count: int, noise: float) -> None:
+    turns = np.concatenate([np.linspace(k % 2, (k + 1) % 2, 50) for k in range(count + 1)])
+    shaken = turns + np.random.default_rng(count).uniform(-noise, noise, len(turns))
+    assert count_reversals(shaken, 0.1) == count
