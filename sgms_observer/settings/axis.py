@@ -11,7 +11,6 @@ from sgms_observer.settings.observer import CompensationSettings, EstimatorSetti
 from sgms_observer.settings.stage import StageSettings
 from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC, Scales, Units
 
-
 #: Where ~/save_parameters writes unless the parameter file says otherwise.
 SAVE_FILE = "learnt.yaml"
 
