@@ -37,7 +37,7 @@ class EffectParameter:
         maximum: largest physical value [``unit``].
         description: one sentence for people.
         is_strength: whether the effect vanishes with this parameter (otherwise it shapes the effect).
-        prismatic_default: value on a prismatic axis when the YAML is silent; None where it is ``default``.
+        prismatic_default: value on a prismatic axis when the YAML is silent [``unit``]; None where it is ``default``.
     """
 
     name: str
