@@ -55,7 +55,7 @@ class EffectParameter:
         maximum: largest physical value [``unit``].
         description: one sentence for people.
         is_strength: whether the effect vanishes with this parameter (otherwise it shapes the effect).
-        prismatic_default: value on a prismatic axis when the YAML is silent; None where it is ``default``.
+        prismatic_default: value on a prismatic axis when the YAML is silent [``unit``]; None where it is ``default``.
         acts_on: recorded quantity out of ``QUANTITIES`` whose range bounds a value that a recording can show: a pitch
             is not longer than the stroke, a limit not above the effort. Empty where none does.
     """
