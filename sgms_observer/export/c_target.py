@@ -1,0 +1,167 @@
+"""The observer as a folder of C: header, source, Makefile, test and test vector."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from sgms_observer.compensation.feedforward import ENABLED, OUTPUT
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.estimators import block
+from sgms_observer.export import vector
+from sgms_observer.export.axis_program import AxisProgram, constant_text, record_text, translate_axis
+from sgms_observer.export.lines import wrapped
+from sgms_observer.export.pieces import body_text, functions_text
+from sgms_observer.export.templates import fill
+from sgms_observer.export.translator import Translator
+from sgms_observer.export.values import REAL
+from sgms_observer.filters import motion as row_of
+from sgms_observer.observer.axis_observer import AxisObserver
+from sgms_observer.settings.axis import AxisSettings, Settings
+from sgms_observer.status import Status
+
+TOLERANCE = 1e-9
+"""Largest difference to Python over the largest magnitude of a column, in double."""
+
+FLOAT_TOLERANCE = 1e-2
+"""The same in float: the type has seven digits, of which differences of positions lose some."""
+
+FLOAT_VALUES = {"SGMS_TOLERANCE": 1.0e-7}
+"""Constants that float needs otherwise: the S-GMS step ends where no better ratio can be told apart."""
+
+_NAME = "sgms"
+
+
+def chosen_axes(settings: Settings, names: Sequence[str]) -> tuple[AxisSettings, ...]:
+    """Return the axes to export: those named, or all.
+
+    Args:
+        settings: of the YAML.
+        names: of axes, or none.
+
+    Raises:
+        ConfigurationError: for a name that the YAML does not have.
+    """
+    known = {axis.name: axis for axis in settings.axes}
+    for name in names:
+        if name not in known:
+            raise ConfigurationError([f"--axis {name} is not in the YAML; it has {', '.join(known)}"])
+    return tuple(known[name] for name in names) or settings.axes
+
+
+def with_ekf(axis: AxisSettings) -> tuple[AxisSettings, list[str]]:
+    """Return the axis with an EKF, and a warning where the YAML asks for an MHE.
+
+    Args:
+        axis: settings of the axis.
+    """
+    if axis.estimator.kind == "ekf":
+        return axis, []
+    sentence = (
+        f"Warning: {axis.name}.estimator.kind is {axis.estimator.kind}, and C has the EKF only; the EKF with the same"
+        " settings is exported. Set kind: ekf to see in Python what the C code will say."
+    )
+    return replace(axis, estimator=replace(axis.estimator, kind="ekf")), [sentence]
+
+
+def export_c(settings: Settings, axes: Sequence[AxisSettings], real: str) -> tuple[dict[str, str], list[str]]:
+    """Return the files of the C folder and warnings.
+
+    Args:
+        settings: of the YAML.
+        axes: which of its axes.
+        real: ``double`` or ``float``.
+    """
+    program = Translator(dict(FLOAT_VALUES))
+    warnings: list[str] = []
+    parts, entries, files = [], [], {}
+    for axis in axes:
+        own, sentences = with_ekf(axis)
+        warnings += sentences
+        own = replace(own, compensation=replace(own.compensation, enabled=True))
+        prefix = _NAME if len(axes) == 1 else f"{_NAME}_{re.sub(r'[^0-9a-zA-Z_]', '_', axis.name)}"
+        samples = vector.vector_samples(own, settings.sample_period)
+        columns = vector.columns_of(AxisObserver(own, settings.sample_period).step(samples))
+        part = translate_axis(program, AxisObserver(own, settings.sample_period), prefix)
+        parts.append(part)
+        entries.append(_entry(part, axis, settings.sample_period, columns))
+        files[entries[-1]["vector"]] = vector.vector_text(samples, columns)
+    files.update(_sources(program, parts, entries, axes, real))
+    return files, warnings
+
+
+def _entry(part: AxisProgram, axis: AxisSettings, sample_period: float, columns: list[Any]) -> dict[str, Any]:
+    """Return what the templates ask of one axis."""
+    prefix = part.memory.prefix
+    starts = part.memory.starts
+    if not axis.compensation.enabled:
+        starts["feedforward"][ENABLED] = 0.0
+    return {
+        "name": axis.name,
+        "prefix": prefix,
+        "sample_period": sample_period,
+        "enabled": axis.compensation.enabled,
+        "elements": len(axis.friction.element_stiffness),
+        "parameters": axis.estimator.parameters,
+        "records": "\n\n".join(record_text(record) for record in part.records),
+        "members": list(part.memory.members.values()),
+        "starts": [constant_text(f"{prefix}_start_{name}", REAL, data) for name, data in starts.items()],
+        "copies": [(name, f"{prefix}_start_{name}", data.size) for name, data in starts.items()],
+        "locals": [f"real {name}[{size}]" for name, size in part.locals.items() if name in part.call],
+        "call": "\n".join(wrapped(f"    {part.call}")).strip(),
+        "vector": f"test_vector_{axis.name}.csv",
+        "columns": [name for name, _member, _values in columns],
+        "expressions": [member for _name, member, _values in columns],
+    }
+
+
+def _sources(
+    program: Translator, parts: Sequence[AxisProgram], entries: list[dict[str, Any]], axes: Sequence[AxisSettings],
+    real: str,
+) -> dict[str, str]:  # fmt: skip
+    """Return header, source, test and Makefile."""
+    functions = functions_text(program, [part.call for part in parts])
+    constants = [
+        constant_text(name, kind, data) for part in parts for name, (kind, data) in part.memory.constants.items()
+    ]
+    wanted = functions + "".join(part.call for part in parts)
+    plural = "axes" if len(axes) > 1 else "axis"
+    common: dict[str, Any] = {
+        "name": _NAME,
+        "title": f"Friction observer and compensation of {plural} {', '.join(axis.name for axis in axes)}.",
+        "axes": entries,
+        "real": real,
+        "unit": {"position": "m", "effort": "N"},
+    }
+    row = {name: getattr(row_of, name.upper()) for name in ("present_position", "present_velocity")}
+    row["present_acceleration"] = row_of.PRESENT_ACCELERATION
+    names = ("friction", "friction_std", "innovation", "innovation_std", "status")
+    result = {name: getattr(block, name.upper()) for name in names} | {"size": block.RESULT_SIZE}
+    interface = fill("interface.c", **common, row=row, result=result, output_at=OUTPUT, enabled_at=ENABLED)
+    body = body_text(program, functions, constants, wanted) + "\n" + interface
+    return {
+        f"{_NAME}.h": fill("header.h", **common, statuses=list(Status)),
+        f"{_NAME}.c": re.sub(r"\n{3,}", "\n\n", fill("source.c", **common, body=body)),
+        "test.c": fill(
+            "test.c", **common, tolerance=TOLERANCE, float_tolerance=FLOAT_TOLERANCE, rows=vector.ROWS,
+            columns=max(len(entry["columns"]) for entry in entries),
+        ),
+        "Makefile": fill("Makefile", **common),
+    }  # fmt: skip
+
+
+def write_files(folder: Path, files: dict[str, str]) -> None:
+    """Write text files into a folder.
+
+    Args:
+        folder: made where it does not exist.
+        files: relative path to text.
+    """
+    for name, text in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
