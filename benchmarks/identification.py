@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from sgms_observer.identification.excitation import ExcitationLimits, build_excitation
 from sgms_observer.identification.identify import Identification, IdentifyOptions, force_error, identify
 from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RHO, V_S, VISCOUS, Parameters
-from sgms_observer.identification.recording import Recording, recordings_from_samples
+from sgms_observer.offline.recording import Recording, recordings_from_samples
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.stage import ControllerSettings, EncoderSettings, ReferenceSettings, StageSettings

@@ -43,10 +43,10 @@ from sgms_observer.identification.least_squares import (
     fit_inverse_model,
     inverse_model_error,
 )
-from sgms_observer.identification.recording import Recording, join_samples, recordings_from_samples
 from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates, Samples
+from sgms_observer.offline.recording import Recording, join_samples, recordings_from_samples
 from sgms_observer.settings.load import load_settings
 
 Floats = NDArray[np.float64]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.columns import Log, open_log
+from sgms_observer.bags.columns import open_log
+from sgms_observer.bags.combination import Combination
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import RecordingError
 
@@ -19,6 +20,8 @@ KEYS = ("time", "position", "control_effort", "reference")
 _NEEDED = KEYS[:2]
 _FIRST_STAMP = 1.0  # s; earlier times are moved here, for a stamp of 0 means "no stamp" in ROS
 _ROWS_AT_ONCE = 16_384
+_MOST_DUPLICATES = 0.5
+"""Share of the samples that may repeat a stamp; above it the times are coarser than the samples and cannot order them."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Table:
         position: [m] or [rad], shape (n,).
         control_effort: [N] or [N m], shape (n,), or None.
         reference: set-point [m] or [rad], shape (n,), or None.
-        reference_velocity: derivative of the set-point [m/s], shape (n,), or None.
+        reference_velocity: derivative of the set-point [m/s] or [rad/s], shape (n,), or None.
         notices: sentences about what was done or looks odd.
     """
 
@@ -41,15 +44,36 @@ class Table:
     reference_velocity: Floats | None
     notices: tuple[str, ...]
 
+    def rows(self, first: int, last: int) -> Table:
+        """Return some of the samples.
 
-def parse_map(items: Sequence[str]) -> dict[str, str]:
+        Args:
+            first: number of the first one.
+            last: number of the one behind the last.
+        """
+        effort, reference, velocity = (
+            None if values is None else values[first:last]
+            for values in (self.control_effort, self.reference, self.reference_velocity)
+        )
+        return replace(
+            self,
+            stamp_ns=self.stamp_ns[first:last],
+            position=self.position[first:last],
+            control_effort=effort,
+            reference=reference,
+            reference_velocity=velocity,
+        )
+
+
+def parse_map(items: Sequence[str], has_rate: bool = False) -> dict[str, str]:
     """Parse what says which column is what.
 
     Args:
-        items: ``KEY=COLUMN[*FACTOR]`` each.
+        items: ``KEY=COLUMN[*FACTOR]`` each, or a sum of such.
+        has_rate: the sample rate is given, so that no time is needed.
 
     Returns:
-        Key to ``COLUMN[*FACTOR]``.
+        Key to what stands behind the sign.
 
     Raises:
         RecordingError: an item is malformed, unknown or repeated, or a needed one is missing.
@@ -65,84 +89,133 @@ def parse_map(items: Sequence[str]) -> dict[str, str]:
         if key in found:
             raise RecordingError(f"--map gives {key} twice; give it once")
         found[key] = column
-    missing = [key for key in _NEEDED if key not in found]
+    if has_rate and "time" in found:
+        raise RecordingError("--rate and --map time=... are both given; give the rate only for a log without times")
+    missing = [key for key in _NEEDED if key not in found and not (has_rate and key == "time")]
     if missing:
-        raise RecordingError(f"--map lacks {' and '.join(missing)}; add {missing[0]}=COLUMN")
+        no_time = ", or --rate HZ if the log has no times" if "time" in missing else ""
+        raise RecordingError(f"--map lacks {' and '.join(missing)}; add {missing[0]}=COLUMN{no_time}")
     return found
 
 
-def read_table(path: Path, columns: Mapping[str, str]) -> Table:
+def read_table(path: Path, columns: Mapping[str, str], rate: float | None = None) -> Table:
     """Read the mapped columns of a log.
 
     Args:
-        path: CSV or MAT file.
-        columns: key to ``COLUMN[*FACTOR]``, a factor being a number or a single number in the file.
+        path: text or MAT file.
+        columns: key to a combination of columns, such as ``q1*10.69-q2*2``.
+        rate: samples per second [Hz] of a log without times.
 
     Raises:
-        RecordingError: a column is missing, has another length, or the times do not increase.
+        RecordingError: a column is missing, has another length, or the times step back.
     """
     log = open_log(path)
-    values = {key: _evaluate(path, log, column) for key, column in columns.items()}
-    time = values["time"]
+    wanted = {key: Combination(path, text, log.spellings, log.names) for key, text in columns.items()}
+    held = log.columns(tuple(dict.fromkeys(name for one in wanted.values() for name in one.names)))
+    values = {key: combination.value(held) for key, combination in wanted.items()}
+    del held
+    if "time" not in values:
+        if rate is None or not 0.0 < rate < np.inf:
+            raise RecordingError(f"--rate {rate} Hz must be above 0; give the samples per second of the log")
+        values = {"time": np.arange(values["position"].size) / rate, **values}
+    spelled = {"time": "--rate", **columns}
     for key, column in values.items():
-        if column.size != time.size:
+        if column.size != values["time"].size:
             raise RecordingError(
-                f"{path}: {key} ({columns[key]}) has {column.size} entries, time ({columns['time']}) {time.size};"
-                " map columns of the same length"
+                f"{path}: {key} ({spelled[key]}) has {column.size} entries, time ({spelled['time']})"
+                f" {values['time'].size}; map columns of the same length"
             )
-    if time.size < 2:
-        raise RecordingError(f"{path} has {time.size} sample in {columns['time']}; two are needed at least")
-    _check_times(path, columns["time"], time)
-    notices = []
+    if values["time"].size < 2:
+        raise RecordingError(
+            f"{path} has {values['time'].size} sample in {spelled['time']}; two are needed at least"
+        )
+    values, notices = _ordered(path, spelled["time"], values)
+    time = values["time"]
     for key in ("position", "control_effort", "reference"):
         bad = int(np.count_nonzero(~np.isfinite(values[key]))) if key in values else 0
         if bad:
             notices.append(
                 f"{bad} of {time.size} entries of {key} are NaN or infinite; the observer will leave them out"
             )
-    if time[0] < _FIRST_STAMP:
-        shift = _FIRST_STAMP - float(time[0])
+    shift = max(0.0, _FIRST_STAMP - float(time[0]))
+    if shift:
         notices.append(
             f"the times were moved by {shift:.9g} s: the first stamp is {_FIRST_STAMP:g} s, for 0 means none"
-        )
-        time = time + shift
-    if time[-1] >= 2**31:
-        raise RecordingError(
-            f"{path}: the last time is {time[-1]:.6g} s, beyond what a ROS stamp holds; give seconds with"
-            f" time={columns['time']}*FACTOR"
         )
     steps = np.diff(time)
     period = float(np.median(steps))
     if not 1e-6 <= period <= 0.1:
         notices.append(
-            f"the samples are {period:.3g} s apart; if the times are not in seconds, give time={columns['time']}*FACTOR"
+            f"the samples are {period:.3g} s apart; if the times are not in seconds, give time={spelled['time']}*FACTOR"
         )
     gaps = int(np.count_nonzero(steps > 1.5 * period))
     if gaps:
         notices.append(
             f"{gaps} steps of the time are longer than the usual {period:.6g} s, the longest {steps.max():.3g} s"
         )
-    stamps = np.round(time * 1e9).astype(np.int64)
-    if np.any(np.diff(stamps) <= 0):
-        raise RecordingError(f"{path}: times in {columns['time']} are closer than 1 ns; give seconds with *FACTOR")
     reference = values.get("reference")
     velocity = None if reference is None else np.gradient(reference, time)
+    stamps = np.round((time + shift) * 1e9).astype(np.int64)
     return Table(stamps, values["position"], values.get("control_effort"), reference, velocity, tuple(notices))
 
 
-def write_table(table: Table, out: str | Path, axis: str, storage: str = "mcap") -> None:
+def choose_window(table: Table, start: float, end: float) -> Table:
+    """Return the samples of a time window.
+
+    Args:
+        table: the samples.
+        start: seconds from the first sample [s].
+        end: seconds from the first sample [s]; infinite for the whole rest.
+
+    Raises:
+        RecordingError: fewer than two samples are in it.
+    """
+    seconds = (table.stamp_ns - table.stamp_ns[0]) * 1e-9
+    first, last = np.searchsorted(seconds, [start, end], side="left")
+    if last - first < 2:
+        raise RecordingError(
+            f"--from {start:g} s --to {end:g} s leaves {max(0, last - first)} samples of the log's {seconds[-1]:.6g} s;"
+            " choose a window with at least two samples"
+        )
+    return table.rows(int(first), int(last))
+
+
+def split_table(table: Table, share: float) -> tuple[Table, Table]:
+    """Return the first part of the samples and the rest.
+
+    Args:
+        table: the samples.
+        share: of the time that the first part takes, between 0 and 1.
+
+    Raises:
+        RecordingError: a part would have fewer than two samples.
+    """
+    seconds = (table.stamp_ns - table.stamp_ns[0]) * 1e-9
+    first = int(np.searchsorted(seconds, share * seconds[-1], side="left")) if 0.0 < share < 1.0 else 0
+    if first < 2 or first > seconds.size - 2:
+        raise RecordingError(
+            f"--split {share:g} leaves a part with fewer than two of the {seconds.size} samples; give a share between"
+            " 0 and 1, such as 0.6"
+        )
+    return table.rows(0, first), table.rows(first, seconds.size)
+
+
+def write_table(
+    table: Table, out: str | Path, axis: str, storage: str = "mcap", *, is_overwriting: bool = False
+) -> None:
     """Write samples as a bag with the topics ``position``, ``control_effort`` and ``reference``.
 
     Args:
         table: the samples.
-        out: the bag's folder; must not exist.
+        out: the bag's folder.
         axis: entry of ``name``.
         storage: ``mcap`` or ``sqlite3``.
+        is_overwriting: replace a bag that is there.
 
     Raises:
         RecordingError: the bag cannot be written.
     """
-    with BagWriter(out, storage) as writer:
+    with BagWriter(out, storage, is_overwriting=is_overwriting) as writer:
         for first in range(0, table.stamp_ns.size, _ROWS_AT_ONCE):
             rows = slice(first, first + _ROWS_AT_ONCE)
             stamps = table.stamp_ns[rows]
@@ -154,48 +227,37 @@ def write_table(table: Table, out: str | Path, axis: str, storage: str = "mcap")
                 writer.write_joint_states("reference", stamps, (axis,), position=position, velocity=velocity)
 
 
-def _evaluate(path: Path, log: Log, expression: str) -> Floats:
-    """Return a column times its factors."""
-    parts = [part.strip() for part in expression.split("*")]
-    # A name may hold a star itself: the longest name that is there is meant.
-    used = next((n for n in range(len(parts), 0, -1) if "*".join(parts[:n]) in log.names), 0)
-    if used == 0:
-        held = ", ".join(log.names[:40]) or "none"
-        raise RecordingError(f"{path} has no column {parts[0]}; it has {held}")
-    values = log.column("*".join(parts[:used]))
-    for factor in parts[used:]:
-        values = values * _factor(path, log, factor)
-    return values
+def _ordered(path: Path, name: str, values: Mapping[str, Floats]) -> tuple[dict[str, Floats], list[str]]:
+    """Return the values without those that repeat a stamp, and what is to be said; the times increase then.
 
-
-def _factor(path: Path, log: Log, factor: str) -> float:
-    try:
-        number = float(factor)
-    except ValueError:
-        if factor not in log.names:
-            raise RecordingError(
-                f"{path} has no factor {factor}; give a number or a single number of the file"
-            ) from None
-        values = log.column(factor)
-        if values.size != 1:
-            raise RecordingError(
-                f"{path}: the factor {factor} has {values.size} entries; only a single number can be one"
-            ) from None
-        number = float(values[0])
-    if not np.isfinite(number) or number == 0.0:
-        raise RecordingError(f"{path}: the factor {factor} is {number}; give a finite number other than zero")
-    return number
-
-
-def _check_times(path: Path, name: str, time: Floats) -> None:
-    """Raise unless the times are finite and increase."""
+    Raises:
+        RecordingError: a time is not finite or beyond a ROS stamp, steps back, or is too coarse.
+    """
+    time = values["time"]
     bad = np.flatnonzero(~np.isfinite(time))
     if bad.size:
         raise RecordingError(f"{path}: time {name} is not finite in sample {bad[0] + 1}; remove that sample")
-    back = np.flatnonzero(np.diff(time) <= 0.0)
+    back = np.flatnonzero(np.diff(time) < 0.0)
     if back.size:
         i = int(back[0])
         raise RecordingError(
             f"{path}: time {name} must increase, but sample {i + 2} ({time[i + 1]:.9g} s) does not follow sample"
             f" {i + 1} ({time[i]:.9g} s), {back.size} such steps in all; sort or clean the log"
         )
+    if time[-1] + max(0.0, _FIRST_STAMP - time[0]) >= 2**31:
+        raise RecordingError(
+            f"{path}: the last time is {time[-1]:.6g} s, beyond what a ROS stamp holds; give seconds with"
+            f" time={name}*FACTOR"
+        )
+    stamps = np.round((time + max(0.0, _FIRST_STAMP - time[0])) * 1e9)
+    is_new = np.concatenate(([True], np.diff(stamps) > 0.0))
+    repeated = int(np.count_nonzero(~is_new))
+    if not repeated:
+        return dict(values), []
+    if repeated > _MOST_DUPLICATES * time.size or repeated == time.size - 1:
+        raise RecordingError(
+            f"{path}: {repeated} of {time.size} samples repeat the time {name} of the sample before; give seconds with"
+            f" time={name}*FACTOR, or --rate HZ instead of the time if it is coarser than the samples"
+        )
+    sentence = f"{repeated} of {time.size} samples repeat the stamp of the sample before; they were dropped"
+    return {key: column[is_new] for key, column in values.items()}, [sentence]

@@ -20,6 +20,7 @@ from sgms_observer.bags.blocks import joint_state_rows
 from sgms_observer.bags.mcap_writer import McapWriter
 from sgms_observer.bags.message_types import JOINT_STATE, MessageType, describe_type
 from sgms_observer.bags.metadata import METADATA, STORAGES, dump_metadata
+from sgms_observer.bags.replacement import refuse_existing_bag, take_place
 from sgms_observer.bags.rows import MessageRows
 from sgms_observer.bags.sqlite_writer import SqliteWriter
 from sgms_observer.errors import DataError, RecordingError
@@ -49,15 +50,18 @@ class BagWriter:
     removed, unless it shall be kept.
 
     Args:
-        path: the bag's folder; must not exist.
+        path: the bag's folder; must not exist, unless it may be replaced.
         storage: ``mcap`` or ``sqlite3``.
         keep_on_failure: leave ``NAME.partial`` behind if the block ends with an error; it can be read as it is.
+        is_overwriting: replace a bag of that name, once this one is complete.
 
     Raises:
         RecordingError: the folder exists or cannot be written; ``write`` and the end of the block raise it too.
     """
 
-    def __init__(self, path: str | Path, storage: str = "mcap", *, keep_on_failure: bool = False) -> None:
+    def __init__(
+        self, path: str | Path, storage: str = "mcap", *, keep_on_failure: bool = False, is_overwriting: bool = False
+    ) -> None:
         self.path = Path(path)
         self._partial = self.path.with_name(self.path.name + (PARTIAL if keep_on_failure else UNFINISHED))
         self._keep = keep_on_failure
@@ -71,8 +75,7 @@ class BagWriter:
             raise RecordingError(f"{storage} is no storage for a bag; choose one of {', '.join(STORAGES)}")
         if not self.path.name:
             raise RecordingError(f"{path} cannot name a bag; give a folder that does not exist yet")
-        if self.path.exists() or self.path.is_symlink():
-            raise RecordingError(f"{self.path} exists already and is not overwritten; give another name or remove it")
+        refuse_existing_bag(self.path, is_overwriting)
         if keep_on_failure and self._partial.exists():
             raise RecordingError(
                 f"{self._partial} holds an interrupted recording; rename it to keep it, or remove it, and start again"
@@ -185,7 +188,7 @@ class BagWriter:
                 self._open_storage().close(metadata)
                 self._storage = None
                 (self._partial / METADATA).write_text(metadata, encoding="utf-8")
-                self._partial.rename(self.path)
+                take_place(self._partial, self.path)
                 self._unlock()
         except RecordingError:
             self.abort()

@@ -1,12 +1,15 @@
-"""``sgms convert``: a log of a drive or of MATLAB into a bag."""
+"""``sgms convert``: a log of a drive, an instrument or MATLAB into a bag."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
+from sgms_observer.cli.options import add_output_options, add_overwrite_option
+from sgms_observer.cli.outcome import Outcome
+
 NAME = "convert"
-HELP = "turn a log (CSV or MAT) into a bag that replay, identify and diagnose read"
+HELP = "turn a log (text or MAT) into a bag that replay, identify and diagnose read"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,7 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     Args:
         parser: the command's own parser.
     """
-    parser.add_argument("file", metavar="FILE", type=Path, help="the log: .mat (up to version 7), anything else is CSV")
+    parser.add_argument(
+        "file", metavar="FILE", type=Path, help="the log: .mat (up to version 7), anything else is a table of text"
+    )
     parser.add_argument("--out", required=True, metavar="BAG", help="folder of the new bag")
     parser.add_argument(
         "--map",
@@ -23,35 +28,48 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         action="extend",
         metavar="KEY=COLUMN[*FACTOR]",
-        help="which column is time [s], position [m], control_effort [N] and reference [m] (the last two optional);"
-        " FACTOR is a number or a single number of the file, as in control_effort=vir*gtau",
+        help="which columns are time [s], position [m or rad], control_effort [N or N m] and reference (as position); the"
+        " last two are optional. Columns go by name, in a table without names by number (1, 2, ...), in a matrix by"
+        " NAME[k]; FACTOR is a number, pi or a single number of the file; sums are possible, as in"
+        " control_effort=q1*10.69-q2/2",
+    )
+    parser.add_argument("--rate", type=float, metavar="HZ", help="samples per second of a log without times [Hz]")
+    parser.add_argument(
+        "--from", dest="start", type=float, metavar="S", help="leave out what comes before, from the log's start [s]"
+    )
+    parser.add_argument("--to", dest="end", type=float, metavar="S", help="leave out what comes after, likewise [s]")
+    parser.add_argument(
+        "--split",
+        type=float,
+        metavar="SHARE",
+        help="write the first SHARE of the time into BAG and the rest into BAG_rest, for --holdout",
     )
     parser.add_argument("--axis", default="x", metavar="NAME", help="name of the axis in the bag (default: x)")
     parser.add_argument(
         "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the bag (default: mcap)"
     )
+    add_overwrite_option(parser)
+    add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> Outcome:
     """Do the job.
 
     Args:
         args: what the user gave.
 
     Returns:
-        The exit code, 0 only on success.
+        The exit code and the result.
     """
-    from sgms_observer.bags.conversion import parse_map, read_table, write_table
+    from sgms_observer.application.convert import ConvertOptions, convert
 
-    table = read_table(args.file, parse_map(args.map))
-    write_table(table, args.out, args.axis, args.storage)
-    for notice in table.notices:
+    options = ConvertOptions(
+        args.rate, args.start, args.end, args.split, args.axis, args.storage, args.overwrite
+    )
+    converted = convert(args.file, args.map, args.out, options)
+    for notice in converted.notices:
         print(f"note: {notice}")
-    topics = ["position"]
-    topics += ["control_effort"] if table.control_effort is not None else []
-    topics += ["reference"] if table.reference is not None else []
-    count = table.stamp_ns.size
-    duration = (table.stamp_ns[-1] - table.stamp_ns[0]) * 1e-9
-    print(f"{args.out}: {count} samples of axis {args.axis}, {duration:.6g} s at {(count - 1) / duration:.6g} Hz")
-    print(f"topics: {', '.join(topics)}")
-    return 0
+    for bag in converted.bags:
+        print(f"{bag.path}: {bag.samples} samples of axis {args.axis}, {bag.duration:.6g} s at {bag.rate:.6g} Hz")
+    print(f"topics: {', '.join(converted.topics)}")
+    return Outcome(result=converted.as_json())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sgms_observer.identification.answer import Answer
-    from sgms_observer.identification.recording import Recording
+    from sgms_observer.offline.recording import Recordings
     from sgms_observer.settings.axis import AxisSettings
 
 NAME = "identify"
@@ -63,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.identification.answer import bag_hash, provenance
+    from sgms_observer.offline.recording import Recordings, read_recordings
     from sgms_observer.settings.load import load_settings
     from sgms_observer.settings.write import write_settings
     from sgms_observer.whole_file import try_folder
@@ -80,7 +81,9 @@ def run(args: argparse.Namespace) -> int:
     changes, remarks = {}, {}
     summary: list[str] = []
     for axis in (axis for axis in settings.axes if axis.name in wanted):
-        pieces = _recordings(args.bags, hashes, axis.name, settings.sample_period)
+        pieces = Recordings(())
+        for bag, digest in zip(args.bags, hashes, strict=True):
+            pieces += read_recordings(bag, axis.name, sha256=digest)
         with Progress(f"identify {axis.name}", 1.0) as progress:
             answer = _identified(pieces, axis, settings.sample_period, args, progress.show)
         changes[axis.name] = answer.changes
@@ -94,20 +97,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _recordings(bags: list[str], hashes: list[str], axis: str, sample_period: float) -> list[Recording]:
-    """Read every bag whole and cut it into even pieces."""
-    from sgms_observer.bags.reader import read_samples
-    from sgms_observer.identification.recording import join_samples, recordings_from_samples
-
-    pieces: list[Recording] = []
-    for bag, digest in zip(bags, hashes, strict=True):
-        samples = join_samples(list(read_samples(bag, axis, sample_period)))
-        pieces += recordings_from_samples(samples, bag, digest)
-    return pieces
-
-
 def _identified(
-    pieces: list[Recording],
+    pieces: Recordings,
     axis: AxisSettings,
     sample_period: float,
     args: argparse.Namespace,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import json
 import os
 import signal
 import sys
@@ -11,11 +13,10 @@ from typing import NoReturn
 
 from sgms_observer import __version__
 from sgms_observer.cli import registry
+from sgms_observer.cli.outcome import EXIT_FAILED, EXIT_USAGE, Outcome, json_value
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import noted_interrupts
 
-EXIT_FAILED = 1
-EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
 EXIT_BROKEN_PIPE = 141
 EXIT_TERMINATED = 143
@@ -80,9 +81,7 @@ def _run(given: list[str], interrupts: Sequence[int]) -> int:
         if command is None:
             missing = registry.COMMANDS[args.command]
             return _fail(f"sgms {args.command} is not in version {__version__} yet: {missing}")
-        code = command.run(args)
-        sys.stdout.flush()
-        return code
+        return _finish(command, args)
     except KeyboardInterrupt:
         return _interrupted(interrupts)
     except BrokenPipeError:
@@ -101,6 +100,21 @@ def _run(given: list[str], interrupts: Sequence[int]) -> int:
             f"sgms {wanted} met a fault of its own, {type(error).__name__}: {error};"
             f" set {SHOW_TRACEBACK}=1 to see where, and report it"
         )
+
+
+def _finish(command: registry.Command, args: argparse.Namespace) -> int:
+    """Run the command, silence what it prints if the user asked for that, and print its result as JSON if asked for."""
+    has_json = getattr(args, "json", False) is True
+    is_silent = has_json or getattr(args, "quiet", False)
+    with contextlib.ExitStack() as stack:
+        if is_silent:
+            stack.enter_context(contextlib.redirect_stdout(stack.enter_context(open(os.devnull, "w", encoding="utf-8"))))
+        outcome = command.run(args)
+    outcome = outcome if isinstance(outcome, Outcome) else Outcome(outcome)
+    if has_json:
+        print(json.dumps(json_value(outcome.result), indent=2))
+    sys.stdout.flush()
+    return outcome.code
 
 
 def _interrupted(interrupts: Sequence[int]) -> int:

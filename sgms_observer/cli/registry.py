@@ -1,6 +1,6 @@
 """The commands of ``sgms``, each a module of this package that is imported only when it is asked for.
 
-A command module offers ``HELP`` (one line), ``add_arguments(parser)`` and ``run(args) -> int``, and imports
+A command module offers ``HELP`` (one line), ``add_arguments(parser)`` and ``run(args)``, and imports
 nothing heavy at its top: ``sgms --help`` reads them all.
 """
 
@@ -10,6 +10,8 @@ import argparse
 import importlib
 import importlib.util
 from typing import Protocol, cast
+
+from sgms_observer.cli.outcome import Outcome
 
 # In the order in which a user meets them; the text says what brings a command that is not there yet.
 COMMANDS = {
@@ -39,14 +41,14 @@ class Command(Protocol):
             parser: the command's own parser.
         """
 
-    def run(self, args: argparse.Namespace) -> int:
+    def run(self, args: argparse.Namespace) -> int | Outcome:
         """Do the job.
 
         Args:
             args: what the user gave.
 
         Returns:
-            The exit code, 0 only on success.
+            The exit code, 0 only on success, alone or with the result that ``--json`` prints.
         """
 
 

@@ -16,7 +16,7 @@ KIND = {entry.name: number for number, entry in enumerate(BUILT_IN)}
 FIRST_USER_KIND = 100
 MINIMUM_LEVEL_FACTOR = 0.01
 
-COGGING, SPRING, OFFSET = KIND["cogging"], KIND["spring"], KIND["offset"]
+COGGING, SPRING, OFFSET, GRAVITY = KIND["cogging"], KIND["spring"], KIND["offset"], KIND["gravity"]
 ASYMMETRIC_VISCOUS, NONLINEAR_VISCOUS = KIND["asymmetric_viscous"], KIND["nonlinear_viscous"]
 QUADRATIC_DRAG, EDDY_CURRENT = KIND["quadratic_drag"], KIND["eddy_current"]
 PERIODIC_DISTURBANCE, CROSS_AXIS_COUPLING = KIND["periodic_disturbance"], KIND["cross_axis_coupling"]
@@ -40,6 +40,7 @@ def _formula(function: Any) -> Any:
 _cogging = _formula(effects_force.cogging)
 _spring = _formula(effects_force.spring)
 _offset = _formula(effects_force.offset)
+_gravity = _formula(effects_force.gravity)
 _asymmetric_viscous = _formula(effects_force.asymmetric_viscous)
 _nonlinear_viscous = _formula(effects_force.nonlinear_viscous)
 _quadratic_drag = _formula(effects_force.quadratic_drag)
@@ -141,6 +142,8 @@ def effects_step(
             force += _spring(q, p)
         elif kind == OFFSET:
             force += _offset(p)
+        elif kind == GRAVITY:
+            force += _gravity(q, p)
         elif kind == ASYMMETRIC_VISCOUS:
             force += _asymmetric_viscous(v, p)
         elif kind == NONLINEAR_VISCOUS:

@@ -25,6 +25,11 @@ def offset(p):
     return p[0]
 
 
+def gravity(q, p):
+    """Weight of a mass that turns with the joint, or lies on a slope (ratio 0) [N]; p: amplitude, angle, ratio."""
+    return p[0] * math.sin(p[2] * q + p[1])
+
+
 def asymmetric_viscous(v, p):
     """Part of the viscous friction that is even in velocity [N]; p: coefficient."""
     return p[0] * math.fabs(v)

@@ -26,7 +26,6 @@ from sgms_observer.identification.problem import (
     prepare,
     residual_and_jacobian,
 )
-from sgms_observer.identification.recording import Recording
 from sgms_observer.identification.search import Fit, search
 from sgms_observer.identification.selection import (
     Rows,
@@ -38,6 +37,7 @@ from sgms_observer.identification.selection import (
 )
 from sgms_observer.identification.simulation import ElementShape
 from sgms_observer.identification.start_values import fit_atoms
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]
@@ -140,7 +140,7 @@ def identify(
     known = KnownEffects(tuple(item for item in axis.effects if item.name != "offset"), axis.friction)
     main = [prepare(recording, cutoff, known) for recording in recordings]
     lower = [prepare(recording, _OTHER_CORNER * cutoff, known) for recording in recordings]
-    shaken = [prepare(recording.shaken(seed), cutoff, known) for seed, recording in enumerate(recordings)]
+    shaken = [prepare(recording.with_more_noise(seed), cutoff, known) for seed, recording in enumerate(recordings)]
     largest = _largest_deflection(main)
     start_velocity = axis.friction.stribeck_velocity
     atoms = fit_atoms(main, shape, _SMALLEST_DEFLECTION, largest, start_velocity)

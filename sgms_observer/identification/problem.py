@@ -20,8 +20,8 @@ from scipy.interpolate import CubicSpline
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.errors import DataError
 from sgms_observer.formulas import vectorised
-from sgms_observer.identification.recording import Recording
 from sgms_observer.identification.simulation import SHARED, ElementShape, friction_and_slopes
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.friction import FrictionSettings
 
@@ -187,7 +187,8 @@ def _dense(recording: Recording, rate: float) -> Recording:
         period=recording.period / times,
         position=position[:keep],
         effort=effort[:keep],
-        reference_position=np.repeat(recording.reference_position, times)[:keep],
+        reference_position=None,
+        other_position=None,
     )
 
 

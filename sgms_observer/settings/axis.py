@@ -9,6 +9,7 @@ from sgms_observer.settings.field import section, setting
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings, FilterSettings
 from sgms_observer.settings.stage import StageSettings
+from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC, Units
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,25 @@ class AxisSettings:
     """Everything about one axis."""
 
     name: str = "x"
-    mass: float = setting(10.0, "moving mass", "kg", above=0.0)
+    joint_type: str = setting(
+        PRISMATIC,
+        "prismatic: the axis slides (m, N, kg); revolute: it turns, and every unit of the axis follows"
+        " (rad, N m, kg m^2)",
+        choices=JOINT_TYPES,
+    )
+    position_scale: float = setting(
+        1.0,
+        "factor from position, velocity and reference as they come in topics and bags to m or rad; negative turns"
+        " the axis round, 0.01745329252 is for degrees",
+        is_nonzero=True,
+    )
+    effort_scale: float = setting(
+        1.0,
+        "factor from control_effort as it comes in topics and bags to N or N m; negative where the drive counts it"
+        " against the position",
+        is_nonzero=True,
+    )
+    mass: float = setting(10.0, "moving mass; of a revolute axis its moment of inertia", "kg", above=0.0)
     friction: FrictionSettings = section(FrictionSettings, "friction model")
     effects: tuple[EffectSettings, ...] = ()
     stage: StageSettings = section(StageSettings, "simulated stage")
@@ -33,6 +52,11 @@ class AxisSettings:
     filter: FilterSettings = section(FilterSettings, "velocity and acceleration filter")
     estimator: EstimatorSettings = section(EstimatorSettings, "estimator")
     compensation: CompensationSettings = section(CompensationSettings, "feedforward compensation")
+
+    @property
+    def units(self) -> Units:
+        """Return the units that belong to the axis's joint type."""
+        return Units(self.joint_type)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from sgms_observer.settings.effects import Catalogue, checked_effects
 from sgms_observer.settings.faults import Faults
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.stage import StageSettings
+from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC, Units
 
 _APART_IN_AXIS = ("effects", "stage", "friction")
 _APART_IN_STAGE = ("friction", "effects")
@@ -35,13 +36,17 @@ def checked_axis(
         faults: receives the sentences.
     """
     elsewhere = elsewhere_in(name)
-    axis = checked_group(name, AxisSettings(name=name), tree, faults, apart=_APART_IN_AXIS, elsewhere=elsewhere)
+    kind = tree.get("joint_type") if isinstance(tree, Mapping) else None
+    kind = kind if kind in JOINT_TYPES else PRISMATIC
+    axis = checked_group(
+        name, AxisSettings(name=name), tree, faults, apart=_APART_IN_AXIS, elsewhere=elsewhere, joint_type=kind
+    )
     if not isinstance(tree, Mapping):
         tree = {}
-    friction = _friction(f"{name}.friction", axis.friction, tree.get("friction"), elsewhere, faults)
+    friction = _friction(f"{name}.friction", axis.friction, tree.get("friction"), elsewhere, faults, kind)
     stage_tree = tree.get("stage")
     stage: StageSettings = checked_group(
-        f"{name}.stage", axis.stage, stage_tree, faults, apart=_APART_IN_STAGE, elsewhere=elsewhere
+        f"{name}.stage", axis.stage, stage_tree, faults, apart=_APART_IN_STAGE, elsewhere=elsewhere, joint_type=kind
     )
     reference = (
         replace(stage.reference, file=resolved(stage.reference.file, folder))
@@ -53,32 +58,38 @@ def checked_axis(
     if isinstance(stage_tree, Mapping):
         if stage_tree.get("friction") not in (None, {}):
             stage_friction = _friction(
-                f"{name}.stage.friction", friction, stage_tree["friction"], elsewhere, faults, f"{name}.friction"
+                f"{name}.stage.friction", friction, stage_tree["friction"], elsewhere, faults, kind, f"{name}.friction"
             )
         if stage_tree.get("effects") is not None:
-            stage_effects = checked_effects(f"{name}.stage.effects", stage_tree["effects"], catalogue, faults)
+            stage_effects = checked_effects(f"{name}.stage.effects", stage_tree["effects"], catalogue, faults, kind)
     axis = replace(
         axis,
         friction=friction,
         stage=replace(stage, reference=reference),
         stage_friction=stage_friction,
         stage_effects=stage_effects,
-        effects=checked_effects(f"{name}.effects", tree.get("effects"), catalogue, faults),
+        effects=checked_effects(f"{name}.effects", tree.get("effects"), catalogue, faults, kind),
     )
     axis_consistency(axis, period, faults)
     return axis
 
 
 def _friction(
-    path: str, defaults: FrictionSettings, tree: Any, elsewhere: Mapping[str, str], faults: Faults, parent: str = ""
+    path: str,
+    defaults: FrictionSettings,
+    tree: Any,
+    elsewhere: Mapping[str, str],
+    faults: Faults,
+    joint_type: str,
+    parent: str = "",
 ) -> FrictionSettings:
     """Return one friction model on top of its parent's; damping that the file leaves out is zero."""
-    friction = checked_group(path, defaults, tree, faults, elsewhere=elsewhere)
+    friction = checked_group(path, defaults, tree, faults, elsewhere=elsewhere, joint_type=joint_type)
     given = tuple(key for key in tree if isinstance(key, str)) if isinstance(tree, Mapping) else ()
     n_z = len(friction.element_stiffness)
     if "element_damping" not in given and len(friction.element_damping) != n_z:
         friction = replace(friction, element_damping=(0.0,) * n_z)
-    friction_consistency(path, friction, given, faults, parent)
+    friction_consistency(path, friction, given, faults, Units(joint_type), parent)
     return friction
 
 

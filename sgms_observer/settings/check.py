@@ -18,6 +18,7 @@ from sgms_observer.settings.declaration import (
     declared_settings,
 )
 from sgms_observer.settings.faults import Faults, alternatives, closest, shown
+from sgms_observer.settings.units import PRISMATIC
 
 Group = TypeVar("Group")
 
@@ -92,6 +93,8 @@ def range_rule(value: float, declared: Declared) -> str | None:
         value: finite number.
         declared: the setting with its bounds.
     """
+    if declared.is_nonzero and value == 0.0:
+        return "must not be 0; write 1.0 for no scaling"
     if declared.above is not None and not value > declared.above:
         return f"must be > {shown(float(declared.above))}; raise it"
     if declared.minimum is not None and value < declared.minimum:
@@ -191,6 +194,7 @@ def checked_group(
     *,
     apart: Collection[str] = (),
     elsewhere: Mapping[str, str] | None = None,
+    joint_type: str = PRISMATIC,
 ) -> Group:
     """Return a group of settings read from a mapping, on top of its defaults.
 
@@ -201,6 +205,7 @@ def checked_group(
         faults: receives every sentence; a faulty setting keeps its default.
         apart: keys that the caller reads itself.
         elsewhere: settings of other groups for better guesses, name to full name.
+        joint_type: of the axis that the group belongs to; the sentences have its units.
     """
     if tree is None:
         return defaults
@@ -215,9 +220,11 @@ def checked_group(
             continue
         if isinstance(key, str) and key in sections:
             nested = getattr(defaults, key)
-            given[key] = checked_group(f"{prefix}{key}", nested, raw, faults, elsewhere=elsewhere)
+            given[key] = checked_group(
+                f"{prefix}{key}", nested, raw, faults, elsewhere=elsewhere, joint_type=joint_type
+            )
         elif isinstance(key, str) and key in settings:
-            value = checked_value(f"{prefix}{key}", settings[key], raw, faults)
+            value = checked_value(f"{prefix}{key}", settings[key].of_joint_type(joint_type), raw, faults)
             if value is not None:
                 given[key] = value
         else:

@@ -10,6 +10,7 @@ from sgms_observer.settings.faults import Faults, shown
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.observer import EstimatorSettings, FilterSettings
 from sgms_observer.settings.stage import ReferenceSettings, StageSettings
+from sgms_observer.settings.units import Units
 
 #: Largest distance of the sum of the element fractions from one; printed tables round to two or three digits.
 FRACTION_TOLERANCE = 1e-3
@@ -19,7 +20,12 @@ LONGEST_WINDOW = 10_000
 
 
 def friction_consistency(
-    path: str, friction: FrictionSettings, given: Sequence[str], faults: Faults, inherited_from: str = ""
+    path: str,
+    friction: FrictionSettings,
+    given: Sequence[str],
+    faults: Faults,
+    units: Units,
+    inherited_from: str = "",
 ) -> None:
     """Check the lists against each other and the Stribeck curve.
 
@@ -28,6 +34,7 @@ def friction_consistency(
         friction: the values, each right by itself.
         given: the keys that the file gives, to tell a wrong list from a missing one.
         faults: receives the sentences.
+        units: of the axis.
         inherited_from: full name of the group that the other keys come from, whose faults are not said twice.
     """
 
@@ -61,8 +68,8 @@ def friction_consistency(
     if friction.static_force < friction.coulomb_force and not is_faulty("static_force", "coulomb_force"):
         faults.add(
             f"{path}.static_force",
-            f"{path}.static_force = {shown(friction.static_force)} N must be >= coulomb_force = "
-            f"{shown(friction.coulomb_force)} N; swap them or raise static_force",
+            f"{path}.static_force = {shown(friction.static_force)} {units.effort} must be >= coulomb_force = "
+            f"{shown(friction.coulomb_force)} {units.effort}; swap them or raise static_force",
         )
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any, get_type_hints
+
+from sgms_observer.settings.units import Units
 
 #: YAML types of a setting, under ROS's names for them.
 DOUBLE, INTEGER, BOOL, STRING = "double", "integer", "bool", "string"
@@ -32,11 +34,12 @@ class Declared:
         kind: one of ``double``, ``integer``, ``bool``, ``string``, ``double_array``, ``string_array``.
         default: value when the YAML is silent.
         description: one sentence for people.
-        unit: SI unit, or ``-``.
+        unit: SI unit, or ``-``; ``of_joint_type`` makes it that of a revolute axis.
         minimum: smallest allowed value, if any.
         maximum: largest allowed value, if any.
         above: bound that the value must strictly exceed, if any.
         choices: the allowed words, if they are listed.
+        is_nonzero: whether zero is the one number that is not allowed.
     """
 
     name: str
@@ -48,6 +51,16 @@ class Declared:
     maximum: float | None = None
     above: float | None = None
     choices: tuple[str, ...] | None = None
+    is_nonzero: bool = False
+
+    def of_joint_type(self, joint_type: str) -> Declared:
+        """Return the setting with the unit that it has on an axis of this joint type.
+
+        Args:
+            joint_type: ``prismatic`` or ``revolute``.
+        """
+        unit = Units(joint_type).of(self.unit)
+        return self if unit == self.unit else replace(self, unit=unit)
 
     @property
     def is_list(self) -> bool:

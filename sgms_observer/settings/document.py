@@ -54,6 +54,12 @@ _EFFECTS = """
 
 `effect_files` adds effects of your own to the catalogue.
 
+## Units of a revolute axis
+
+The tables give the units of a prismatic axis. `joint_type: revolute` makes each `m` a `rad`, `N` a `N m` and `kg` a
+`kg m^2`: N/m is N m/rad, N s/m is N m s/rad. Everything but the two scales is in these units; `position_scale` and
+`effort_scale` bring what topics and bags carry to them, and what is published is in them.
+
 ## The truth of the simulated stage: `x.stage.friction`, `x.stage.effects`
 
 Both are optional. `x.stage.friction` holds those keys of `x.friction` that differ for the simulated stage, for instance
@@ -114,6 +120,8 @@ def _allowed(declared: Declared) -> str:
         rules.append(f">= {shown(declared.minimum)}")
     if declared.maximum is not None:
         rules.append(f"<= {shown(declared.maximum)}")
+    if declared.is_nonzero:
+        rules.append("not 0")
     return ", ".join(rules) or "any"
 
 

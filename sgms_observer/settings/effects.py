@@ -9,6 +9,7 @@ from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.check import checked_value
 from sgms_observer.settings.declaration import DOUBLE, STRINGS, Declared
 from sgms_observer.settings.faults import Faults, alternatives, closest, shown
+from sgms_observer.settings.units import PRISMATIC, Units
 
 
 class EffectParameter(Protocol):
@@ -39,24 +40,27 @@ NO_EFFECT = "none"
 NAMES = Declared("names", STRINGS, (), "effects of the catalogue that act on this axis")
 
 
-def declared_parameter(parameter: EffectParameter) -> Declared:
+def declared_parameter(parameter: EffectParameter, joint_type: str = PRISMATIC) -> Declared:
     """Return an effect's parameter as a setting.
 
     Args:
         parameter: entry of the catalogue.
+        joint_type: of the axis that the effect acts on; the unit follows it.
     """
     return Declared(
         parameter.name,
         DOUBLE,
         parameter.default,
         parameter.description,
-        parameter.unit,
+        Units(joint_type).of(parameter.unit),
         minimum=parameter.minimum,
         maximum=parameter.maximum,
     )
 
 
-def checked_effects(path: str, tree: Any, catalogue: Catalogue | None, faults: Faults) -> tuple[EffectSettings, ...]:
+def checked_effects(
+    path: str, tree: Any, catalogue: Catalogue | None, faults: Faults, joint_type: str = PRISMATIC
+) -> tuple[EffectSettings, ...]:
     """Return the effects of one axis with all their values, in the catalogue's order of parameters.
 
     Args:
@@ -64,6 +68,7 @@ def checked_effects(path: str, tree: Any, catalogue: Catalogue | None, faults: F
         tree: ``{names: [...], cogging: {...}}`` as read.
         catalogue: known effects; None when they are not known, so that nothing can be said.
         faults: receives the sentences.
+        joint_type: of the axis, for the units in the sentences.
     """
     if tree is None or catalogue is None:
         return ()
@@ -82,7 +87,8 @@ def checked_effects(path: str, tree: Any, catalogue: Catalogue | None, faults: F
                 f"{path}.names = {shown(list(names))} must name each effect once; remove the second {name}",
             )
         else:
-            found.append(_checked_effect(f"{path}.{name}", name, tree.get(name), catalogue[name], faults))
+            parameters = {p.name: declared_parameter(p, joint_type) for p in catalogue[name]}
+            found.append(_checked_effect(f"{path}.{name}", name, tree.get(name), parameters, faults))
     for key in tree:
         if key == "names" or key in names:
             continue
@@ -109,10 +115,9 @@ def _unknown_effect(path: str, name: str, catalogue: Catalogue, faults: Faults) 
 
 
 def _checked_effect(
-    path: str, name: str, tree: Any, parameters: Sequence[EffectParameter], faults: Faults
+    path: str, name: str, tree: Any, declared: Mapping[str, Declared], faults: Faults
 ) -> EffectSettings:
     """Return one effect with the given values over the catalogue's defaults."""
-    declared = {parameter.name: declared_parameter(parameter) for parameter in parameters}
     values = {key: float(entry.default) for key, entry in declared.items()}
     if tree is not None and not isinstance(tree, Mapping):
         faults.add(path, f"{path} = {shown(tree)} must be a group of parameters; write them below it, indented")

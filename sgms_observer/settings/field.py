@@ -18,17 +18,19 @@ def setting(
     maximum: float | None = None,
     above: float | None = None,
     choices: tuple[str, ...] | None = None,
+    is_nonzero: bool = False,
 ) -> Any:
     """Declare a dataclass field as a user's setting.
 
     Args:
         default: value when the YAML is silent; its type is the setting's type (a tuple means a list).
         description: one sentence for people.
-        unit: SI unit, or ``-``.
+        unit: SI unit, or ``-``; that of a prismatic axis.
         minimum: smallest allowed value (each entry of a list).
         maximum: largest allowed value (each entry of a list).
         above: the value must be strictly greater.
         choices: the allowed words.
+        is_nonzero: the value must not be zero.
 
     Returns:
         A ``dataclasses.field`` carrying the declaration in its metadata.
@@ -40,6 +42,7 @@ def setting(
         "maximum": maximum,
         "above": above,
         "choices": choices,
+        "is_nonzero": is_nonzero,
     }
     return field(default=default, metadata=metadata)
 

@@ -16,6 +16,7 @@ from sgms_observer.settings.faults import Faults
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.load import AXES, installed_catalogue, usable_axes
 from sgms_observer.settings.parameter_file import expanded
+from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,11 @@ def _known_effects(catalogue: CatalogueSource, files: Any) -> Catalogue:
 def _declare_axis(axis: str, own: Declare, known: Catalogue) -> None:
     """Declare everything about one axis."""
     friction: dict[str, Any] = {}
-    for declaration in _group(axis, AxisSettings):
+    asked = own(_declaration(f"{axis}.joint_type", declared_settings(AxisSettings)["joint_type"]))
+    joint_type = asked if asked in JOINT_TYPES else PRISMATIC
+    for declaration in _group(axis, AxisSettings, joint_type):
+        if declaration.name == f"{axis}.joint_type":
+            continue  # declared before the others, whose units follow it
         if declaration.name == f"{axis}.friction.element_damping":
             declaration = replace(
                 declaration, default=[0.0] * len(friction[f"{axis}.friction.element_stiffness"] or ())
@@ -117,26 +122,26 @@ def _declare_axis(axis: str, own: Declare, known: Catalogue) -> None:
         value = own(declaration)
         if declaration.name.startswith(f"{axis}.friction."):
             friction[declaration.name] = value
-    _declare_effects(f"{axis}.effects", own, known)
-    for declaration in _group(f"{axis}.stage.friction", FrictionSettings):
+    _declare_effects(f"{axis}.effects", own, known, joint_type)
+    for declaration in _group(f"{axis}.stage.friction", FrictionSettings, joint_type):
         own(replace(declaration, default=friction[declaration.name.replace(".stage.", ".", 1)]))
-    _declare_effects(f"{axis}.stage.effects", own, known)
+    _declare_effects(f"{axis}.stage.effects", own, known, joint_type)
 
 
-def _group(path: str, kind: type) -> Iterable[ParameterDeclaration]:
+def _group(path: str, kind: type, joint_type: str) -> Iterable[ParameterDeclaration]:
     """Yield the parameters of a group and of the groups in it."""
     for key, declared in declared_settings(kind).items():
-        yield _declaration(f"{path}.{key}", declared)
+        yield _declaration(f"{path}.{key}", declared.of_joint_type(joint_type))
     for key, (nested, _) in declared_sections(kind).items():
-        yield from _group(f"{path}.{key}", nested)
+        yield from _group(f"{path}.{key}", nested, joint_type)
 
 
-def _declare_effects(path: str, own: Declare, known: Catalogue) -> None:
+def _declare_effects(path: str, own: Declare, known: Catalogue, joint_type: str) -> None:
     """Declare the names of effects, then the parameters of those that are named."""
     names = own(_declaration(f"{path}.names", NAMES))
     for name in dict.fromkeys(names if isinstance(names, (list, tuple)) else ()):
         for parameter in known.get(name, ()):
-            own(_declaration(f"{path}.{name}.{parameter.name}", declared_parameter(parameter)))
+            own(_declaration(f"{path}.{name}.{parameter.name}", declared_parameter(parameter, joint_type)))
 
 
 def _plain(value: Any) -> Any:

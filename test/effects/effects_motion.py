@@ -7,6 +7,7 @@ VALUES = {
     "cogging": (1.4, 0.01, 0.3, 0.4, -0.2),
     "spring": (30.0, 0.01),
     "offset": (0.7,),
+    "gravity": (56.0, 0.4, 3.0),
     "asymmetric_viscous": (5.0,),
     "nonlinear_viscous": (1.2, 0.6, 0.05),
     "quadratic_drag": (40.0,),

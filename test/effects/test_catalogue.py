@@ -17,6 +17,7 @@ FIELD_NAMES = [
     "position_dependent_friction",
     "spring",
     "offset",
+    "gravity",
     "asymmetric_coulomb",
     "asymmetric_viscous",
     "stribeck",

@@ -194,3 +194,12 @@ def test_the_friction_of_a_load_behind_play_goes_with_a_reversal_and_is_back_at_
     free = force[1000:][(back > stop + step) & (back < stop + gap - step)]
     assert np.abs(free).max() < 1e-9
     assert force[1000:][back > gap + 2.0 * stop + step] == pytest.approx(-force[999])
+
+
+def test_gravity_turns_with_a_revolute_joint_and_is_constant_on_a_slope() -> None:
+    q = np.linspace(-3.0, 3.0, 50)
+    m = {key: np.zeros(50) for key in INPUTS} | {"q": q, "h": np.full(50, PERIOD), "level": np.ones(50)}
+    turning, _factor = run(compiled("gravity", (56.0, 0.4, 1.0)), m)
+    assert turning == pytest.approx(56.0 * np.sin(q + 0.4))
+    standing, _factor = run(compiled("gravity", (98.1, 0.5 * np.pi, 0.0)), m)
+    assert standing == pytest.approx(np.full(50, 98.1))

@@ -13,8 +13,8 @@ from sgms_observer.identification.answer import identification_answer
 from sgms_observer.identification.excitation import ExcitationLimits, build_excitation
 from sgms_observer.identification.identify import Identification, IdentifyOptions, force_error, identify
 from sgms_observer.identification.problem import ELEMENTS, RELAXATION, Parameters
-from sgms_observer.identification.recording import Recording, recordings_from_samples
 from sgms_observer.observer.axis_observer import AxisObserver
+from sgms_observer.offline.recording import Recording, recordings_from_samples
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.load import load_settings

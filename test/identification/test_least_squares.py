@@ -11,7 +11,7 @@ from scipy.io import loadmat
 
 from sgms_observer.errors import DataError
 from sgms_observer.identification.least_squares import ASYMMETRIC, fit_inverse_model, inverse_model_error
-from sgms_observer.identification.recording import Recording
+from sgms_observer.offline.recording import Recording
 
 DATA = Path(os.environ.get("SGMS_DATA", Path(__file__).resolve().parents[3] / "shared" / "data")) / "emps"
 PUBLISHED = {"mass": 95.1089, "viscous_coefficient": 203.5034, "coulomb_force": 20.3935, "offset": -3.1648}

@@ -1,0 +1,1 @@
+"""The work of the commands: functions that command line, nodes and fleet call."""

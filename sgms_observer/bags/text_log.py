@@ -1,0 +1,143 @@
+"""A text file as a log: CSV in its dialects, tables of instruments with lines of words above them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.bags.text_dialect import Dialect, find_dialect, number
+from sgms_observer.errors import RecordingError
+
+Floats = NDArray[np.float64]
+
+_HEADS = (200, 2_000, 20_000, 200_000)
+"""Lines that are looked at for the table: more each time, where fewer are all words."""
+_ROWS_SEEN = 20  # rows of a table that are enough to know how it is written
+_LONGEST_LINE = 1 << 20  # characters; a longer line is no row of a log
+_HALF_DAY, _DAY = 43_200.0, 86_400.0  # s
+
+
+class TextLog:
+    """A text file with comma, semicolon, tab, bar or spaces, decimal point or comma, and a line of names or none.
+
+    Any lines may stand above the table. A line of units below the names is passed over. Without names the columns are
+    called 1, 2, ... Dates and times of day become seconds; an empty field becomes NaN.
+
+    Args:
+        path: the file.
+
+    Attributes:
+        names: the columns.
+        spellings: every way to write a column to its name in ``names``.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._encoding = "utf-8-sig"
+        with path.open("rb") as file:
+            start = file.read(2)
+        if start in (b"\xff\xfe", b"\xfe\xff"):
+            self._encoding = "utf-16"
+        try:
+            self._dialect = self._find()
+        except UnicodeDecodeError:
+            self._encoding = "latin-1"
+            self._dialect = self._find()
+        self.names = self._dialect.names
+        self.spellings = {name: name for name in self.names}
+
+    def columns(self, names: Sequence[str]) -> dict[str, Floats]:
+        """Return some columns, each of shape (n,).
+
+        Args:
+            names: entries of ``names``.
+        """
+        indices = [self.names.index(name) for name in names]
+        order = sorted(set(indices))
+        try:
+            table = self._table(order)
+        except UnicodeDecodeError:
+            if self._encoding == "latin-1":
+                raise RecordingError(f"{self._path} is no text; give a text or MAT file") from None
+            self._encoding = "latin-1"
+            return self.columns(names)
+        values = {name: table[:, order.index(i)] for name, i in zip(names, indices, strict=True)}
+        for name, i in zip(names, indices, strict=True):
+            if self._dialect.is_time_of_day(i):
+                values[name] = values[name] + _DAY * np.cumsum(np.diff(values[name], prepend=values[name][0]) < -_HALF_DAY)
+        return values
+
+    def _table(self, order: Sequence[int]) -> Floats:
+        """Return some columns side by side: read fast, or field by field where the numbers are not plain."""
+        try:
+            return self._load(order, is_plain=True)
+        except ValueError as error:
+            if isinstance(error, UnicodeDecodeError):
+                raise
+        try:
+            return self._load(order, is_plain=False)
+        except ValueError as error:
+            if isinstance(error, UnicodeDecodeError):
+                raise
+            raise RecordingError(f"{self._path}{self._reason(str(error))}; correct or remove that line") from None
+
+    def _load(self, order: Sequence[int], is_plain: bool) -> Floats:
+        dialect = self._dialect
+        has_comma = dialect.has_decimal_comma
+        converters: dict[int, Any] = {i: found for i in order if (found := dialect.converter(i)) is not None}
+        if not is_plain:
+            converters = {i: lambda text: number(text, has_comma) for i in order} | converters
+        is_replaced = has_comma and is_plain and dialect.separator != ","
+        with self._path.open(encoding=self._encoding, newline=None) as file:
+            lines: Any = (line.replace(",", ".") for line in file) if is_replaced else file
+            values: Floats = np.loadtxt(
+                lines,
+                delimiter=dialect.separator,
+                skiprows=dialect.first_row,
+                usecols=order,
+                comments=None,
+                ndmin=2,
+                converters=converters or None,
+                encoding=None,
+                quotechar='"' if dialect.has_quotes else None,
+            )
+        return values
+
+    def _reason(self, text: str) -> str:
+        """Return numpy's reason, with the column's name and the line of the file instead of its own row."""
+        place = re.search(r"(.*) (?:at|in) row (\d+)(?:, column (\d+))?", text)
+        if place is None:
+            return ": " + text.split("; use")[0].split("\n")[0].strip().rstrip(".;")
+        line = int(place[2]) + self._dialect.first_row
+        if "column index" in place[1]:
+            return f": too few columns in line {line}"
+        column = int(place[3]) - 1 if place[3] else -1
+        named = f", column {self.names[column]}" if 0 <= column < len(self.names) else ""
+        return f"{named}: {place[1]} in line {line + 1}"
+
+    def _find(self) -> Dialect:
+        """Return how the table is written."""
+        for most in _HEADS:
+            with self._path.open(encoding=self._encoding, newline=None) as file:
+                head = list(_lines(file, most))
+            found = find_dialect(head)
+            is_all = len(head) < most
+            if found is not None and (found[1] >= _ROWS_SEEN or is_all):
+                return found[0]
+            if is_all or max(map(len, head), default=0) >= _LONGEST_LINE:
+                break
+        raise RecordingError(f"{self._path} has no line of numbers among its first {most}; give a text or MAT file")
+
+
+def _lines(file: Any, most: int) -> Iterator[str]:
+    """Yield the first lines of a file, cut where a line is far too long."""
+    for _ in range(most):
+        line = file.readline(_LONGEST_LINE)
+        if not line:
+            return
+        yield line.rstrip("\n")

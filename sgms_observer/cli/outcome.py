@@ -1,0 +1,43 @@
+"""What a command hands back: its exit code, and its result for ``--json``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+EXIT_DONE = 0
+EXIT_FAILED = 1
+"""The input cannot be read, understood or used."""
+EXIT_USAGE = 2
+EXIT_NOT_USABLE = 3
+"""The work is done, but its result must not be used as it is; a warning says why."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The end of a command.
+
+    Attributes:
+        code: the exit code.
+        result: what ``--json`` prints.
+    """
+
+    code: int = EXIT_DONE
+    result: Mapping[str, Any] = field(default_factory=dict)
+
+
+def json_value(value: Any) -> Any:
+    """Return a value as JSON can hold it: what is not finite becomes null, numpy's numbers and arrays become plain.
+
+    Args:
+        value: numbers, texts, lists and mappings.
+    """
+    if isinstance(value, Mapping):
+        return {str(key): json_value(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [json_value(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,1 @@
+"""Recordings prepared for offline work: even pieces, encoder step and noise, judging band."""

@@ -1,0 +1,286 @@
+"""A recording made ready for identification and diagnosis: evenly sampled, finite, without holes.
+
+Irregular stamps are brought to an even grid by a cubic through the samples. Equal and backward stamps are dropped.
+Pauses cut the recording into pieces; pieces too short to learn from are left out. Notes say what was done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from sgms_observer.errors import DataError
+from sgms_observer.observer.samples import Samples
+from sgms_observer.offline.encoder import encoder_step, position_noise
+
+Floats = NDArray[np.float64]
+
+MIN_SAMPLES = 200
+"""Samples of a piece that is worth learning from."""
+MIN_RATE = 20.0
+"""Lowest sample rate [Hz]; the interface promises 20 Hz to 20 kHz."""
+_RATE_TOLERANCE = 0.98  # of MIN_RATE: a clock that runs slow
+_MAX_STRAY = 0.02  # share of the period by which a stamp may stray before the signals are interpolated
+_MAX_UNEVEN = 0.01  # share of the period by which a pause may differ from it in an even recording
+_MAX_TRIMMED = 10  # samples at either end that are dropped if only their pauses are uneven
+_MAX_PAUSE = 3.5  # periods; a longer pause cuts the recording
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One evenly sampled piece of a recording, in SI units.
+
+    Attributes:
+        name: where it comes from, for people.
+        period: time between two samples [s].
+        position: measured position [m or rad], shape (n,).
+        effort: effort of the actuator [N or N m], shape (n,).
+        reference_position: set-point [m or rad], shape (n,); NaN where there is none; None for none at all.
+        sha256: hash of the file it comes from; empty when there is none.
+        start: stamp of the first sample [s].
+        other_position: position of another axis of the same recording, shape (n,), or None.
+        recorded_step: step of the grid of the positions before they were interpolated; None where they were not.
+    """
+
+    name: str
+    period: float
+    position: Floats
+    effort: Floats
+    reference_position: Floats | None = None
+    sha256: str = ""
+    start: float = 0.0
+    other_position: Floats | None = None
+    recorded_step: float | None = None
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return len(self) * self.period
+
+    @cached_property
+    def encoder_step(self) -> float:
+        """Step of the grid the encoder counts on; 0 where none shows [m or rad]."""
+        return encoder_step(self.position) if self.recorded_step is None else self.recorded_step
+
+    @cached_property
+    def position_noise(self) -> float:
+        """Standard deviation of the white part of the position: noise and the encoder's steps [m or rad]."""
+        return position_noise(self.position, self.encoder_step)
+
+    def with_more_noise(self, seed: int) -> Recording:
+        """Return the recording with as much noise again on its position.
+
+        Args:
+            seed: of the noise.
+        """
+        noise = np.random.default_rng(seed).normal(0.0, self.position_noise, len(self))
+        return replace(self, position=self.position + noise)
+
+    def part(self, first: int, last: int) -> Recording:
+        """Return some of the samples.
+
+        Args:
+            first: number of the first one.
+            last: number of the one behind the last.
+        """
+        cut = slice(first, last)
+        reference, other = (
+            None if values is None else values[cut] for values in (self.reference_position, self.other_position)
+        )
+        return replace(
+            self, position=self.position[cut], effort=self.effort[cut], reference_position=reference,
+            other_position=other, start=self.start + first * self.period,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Recordings(Sequence[Recording]):
+    """The pieces of one recording or of several, in order of time.
+
+    Attributes:
+        pieces: the pieces.
+        notes: sentences about what was dropped, interpolated or left out.
+    """
+
+    pieces: tuple[Recording, ...]
+    notes: tuple[str, ...] = field(default=())
+
+    def __getitem__(self, index):  # type: ignore[no-untyped-def]
+        return self.pieces[index]
+
+    def __len__(self) -> int:
+        return len(self.pieces)
+
+    def __iter__(self) -> Iterator[Recording]:
+        return iter(self.pieces)
+
+    def __add__(self, more: Recordings) -> Recordings:
+        return Recordings(self.pieces + more.pieces, self.notes + more.notes)
+
+
+def read_recordings(
+    path: str | Path, axis: str, other: str | None = None, *, sample_period: float | None = None, sha256: str = ""
+) -> Recordings:
+    """Read the pieces of a bag.
+
+    Args:
+        path: the bag.
+        axis: the axis that is identified or diagnosed.
+        other: another axis of the same recording, or None.
+        sample_period: nominal time between two samples [s]; None takes it from the recording.
+        sha256: hash of the bag.
+
+    Raises:
+        RecordingError: the bag cannot be read.
+        DataError: it holds nothing to learn from.
+    """
+    from sgms_observer.bags.reader import BagSamples
+
+    wanted = [axis] if other is None else [axis, other]
+    blocks: dict[str, list[Samples]] = {name: [] for name in wanted}
+    for name, samples in BagSamples(path, wanted, sample_period):
+        blocks[name].append(samples)
+    label = Path(path).name
+    second = join_samples(blocks[other]) if other is not None else None
+    return recordings_from_samples(join_samples(blocks[axis]), label, sha256, second)
+
+
+def recordings_from_samples(
+    samples: Samples, name: str, sha256: str = "", other: Samples | None = None
+) -> Recordings:
+    """Cut a block of samples into evenly sampled pieces.
+
+    Args:
+        samples: everything one axis recorded, in SI units.
+        name: where it comes from, for people.
+        sha256: hash of the file it comes from.
+        other: what another axis recorded meanwhile, or None.
+
+    Returns:
+        Pieces between pauses, each long enough to learn from, in order of time, and notes.
+
+    Raises:
+        DataError: if nothing usable is left.
+    """
+    good = np.isfinite(samples.position) & np.isfinite(samples.effort)
+    stamp = samples.stamp_ns[good]
+    if len(stamp) < MIN_SAMPLES:
+        raise DataError(
+            f"{name} holds {len(stamp)} samples with both position and control_effort; identification needs at least"
+            f" {MIN_SAMPLES}: record both topics"
+        )
+    newest = np.maximum.accumulate(stamp)
+    keep = np.concatenate(([True], stamp[1:] > newest[:-1]))
+    notes = []
+    if not np.all(keep):
+        notes.append(f"{name}: {int(np.sum(~keep))} of {len(keep)} samples with duplicate or backward stamps dropped")
+    seconds = (stamp[keep] - stamp[0]) * 1e-9
+    signals = [values[good][keep] for values in (samples.position, samples.effort, samples.reference_position)]
+    pauses = np.diff(seconds)
+    typical = float(np.median(pauses))
+    whole = pauses <= _MAX_PAUSE * typical
+    period = _mean_period(pauses[whole], typical)
+    if period * MIN_RATE * _RATE_TOLERANCE > 1.0:
+        raise DataError(
+            f"{name} is sampled at {1.0 / period:.3g} Hz; record position and control_effort at {MIN_RATE:g} Hz or more"
+        )
+    edges = [0, *(np.flatnonzero(~whole) + 1).tolist(), len(seconds)]
+    spans = [(a, b) for a, b in pairwise(edges) if b - a >= MIN_SAMPLES]
+    if not spans:
+        raise DataError(
+            f"{name} is broken by pauses into pieces shorter than {MIN_SAMPLES} samples; record it again"
+        )
+    if skipped := len(edges) - 1 - len(spans):
+        lost = len(seconds) - sum(b - a for a, b in spans)
+        notes.append(f"{name}: {skipped} pieces between pauses hold fewer than {MIN_SAMPLES} samples and were skipped"
+                     f" ({lost} samples)")  # fmt: skip
+    origin = float(stamp[0]) * 1e-9
+    pieces, strayed = [], 0.0
+    for a, b in spans:
+        piece, stray = _even_piece(name, sha256, period, seconds[a:b], [values[a:b] for values in signals], origin)
+        strayed = max(strayed, stray)
+        pieces.append(piece if other is None else replace(piece, other_position=_other_position(piece, other)))
+    if strayed > _MAX_STRAY:
+        notes.append(
+            f"{name}: stamps stray by up to {strayed:.2g} periods; the signals were interpolated at"
+            f" {1.0 / period:.6g} Hz"
+        )
+    return Recordings(tuple(pieces), tuple(notes))
+
+
+def _mean_period(pauses: Floats, typical: float) -> float:
+    """Return the period over half of the recording, the median of all halves [s].
+
+    A clock that ticks coarsely has a median pause that drifts off; a few odd stamps would move the plain mean.
+    """
+    counts = np.concatenate(([0.0], np.cumsum(np.maximum(np.round(pauses / typical), 1.0))))
+    seconds = np.concatenate(([0.0], np.cumsum(pauses)))
+    half = len(seconds) // 2
+    return float(np.median((seconds[half:] - seconds[: len(seconds) - half]) / (counts[half:] - counts[:-half])))
+
+
+def _even_piece(
+    name: str, sha256: str, period: float, seconds: Floats, signals: Sequence[Floats], origin: float
+) -> tuple[Recording, float]:
+    """Return one piece on an even grid, interpolated only where the stamps stray, and by how many periods they do."""
+    seconds, signals = _without_odd_ends(seconds, signals, period)
+    count = round(float(seconds[-1] - seconds[0]) / period) + 1
+    grid = seconds[0] + period * np.arange(count)
+    stray = float(np.max(np.abs(grid - seconds))) / period if count == len(seconds) else 1.0
+    if float(np.max(np.abs(np.diff(seconds) - period))) <= _MAX_UNEVEN * period:  # a clock whose rate drifts
+        stray = 0.0
+    step = None
+    if stray <= _MAX_STRAY:
+        position, effort, reference = (np.ascontiguousarray(values, dtype=np.float64) for values in signals)
+    else:
+        step = encoder_step(signals[0])
+        inside = np.clip(grid, seconds[0], seconds[-1])
+        position, effort = (np.asarray(CubicSpline(seconds, values)(inside)) for values in signals[:2])
+        reference = np.interp(inside, seconds, signals[2])
+    start = origin + float(seconds[0])
+    return Recording(name, period, position, effort, reference, sha256, start, recorded_step=step), stray
+
+
+def _without_odd_ends(
+    seconds: Floats, signals: Sequence[Floats], period: float
+) -> tuple[Floats, Sequence[Floats]]:
+    """Return the samples without a few at either end, where all uneven pauses of a log lie that is even elsewhere."""
+    uneven = np.flatnonzero(np.abs(np.diff(seconds) - period) > _MAX_UNEVEN * period)
+    early, late = uneven[uneven < _MAX_TRIMMED], uneven[uneven >= len(seconds) - 1 - _MAX_TRIMMED]
+    if not len(uneven) or len(early) + len(late) < len(uneven):
+        return seconds, signals
+    cut = slice(int(early[-1]) + 1 if len(early) else 0, int(late[0]) + 1 if len(late) else None)
+    return seconds[cut], [values[cut] for values in signals]
+
+
+def _other_position(piece: Recording, other: Samples) -> Floats | None:
+    """Return the other axis's position at the samples of a piece."""
+    good = np.isfinite(other.position)
+    if not np.any(good):
+        return None
+    seconds = piece.start + piece.period * np.arange(len(piece))
+    return np.asarray(np.interp(seconds, other.stamp_ns[good] * 1e-9, other.position[good]))
+
+
+def join_samples(blocks: Sequence[Samples]) -> Samples:
+    """Return consecutive blocks as one; without any block, an empty one.
+
+    Args:
+        blocks: in the order of time.
+    """
+    if not blocks:
+        nothing = np.empty(0)
+        return Samples(np.empty(0, dtype=np.int64), nothing, nothing, nothing, nothing)
+    return Samples(
+        *(np.concatenate([getattr(block, name) for block in blocks]) for name in Samples.__dataclass_fields__)
+    )

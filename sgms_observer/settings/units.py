@@ -1,0 +1,108 @@
+"""Units of an axis: metres and newtons where it slides, radians and newton metres where it turns."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+PRISMATIC, REVOLUTE = "prismatic", "revolute"
+#: The words of URDF.
+JOINT_TYPES = (PRISMATIC, REVOLUTE)
+
+#: SI prefixes of the numbers that people read, largest first; a smaller number keeps the last one.
+_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
+
+_REVOLUTE_WORDS = {"m": "rad", "N": "N m", "kg": "kg m^2"}
+_WORD = re.compile(r"(?<![A-Za-z])(kg|N|m)(?![A-Za-z])")
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of one axis, as they stand in messages, files and pictures.
+
+    Attributes:
+        joint_type: ``prismatic`` or ``revolute``.
+    """
+
+    joint_type: str = PRISMATIC
+
+    @property
+    def is_revolute(self) -> bool:
+        """Return whether the axis turns."""
+        return self.joint_type == REVOLUTE
+
+    def of(self, unit: str) -> str:
+        """Return the unit of this axis for the one that the quantity has on a prismatic axis.
+
+        Args:
+            unit: ``m``, ``N s/m``, ``kg``, ...; units without lengths, forces and masses stay as they are.
+        """
+        return _WORD.sub(lambda found: _REVOLUTE_WORDS[found[1]], unit) if self.is_revolute else unit
+
+    @property
+    def position(self) -> str:
+        """Return ``m`` or ``rad``."""
+        return self.of("m")
+
+    @property
+    def velocity(self) -> str:
+        """Return ``m/s`` or ``rad/s``."""
+        return self.of("m/s")
+
+    @property
+    def acceleration(self) -> str:
+        """Return ``m/s^2`` or ``rad/s^2``."""
+        return self.of("m/s^2")
+
+    @property
+    def effort(self) -> str:
+        """Return ``N`` or ``N m``."""
+        return self.of("N")
+
+    @property
+    def mass(self) -> str:
+        """Return ``kg`` or ``kg m^2``."""
+        return self.of("kg")
+
+    @property
+    def damping(self) -> str:
+        """Return ``N s/m`` or ``N m s/rad``."""
+        return self.of("N s/m")
+
+    @property
+    def stiffness(self) -> str:
+        """Return ``N/m`` or ``N m/rad``."""
+        return self.of("N/m")
+
+    @property
+    def effort_word(self) -> str:
+        """Return ``force`` or ``torque``."""
+        return "torque" if self.is_revolute else "force"
+
+    def prefixed(self, size: float, unit: str = "m") -> tuple[float, str]:
+        """Return the factor and the unit in which numbers of this size are easy to read, from ``n`` to no prefix.
+
+        Args:
+            size: largest number to be shown, in the unit without a prefix.
+            unit: what it has on a prismatic axis; its first word gets the prefix (``um/s``, ``mrad``).
+        """
+        prefix_size, prefix = next(
+            (entry for entry in _PREFIXES if abs(size) >= entry[0] * (1 - 1e-9)),
+            _PREFIXES[-1] if size and math.isfinite(size) else _PREFIXES[0],
+        )
+        return 1.0 / prefix_size, f"{prefix}{self.of(unit)}"
+
+    def readable(self, value: float, unit: str = "m", digits: int = 3) -> str:
+        """Return a number with the unit in which it is easy to read: ``31.4 nm``, ``1.2 mm/s``, ``250 urad``.
+
+        Args:
+            value: in the unit without a prefix.
+            unit: what it has on a prismatic axis.
+            digits: significant ones.
+        """
+        rounded = float(f"{value:.{digits}g}") if math.isfinite(value) else value
+        factor, name = self.prefixed(rounded, unit)
+        number = float(f"{rounded * factor:.{digits}g}")
+        whole = f"{number:.0f}"
+        return f"{whole if 1e3 <= abs(number) < 1e6 and float(whole) == number else f'{number:.{digits}g}'} {name}"

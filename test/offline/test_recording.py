@@ -1,0 +1,99 @@
+"""Recordings are brought to an even grid without losing what was measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sgms_observer.errors import DataError
+from sgms_observer.observer.samples import Samples
+from sgms_observer.offline.recording import recordings_from_samples
+
+COUNT = 25_000
+
+
+def _samples(stamp_ns: np.ndarray) -> Samples:
+    position = np.round(np.sin(2.0 * np.pi * 1e-9 * (stamp_ns - stamp_ns[0])) / 5.0e-8) * 5.0e-8
+    nothing = np.full(len(stamp_ns), np.nan)
+    return Samples(stamp_ns, position, np.cos(stamp_ns * 1e-9), nothing, nothing)
+
+
+def test_a_coarse_clock_leaves_the_samples_as_they_are() -> None:
+    tick = 60  # ns: pauses of 999,960 and 1,000,020 ns; the median drifts off by half a millisecond
+    samples = _samples(np.arange(COUNT) * 1_000_000 // tick * tick)
+    (recording,) = recordings_from_samples(samples, "coarse clock")
+    assert recording.period == pytest.approx(1.0e-3, rel=1e-8)
+    assert np.array_equal(recording.position, samples.position)
+    assert np.array_equal(recording.effort, samples.effort)
+
+
+def test_lost_samples_do_not_stretch_the_period() -> None:
+    kept = np.arange(COUNT)[np.random.default_rng(1).random(COUNT) > 0.2]
+    samples = _samples(kept * 1_000_000)
+    pieces = recordings_from_samples(samples, "lost samples")
+    for piece in pieces:
+        assert piece.period == pytest.approx(1.0e-3, rel=1e-8)
+
+
+def test_pauses_cut() -> None:
+    stamp = np.arange(COUNT) * 1_000_000 + np.where(np.arange(COUNT) >= 10_000, 2_500_000_000, 0)
+    first, second = recordings_from_samples(_samples(stamp), "pause")
+    assert (len(first), len(second)) == (10_000, COUNT - 10_000)
+    assert second.start - first.start == pytest.approx(12.5, abs=1e-6)
+
+
+def test_exactly_100_hz_with_stamps_rounded_to_milliseconds_is_even() -> None:
+    samples = _samples(np.arange(3000) * 10_000_000)
+    found = recordings_from_samples(samples, "100 Hz")
+    assert found.notes == ()
+    assert found[0].period == pytest.approx(0.01, rel=1e-9)
+    assert np.array_equal(found[0].position, samples.position)
+
+
+def test_duplicate_and_backward_stamps_are_dropped_and_counted() -> None:
+    stamp = np.arange(COUNT) * 1_000_000
+    stamp[100], stamp[200] = stamp[99], stamp[150]
+    (piece,), notes = (found := recordings_from_samples(_samples(stamp), "log")).pieces, found.notes
+    assert notes[0] == "log: 2 of 25000 samples with duplicate or backward stamps dropped"
+    assert piece.period == pytest.approx(1.0e-3, rel=1e-8)
+
+
+def test_jitter_is_interpolated_with_a_note() -> None:
+    rng = np.random.default_rng(4)
+    seconds = 0.01 * np.arange(3000) + rng.uniform(0.0, 0.006, 3000)
+    stamp = np.rint(seconds * 1e9).astype(np.int64)
+    nothing = np.full(3000, np.nan)
+    position = np.sin(2.0 * np.pi * 0.5 * (stamp - stamp[0]) * 1e-9)
+    found = recordings_from_samples(Samples(stamp, position, position, nothing, nothing), "jitter")
+    piece = found[0]
+    assert "interpolated" in found.notes[0]
+    true = np.sin(2.0 * np.pi * 0.5 * piece.period * np.arange(len(piece)))
+    assert np.abs(piece.position - true)[5:-5].max() < 2.0e-5  # a straight line between samples is off by 1e-4
+
+
+def test_a_hiccup_leaves_a_short_piece_out_and_goes_on() -> None:
+    stamp = np.arange(COUNT) * 1_000_000
+    stamp[150:] += 1_000_000_000
+    found = recordings_from_samples(_samples(stamp), "hiccup")
+    assert [len(piece) for piece in found] == [COUNT - 150]
+    assert "skipped (150 samples)" in found.notes[0]
+
+
+@pytest.mark.parametrize("rate", [20.0, 93.5, 20_000.0])
+def test_rates_from_20_hz_to_20_khz(rate: float) -> None:
+    stamp = np.rint(np.arange(2000) / rate * 1e9).astype(np.int64)
+    assert recordings_from_samples(_samples(stamp), "log")[0].period == pytest.approx(1.0 / rate, rel=1e-6)
+
+
+def test_a_log_below_20_hz_is_refused_with_its_rate() -> None:
+    with pytest.raises(DataError, match="sampled at 5 Hz; record"):
+        recordings_from_samples(_samples(np.arange(2000) * 200_000_000), "slow")
+
+
+def test_a_log_whose_clock_drifts_and_starts_oddly_keeps_its_samples() -> None:
+    """The cart's log: a first pause of its own, then a period that grows by 0.3 permille halfway."""
+    seconds = np.concatenate(([0.0], 0.00085 + np.cumsum(np.where(np.arange(3000) < 1500, 6.670e-3, 6.672e-3))))
+    samples = _samples(np.rint(seconds * 1e9).astype(np.int64))
+    found = recordings_from_samples(samples, "drift")
+    assert found.notes == ()
+    assert np.array_equal(found[0].position, samples.position[1:])
