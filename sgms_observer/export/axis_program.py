@@ -78,7 +78,9 @@ class Memory:
         self.constants[label] = (kind, data)
         return Value(label, Array(kind, data.shape), data=data, binds=binds, selects=selects, is_stable=True)
 
-    def member(self, name: str, shape: tuple[int, ...], start: NDArray[Any] | None = None, kind: Scalar = REAL) -> Value:
+    def member(
+        self, name: str, shape: tuple[int, ...], start: NDArray[Any] | None = None, kind: Scalar = REAL
+    ) -> Value:
         """Return an array in the state.
 
         Args:

@@ -81,7 +81,9 @@ def body_text(program: Translator, functions: str, constants: Sequence[str], wan
         wanted: text that names the constant arrays to keep.
     """
     helpers = [text for name, text in HELPERS.items() if is_used(name, functions)]
-    macros = [f"#define real_{name} REAL_FUNCTION({name})" for name in sorted(MATH) if is_used(f"real_{name}", functions)]
+    macros = [
+        f"#define real_{name} REAL_FUNCTION({name})" for name in sorted(MATH) if is_used(f"real_{name}", functions)
+    ]
     named = {name: value for name, value in program.constants.items() if is_used(name, functions)}
     structs = [struct_text(item) for item in program.structs.values() if is_used(item.name, functions)]
     tables = [text for text in constants if is_used(text.split("[")[0].split()[-1], wanted)]

@@ -64,6 +64,10 @@ class Statements(Expressions):
         if node.value is None or (isinstance(node.value, ast.Constant) and node.value.value is None):
             return [Line("return")], True
         value = self.expression(node.value)
+        before: list[Statement] = []
+        if isinstance(value.type, Struct) and value.type.name in self.program.owners:  # several results, handed on
+            before, items = self._received(value)
+            value = Value("", None, items=tuple(items), reads=items[0].reads)
         self.returns.append(value)
         if value.items is None:
             kind = self.result
@@ -71,7 +75,17 @@ class Statements(Expressions):
             if value.is_pointer:
                 text = f"*{text}"
             return [Line(f"return {text}", value.reads)], True
-        return [Line(f"return {self.program.literal(self, value)}", value.reads)], True
+        return [*before, Line(f"return {self.program.literal(self, value)}", value.reads)], True
+
+    def _received(self, value: Value) -> tuple[list[Statement], list[Value]]:
+        """Return the statement that takes in several results of a call, and the results."""
+        assert isinstance(value.type, Struct)
+        self.temporaries += 1
+        name = f"got_{self.temporaries}"
+        self.types[name] = value.type
+        own = frozenset([name])
+        items = [Value(f"{name}.{member}", kind, reads=own) for member, kind in value.type.fields]
+        return [Line(value.text, value.reads, name, value.is_pure)], items
 
     def _do_annassign(self, node: ast.AnnAssign) -> tuple[list[Statement], bool]:
         if node.value is None:
@@ -101,13 +115,7 @@ class Statements(Expressions):
         if value.items is None:
             if not isinstance(value.type, Struct):
                 raise self.refuse(target, "this unpacking")
-            self.temporaries += 1
-            name = f"got_{self.temporaries}"
-            self.types[name] = value.type
-            done.append(Line(value.text, value.reads, name, value.is_pure))
-            items = [
-                Value(f"{name}.{member}", kind, reads=frozenset([name])) for member, kind in value.type.fields
-            ]
+            done, items = self._received(value)
         else:
             items = list(value.items)
             names = {node.id for node in ast.walk(target) if isinstance(node, ast.Name)}

@@ -80,7 +80,7 @@ def vector_text(samples: Samples, columns: list[tuple[str, str, np.ndarray]]) ->
     head = ",".join(["stamp_ns", *inputs, *(f"python_{name}" for name, _member, _values in columns)])
     table = np.column_stack([*(getattr(samples, name) for name in inputs), *(values for *_names, values in columns)])
     rows = [
-        f"{stamp}," + ",".join("%.17g" % value for value in row)
+        f"{stamp}," + ",".join(f"{value:.17g}" for value in row)
         for stamp, row in zip(samples.stamp_ns, table, strict=True)
     ]
     return "\n".join([head, *rows]) + "\n"
