@@ -123,7 +123,8 @@ class Translator:
     def _construct(self, target: Any, arguments: list[Value]) -> Value:
         """Return a new structure from the values of its members."""
         kinds = tuple((name, item.type) for name, item in zip(target._fields, arguments, strict=True))
-        kind = self.structs.setdefault(snake(target.__name__), Struct(snake(target.__name__), kinds))
+        label = f"{snake(target.__name__)}_struct"
+        kind = self.structs.setdefault(label, Struct(label, kinds))
         parts = [calls.number_as(member, item) for (_, member), item in zip(kind.fields, arguments, strict=True)]
         reads: frozenset[str] = frozenset().union(*(item.reads for item in arguments))
         return Value(f"({kind.name}){{{', '.join(parts)}}}", kind, 90, reads=reads)
