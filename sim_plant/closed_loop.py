@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import partial
 
@@ -15,6 +15,9 @@ from sim_plant.table import SimulatedTable
 ObserverStep = Callable[[Samples], Estimates]
 """What turns the newest samples of one axis into estimates; ``AxisObserver.step`` is one."""
 
+TableObserver = Callable[[Mapping[int, Samples]], Iterable[tuple[int, Estimates]]]
+"""The same for all axes together, by number; ``AllAxes.step`` is one."""
+
 
 class ClosedLoop:
     """A table and one observer per axis.
@@ -24,16 +27,19 @@ class ClosedLoop:
 
     Args:
         table: the simulated axes.
-        observers: one per axis, in the order of the table.
+        observers: one per axis, in the order of the table; or one for all axes, which then step together.
         has_feedback: whether the compensation reaches the stage; without it whole blocks are computed at once, with
             the same result as a compensation of zero.
     """
 
-    def __init__(self, table: SimulatedTable, observers: Sequence[ObserverStep], has_feedback: bool = True) -> None:
+    def __init__(
+        self, table: SimulatedTable, observers: Sequence[ObserverStep] | TableObserver, has_feedback: bool = True
+    ) -> None:
         self._table = table
-        self._observers = tuple(observers)
+        self._together = observers if callable(observers) else None
+        self._observers = () if callable(observers) else tuple(observers)
         self._has_feedback = has_feedback
-        self._compensation = [0.0] * len(self._observers)
+        self._compensation = [0.0] * len(table.stages)
 
     def step(self, count: int) -> tuple[tuple[StageRecord, ...], tuple[Estimates, ...]]:
         """Give the next samples of every axis and what the observers say of them.
@@ -47,7 +53,7 @@ class ClosedLoop:
         if not self._has_feedback:
             together = self._table.step(count)
             return together, self._observe(together)
-        if self._table.is_coupled:
+        if self._table.is_coupled or self._together is not None:
             return self._step_together(count)
         records: list[StageRecord] = []
         estimates: list[Estimates] = []
@@ -75,6 +81,9 @@ class ClosedLoop:
         )
 
     def _observe(self, records: Sequence[StageRecord]) -> tuple[Estimates, ...]:
+        if self._together is not None:
+            found = dict(self._together({number: record.samples for number, record in enumerate(records)}))
+            return tuple(found[number] for number in range(len(records)))
         return tuple(observe(record.samples) for observe, record in zip(self._observers, records, strict=True))
 
 

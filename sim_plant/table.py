@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.settings.axis import Settings
+from sgms_observer.settings.axis import Settings, coupled_number
 from sim_plant.record import StageRecord, join_records
 from sim_plant.stage import SimulatedStage
 
@@ -18,8 +18,8 @@ Floats = NDArray[np.float64]
 class SimulatedTable:
     """All axes of a parameter file, in step.
 
-    An axis with the effect ``cross_axis_coupling`` feels the motion of the axis before it (the first: of the last)
-    as it was one sample ago; a table with such an axis moves sample by sample.
+    An axis with the effect ``cross_axis_coupling`` feels the motion of its ``coupled_axis`` (by default the axis before
+    it, the first: the last) as it was one sample ago; a table with such an axis moves sample by sample.
 
     Args:
         settings: the whole file.
@@ -35,6 +35,7 @@ class SimulatedTable:
         if seed is not None:
             axes = tuple(replace(axis, stage=replace(axis.stage, seed=seed)) for axis in axes)
         self.stages = tuple(SimulatedStage(axis, settings.sample_period, start_ns) for axis in axes)
+        self._neighbours = [coupled_number(axes, number) or 0 for number in range(len(axes))]
         self.is_coupled = len(self.stages) > 1 and any(stage.is_coupled for stage in self.stages)
 
     @property
@@ -61,7 +62,7 @@ class SimulatedTable:
 
     def _coupled_sample(self, forces: Sequence[float]) -> list[StageRecord]:
         """Move every axis by one sample under the motion that its neighbour had at the start."""
-        neighbours = [self.stages[i - 1] for i in range(len(self.stages))]
+        neighbours = [self.stages[number] for number in self._neighbours]
         motions = [(neighbour.velocity, neighbour.acceleration) for neighbour in neighbours]
         return [
             stage.step(1, force, velocity, acceleration)

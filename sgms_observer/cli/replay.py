@@ -14,7 +14,6 @@ from sgms_observer.fleet.arguments import add_fleet_arguments
 
 if TYPE_CHECKING:
     from sgms_observer.bags.writer import BagWriter
-    from sgms_observer.observer.axis_observer import AxisObserver
     from sgms_observer.observer.outgoing import Outgoing
     from sgms_observer.observer.samples import Estimates, Samples
 
@@ -125,12 +124,12 @@ def replay_bag(
     first, last = source.span_ns
     tallies = {name: Tally() for name in names}
     with _short_turns(), _beside(_blocks_of_all_axes(source, names), _READ_AHEAD) as samples:
-        from sgms_observer.observer.axis_observer import AxisObserver
+        from sgms_observer.observer.all_axes import AllAxes
         from sgms_observer.observer.outgoing import Outgoing
 
-        observers = [AxisObserver(axis, settings.sample_period) for axis in settings.axes]
+        observers = AllAxes(settings.axes, settings.sample_period)
         outgoing = Outgoing(settings)
-        observed = (_observe(observers, block) for block in samples)
+        observed = (dict(observers.step(block)) for block in samples)
         with BagWriter(out, storage) as written, _beside(observed, _WAITING) as blocks:
             for estimates in blocks:
                 for number, estimate in estimates.items():
@@ -165,11 +164,6 @@ def _blocks_of_all_axes(source: Iterable[tuple[str, Samples]], names: Sequence[s
         gathered[number] = samples
     if gathered:
         yield gathered
-
-
-def _observe(observers: Sequence[AxisObserver], block: Mapping[int, Samples]) -> dict[int, Estimates]:
-    """Return what the observers say of a block."""
-    return {number: observers[number].step(samples) for number, samples in block.items()}
 
 
 @contextmanager

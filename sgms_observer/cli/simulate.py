@@ -96,12 +96,13 @@ def run(args: argparse.Namespace) -> int:
 
 def _observed(settings: Settings, table: SimulatedTable) -> TableStep:
     """Return the step of the table with one observer per axis in the loop."""
-    from sgms_observer.observer.axis_observer import AxisObserver
+    from sgms_observer.observer.all_axes import AllAxes
     from sim_plant.closed_loop import ClosedLoop
 
-    observers = [AxisObserver(axis, settings.sample_period).step for axis in settings.axes]
+    observers = AllAxes(settings.axes, settings.sample_period)
+    steps = observers.step if observers.is_coupled else [observer.step for observer in observers.observers]
     has_feedback = any(axis.compensation.enabled and axis.stage.accept_compensation for axis in settings.axes)
-    return ClosedLoop(table, observers, has_feedback).step
+    return ClosedLoop(table, steps, has_feedback).step
 
 
 def _without_compensation(settings: Settings, seed: int | None) -> SimulatedTable | None:

@@ -3,19 +3,23 @@
 Where a reference is published, the element states are carried along the reference, not along the measurement: the
 measured position would feed the presliding springs back with the delay of filter and actuator, which rings. They
 start from the observer's states, use the observer's estimated parameters, and look ahead over the delay from
-measurement to actuation. Without a reference the observer's states are carried along the estimated velocity.
+measurement to actuation. The force, with the mass's own that the controller commands, is then turned into the command
+that lets it arrive: dead zone, gain and limit of the actuator. Without a reference the observer's states are carried
+along the estimated velocity.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.compensation.motion_ahead import (
     ACCELERATION,
+    AHEAD_ACCELERATION,
     AHEAD_WIDTH,
     HAS_REFERENCE,
     JERK,
@@ -27,8 +31,11 @@ from sgms_observer.compensation.motion_ahead import (
 from sgms_observer.compensation.preview import advance_elements, preview_elements
 from sgms_observer.compensation.safety import safe_output
 from sgms_observer.compensation.trust import fade, next_steady, next_trust
+from sgms_observer.effects.compiled import CompiledEffects
+from sgms_observer.effects.kernels import needed_command
 from sgms_observer.estimators.block import FRICTION_STD, RESULT_SIZE, STATUS
 from sgms_observer.estimators.layout import (
+    MASS,
     MODEL_SIZE,
     OFFSET,
     VISCOUS,
@@ -85,6 +92,22 @@ class Preview:
     status: NDArray[np.uint8]
 
 
+class ActuatorPath(NamedTuple):
+    """What lies between the command and the force, and the masses along a reference.
+
+    Attributes:
+        kinds, p_at, parameters: effects as ``needed_command`` takes them; no kinds where the path changes no force.
+        mass: that the controller commands the force of itself [kg].
+        added_mass: that effects add to it, and nobody else commands the force of [kg].
+    """
+
+    kinds: Integers
+    p_at: Integers
+    parameters: Floats
+    mass: float
+    added_mass: float
+
+
 @njit
 def _is_finite(values: Floats) -> bool:
     """Return whether every value is a finite number."""
@@ -102,6 +125,7 @@ def _compensate(
     scalars: Floats,
     elements: Floats,
     kinds: Floats,
+    path: ActuatorPath,
     motion: Floats,
     results: Floats,
     ahead: Floats,
@@ -163,7 +187,14 @@ def _compensate(
         wanted = 0.0
         if trust > 0.0:
             share = state[GAIN] * trust * fade(results[k, FRICTION_STD], state[FADE_STD])
-            wanted = share * (state[RAW] + row[OFFSET] + effects_force[k])
+            needed = state[RAW] + row[OFFSET] + effects_force[k]
+            own = 0.0
+            if ahead[k, HAS_REFERENCE] > 0.5:
+                needed += path.added_mass * ahead[k, AHEAD_ACCELERATION]
+                own = path.mass * ahead[k, AHEAD_ACCELERATION]
+            if path.kinds.shape[0] > 0:
+                needed = needed_command(path.kinds, path.p_at, path.parameters, needed + own) - own
+            wanted = share * needed
         state[OUTPUT] = safe_output(state[OUTPUT], wanted, h, state[LIMIT], state[SLEW])
         out[k] = state[OUTPUT]
 
@@ -175,11 +206,28 @@ class Compensator:
         settings: checked settings.
         model: nominal friction model with mass and offset.
         parameters: which parameters the observer estimates.
+        effects: of the axis, or None; their path of the effort is inverted, their delay adds to the look-ahead.
     """
 
-    def __init__(self, settings: CompensationSettings, model: ModelArrays, parameters: ParameterArrays) -> None:
+    def __init__(
+        self,
+        settings: CompensationSettings,
+        model: ModelArrays,
+        parameters: ParameterArrays,
+        effects: CompiledEffects | None = None,
+    ) -> None:
         self._model = model
         self._kinds = parameters.kinds
+        self._delay = effects.delay if effects else 0.0
+        nothing = np.zeros(0, dtype=np.int64)
+        added_mass = effects.added_mass if effects else 0.0
+        self._path = ActuatorPath(
+            effects.kinds if effects and effects.has_effort_path else nothing,
+            effects.p_at if effects else nothing,
+            effects.parameters if effects else np.zeros(0),
+            float(model.scalars[MASS]) - added_mass,
+            added_mass,
+        )
         n_z = model.elements.shape[1]
         self._state = np.ones(VERDICT + 256)
         self._state[:VERDICT] = 0.0
@@ -201,7 +249,7 @@ class Compensator:
             settings.gain,
             settings.limit,
             settings.slew_limit,
-            settings.look_ahead,
+            settings.look_ahead + self._delay,
             settings.standstill_velocity,
             settings.fade_std,
             settings.timeout,
@@ -296,6 +344,7 @@ class Compensator:
             self._model.scalars,
             self._model.elements,
             self._kinds,
+            self._path,
             motion,
             results,
             ahead,

@@ -48,7 +48,9 @@ HARD = 1.2
 BLIND = 0.1
 """An encoder whose grid is coarser than told, and this share of the contact's largest reach, does not show the motion
 that the contact felt: nothing else is named until its resolution is set right."""
-NEVER_SEARCHED = ("actuator_gain", "gravity", "mass_error", "quantisation")
+NEVER_SEARCHED = (
+    "actuator_gain", "gravity", "mass_error", "quantisation", "learnt_map", "learnt_map_2", "learnt_map_3",
+)  # fmt: skip
 """Effects that are judged by the parameters' tolerance or read off the data, not by the residual."""
 
 

@@ -12,12 +12,13 @@ from typing import Any
 from sgms_observer.effects.effect import Effect, Place
 from sgms_observer.effects.force_entries import FORCE_EFFECTS
 from sgms_observer.effects.level_entries import LEVEL_EFFECTS
+from sgms_observer.effects.map_entries import MAP_EFFECTS
 from sgms_observer.effects.path_entries import PATH_EFFECTS
 from sgms_observer.errors import ConfigurationError
 
 ENTRY_POINT_GROUP = "sgms_observer.effects"
 USER_PLACES = (Place.ADDED_FORCE, Place.LEVEL_FACTOR)
-BUILT_IN: tuple[Effect, ...] = FORCE_EFFECTS + LEVEL_EFFECTS + PATH_EFFECTS
+BUILT_IN: tuple[Effect, ...] = FORCE_EFFECTS + LEVEL_EFFECTS + PATH_EFFECTS + MAP_EFFECTS
 
 _effects: dict[str, Effect] = {entry.name: entry for entry in BUILT_IN}
 _loaded: set[str] = set()

@@ -147,6 +147,32 @@ class CompiledEffects:
         kernels.effort_block(self.kinds, self.p_at, self.s_at, self.parameters, state, effort, arrived)
         return arrived
 
+    def needed_command(self, force: Floats, period: float | None = None) -> Floats:
+        """Return the command that lets a force reach the mass [N]: the reverse of the effort's path.
+
+        Where the path leaves it open (beyond a saturation, inside a dead zone) it is the limit, and 0. A delay makes
+        the command lead the force; at the end of the block the last force is held.
+
+        Args:
+            force: needed at the mass [N], shape (n,); smooth between its samples.
+            period: time between them [s]; the sample period if left out.
+        """
+        if not self.has_effort_path:
+            return force
+        ahead = force
+        if self.delay > 0.0:
+            place = np.arange(len(force)) + self.delay / (period or self.sample_period)
+            ahead = np.interp(place, np.arange(len(force)), force)
+        command = np.empty_like(ahead)
+        kernels.command_block(self.kinds, self.p_at, self.parameters, np.ascontiguousarray(ahead), command)
+        return command
+
+    @property
+    def delay(self) -> float:
+        """Time from the commanded effort to the force [s]."""
+        starts = zip(self.names, self.p_at, strict=False)
+        return sum(float(self.parameters[start]) for name, start in starts if name == "actuator_delay")
+
     def measured_position(self, position: Floats) -> Floats:
         """Return what the encoder shows [m].
 

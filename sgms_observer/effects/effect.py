@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
 from sgms_observer.errors import ConfigurationError
+from sgms_observer.settings.effects import flat_values, named_values
 
 INPUTS = ("q", "v", "a", "t", "u", "h", "level", "v2", "a2")
 """Names a formula may ask for: position [m], velocity [m/s], acceleration [m/s^2], time since the first sample [s],
@@ -63,6 +64,29 @@ class EffectParameter:
 
 
 @dataclass(frozen=True)
+class EffectList:
+    """A parameter of an effect that is a list: a table, a grid, or words.
+
+    Attributes:
+        name: key in the YAML.
+        unit: SI unit of each entry, or ``-``.
+        default: entries when the YAML is silent [``unit``].
+        minimum: smallest physical entry [``unit``].
+        maximum: largest physical entry [``unit``].
+        description: one sentence for people.
+        choices: the allowed words of a list of words; the formula gets their numbers. Empty for a list of numbers.
+    """
+
+    name: str
+    unit: str
+    default: tuple[float, ...] | tuple[str, ...]
+    minimum: float
+    maximum: float
+    description: str
+    choices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Effect:
     """One effect of the catalogue, or of the user's own.
 
@@ -78,6 +102,9 @@ class Effect:
         output: formula; its argument names are taken from ``INPUTS``, ``s`` and ``p``.
         advance: formula of the next state, or None without state.
         initial_state: state at the start [SI units, as ``advance`` returns them].
+        lists: parameters that are lists. They follow the others in ``p``, each as its length and then its entries.
+        list_faults: returns one sentence per fault that the lists have together, or None where there is no rule; gets
+            the lists by name, and the effect's path in the YAML.
     """
 
     name: str
@@ -91,6 +118,8 @@ class Effect:
     output: Callable[..., Any]
     advance: Callable[..., Any] | None = None
     initial_state: tuple[float, ...] = ()
+    lists: tuple[EffectList, ...] = ()
+    list_faults: Callable[[Mapping[str, tuple[Any, ...]], str], list[str]] | None = None
 
     def __post_init__(self) -> None:
         """Check names and formula arguments.
@@ -101,7 +130,8 @@ class Effect:
         faults = []
         if not self.name.isidentifier():
             faults.append(f"effect name {self.name!r} must be a word of letters, digits and _; rename it")
-        if len({parameter.name for parameter in self.parameters}) < len(self.parameters):
+        keys = [*(item.name for item in self.parameters), *(item.name for item in self.lists)]
+        if len(set(keys)) < len(keys):
             faults.append(f"effect {self.name} has two parameters of one name; rename one")
         for formula in (self.output, self.advance):
             if formula is None:
@@ -119,8 +149,8 @@ class Effect:
 
     @property
     def defaults(self) -> tuple[float, ...]:
-        """Return the default value of each parameter."""
-        return tuple(parameter.default for parameter in self.parameters)
+        """Return the default values, as the formula's ``p`` has them."""
+        return flat_values(self, {})
 
     def parameter(self, name: str) -> EffectParameter:
         """Return one parameter.
@@ -141,16 +171,20 @@ class Effect:
         """Return one sentence per value that breaks its range.
 
         Args:
-            values: one per parameter [its unit].
+            values: as the formula's ``p`` has them [each in its unit].
             where: path in the YAML, for instance ``x.effects``.
         """
-        if len(values) != len(self.parameters):
+        named = named_values(self, values)
+        if named is None:
             return [
-                f"{where}.{self.name} has {len(values)} values, the catalogue has {len(self.parameters)}; name them all"
+                f"{where}.{self.name} has {len(values)} values, the catalogue has {len(self.defaults)}; name them all"
             ]
-        return [
+        faults = [
             f"{where}.{self.name}.{parameter.name} = {value:g} {parameter.unit} must be between"
             f" {parameter.minimum:g} and {parameter.maximum:g} {parameter.unit}; correct it"
-            for parameter, value in zip(self.parameters, values, strict=True)
+            for parameter, value in zip(self.parameters, values, strict=False)
             if not parameter.minimum <= value <= parameter.maximum
         ]
+        if self.list_faults is not None:
+            faults += self.list_faults({item.name: named[item.name] for item in self.lists}, f"{where}.{self.name}")
+        return faults

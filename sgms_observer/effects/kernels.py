@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from sgms_observer.effects.catalogue import BUILT_IN
+from sgms_observer.effects.map_kernel import learnt_map, learnt_map_next
 from sgms_observer.formulas import effects_force, effects_level, effects_path
 from sgms_observer.jit import njit
 
@@ -29,6 +30,7 @@ WEAR_STEP, DWELL_BREAKAWAY = KIND["wear_step"], KIND["dwell_breakaway"]
 FRICTIONAL_LAG, BACKLASH = KIND["frictional_lag"], KIND["backlash"]
 ACTUATOR_GAIN, ACTUATOR_SATURATION = KIND["actuator_gain"], KIND["actuator_saturation"]
 ACTUATOR_DEAD_ZONE, ACTUATOR_DELAY = KIND["actuator_dead_zone"], KIND["actuator_delay"]
+LEARNT_MAP, LEARNT_MAP_3 = KIND["learnt_map"], KIND["learnt_map_3"]
 ENCODER_INTERPOLATION_ERROR, QUANTISATION = KIND["encoder_interpolation_error"], KIND["quantisation"]
 
 
@@ -66,6 +68,9 @@ _dwell_breakaway = _formula(effects_level.dwell_breakaway)
 _dwell_breakaway_next = _formula(effects_level.dwell_breakaway_next)
 _frictional_lag = _formula(effects_level.frictional_lag)
 _frictional_lag_next = _formula(effects_level.frictional_lag_next)
+_actuator_gain_command = _formula(effects_path.actuator_gain_command)
+_actuator_saturation_command = _formula(effects_path.actuator_saturation_command)
+_actuator_dead_zone_command = _formula(effects_path.actuator_dead_zone_command)
 _actuator_gain = _formula(effects_path.actuator_gain)
 _actuator_saturation = _formula(effects_path.actuator_saturation)
 _actuator_dead_zone = _formula(effects_path.actuator_dead_zone)
@@ -194,6 +199,13 @@ def effects_step(
             s[1] = ratio
             s[2] = started
             factor *= _frictional_lag(level, s, p)
+        elif LEARNT_MAP <= kind <= LEARNT_MAP_3:  # three of one formula, numbered in a row
+            direction, travel, clock, dwell = learnt_map_next(v, h, s, p)
+            s[0] = direction
+            s[1] = travel
+            s[2] = clock
+            s[3] = dwell
+            force += learnt_map(q, v, a, t, s, p)
     out[0] = force
     out[1] = max(factor, MINIMUM_LEVEL_FACTOR)
 
@@ -232,6 +244,25 @@ def effort_step(kinds: Any, p_at: Any, s_at: Any, parameters: Any, state: Any, u
             whole = int(s[0])
             u = _actuator_delay(ring[(latest - whole) % size], ring[(latest - whole - 1) % size], s[1])
     return u
+
+
+@njit
+def needed_command(kinds: Any, p_at: Any, parameters: Any, force: float) -> float:
+    """Return the command [N] that lets ``force`` [N] arrive; a delay changes only its time.
+
+    Args:
+        kinds, p_at, parameters: as in ``effects_step``.
+        force: wanted at the mass [N].
+    """
+    for i in range(kinds.shape[0] - 1, -1, -1):
+        p = parameters[p_at[i] : p_at[i + 1]]
+        if kinds[i] == ACTUATOR_GAIN:
+            force = _actuator_gain_command(force, p)
+        elif kinds[i] == ACTUATOR_SATURATION:
+            force = _actuator_saturation_command(force, p)
+        elif kinds[i] == ACTUATOR_DEAD_ZONE:
+            force = _actuator_dead_zone_command(force, p)
+    return force
 
 
 @njit
@@ -304,6 +335,13 @@ def effort_block(kinds: Any, p_at: Any, s_at: Any, parameters: Any, state: Any, 
     """``effort_step`` over a block; writes ``arrived``."""
     for k in range(u.shape[0]):
         arrived[k] = effort_step(kinds, p_at, s_at, parameters, state, u[k])
+
+
+@njit
+def command_block(kinds: Any, p_at: Any, parameters: Any, force: Any, command: Any) -> None:
+    """``needed_command`` over a block; writes ``command``."""
+    for k in range(force.shape[0]):
+        command[k] = needed_command(kinds, p_at, parameters, force[k])
 
 
 @njit

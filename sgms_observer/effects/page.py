@@ -6,7 +6,10 @@ import sys
 from pathlib import Path
 
 from sgms_observer.effects.catalogue import BUILT_IN
-from sgms_observer.effects.effect import Effect, EffectParameter, Place
+from sgms_observer.effects.effect import Effect, EffectList, EffectParameter, Place
+from sgms_observer.settings.faults import shown
+
+_MORE_MAPS = ("learnt_map_2", "learnt_map_3")  # as learnt_map, for more than one table
 
 _HEAD = """# The catalogue of effects
 
@@ -22,6 +25,24 @@ Effects of your own: a Python file with `EFFECTS = [Effect(...)]` (see `sgms_obs
 `effect_files` of the YAML, or given by an installed package's entry point in the group `sgms_observer.effects`.
 Formulas are plain functions over `math`, arguments by name out of q, v, a, t, u, h, level, v2, a2, s, p.
 
+A learnt map (`learnt_map`, and for more than one also `learnt_map_2`, `learnt_map_3`) holds its table in the parameter
+file, here friction along a rail, larger downwards:
+
+```yaml
+      effects:
+        names: [learnt_map]
+        learnt_map:
+          coordinates: [position, direction]           # one or two
+          position: [0.0, 0.2, 0.4]                    # m, the grid; the grid of direction is -1, 1
+          values: [-2.3, 2.3, -6.1, 4.0, -3.0, 2.5]    # N, the last coordinate fastest: both at 0.0 m, ...
+```
+
+Between grid points the force is linear. Outside the grid it fades to zero within a tenth of the grid's range: what was
+never recorded is left to the model as it was without the map. So it is bounded by its largest value. The direction
+turns round over `reversal_distance` and stays as it is at rest, so noise of a resting encoder does not move it; the
+compensation takes it along the reference. `dwell` counts the time at rest before the present motion. In Python,
+`sgms_observer.effects.learnt_map.LearntMap` makes, evaluates and fits such maps.
+
 How each place is used: an **added force** and a **level factor** act in the stage, the observer (the sum is taken
 off the measured friction, the factor scales the model's Stribeck curve), replay and compensation. The **effort's path**
 turns the published effort into the one that arrives, before anything else uses it. A **measured position** effect is
@@ -36,7 +57,7 @@ def catalogue_page() -> str:
     parts = [_HEAD]
     for place in Place:
         parts.append(f"\n## {place.value[0].upper()}{place.value[1:]}\n")
-        parts.extend(_section(entry) for entry in BUILT_IN if entry.place is place)
+        parts.extend(_section(entry) for entry in BUILT_IN if entry.place is place and entry.name not in _MORE_MAPS)
     return "\n".join(parts)
 
 
@@ -49,10 +70,17 @@ def _row(parameter: EffectParameter) -> str:
     )
 
 
+def _list_row(item: EffectList) -> str:
+    """Return the table's row of a parameter that is a list."""
+    bounds = ", ".join(item.choices) if item.choices else f"{item.minimum:g} .. {item.maximum:g} each"
+    default = shown(item.default).replace("'", "")
+    return f"| `{item.name}` | {item.unit} | {default} | {bounds} | {item.description} (list) |"
+
+
 def _section(entry: Effect) -> str:
     """Return the section of one effect."""
-    rows = "\n".join(_row(parameter) for parameter in entry.parameters)
-    confused = ", ".join(entry.confusable_with)
+    rows = "\n".join([*map(_row, entry.parameters), *map(_list_row, entry.lists)])
+    confused = ", ".join(entry.confusable_with) or "nothing in particular"
     return (
         f"### {entry.name}\n\n`{entry.equation}`\n\n"
         f"Shows as: {entry.signature}. Needs: {entry.excitation}. Easily taken for: {confused}.\n\n"

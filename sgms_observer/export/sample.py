@@ -40,6 +40,7 @@ def observe_sample(
     scalars: Any,
     elements: Any,
     estimated: Any,
+    path: Any,
     feedforward: Any,
     carried: Any,
     carried_modes: Any,
@@ -56,6 +57,10 @@ def observe_sample(
     effort: float,
     reference_position: Any,
     reference_velocity: Any,
+    other_velocity: float,
+    other_acceleration: float,
+    other_velocity_ahead: float,
+    other_acceleration_ahead: float,
 ) -> None:
     """Take one sample: filter, effects, estimator, look-ahead and compensation, in this order.
 
@@ -68,6 +73,7 @@ def observe_sample(
         estimator: the estimator's memory.
         results: the estimator's row, shape (1, width).
         scalars, elements, estimated: the nominal model, and which parameters are estimated.
+        path: what lies between command and force (``compensation.feedforward.ActuatorPath``).
         feedforward, carried, carried_modes, set_points: of the compensation.
         ahead: the look-ahead's row, shape (1, AHEAD_WIDTH).
         force, factor: of the effects, shape (1,).
@@ -79,6 +85,8 @@ def observe_sample(
         position: measured position [m].
         effort: effort of the actuator [N], NaN where it is missing.
         reference_position, reference_velocity: set-point [m], [m/s], NaN where there is none, shape (1,).
+        other_velocity, other_acceleration: of the axis that ``cross_axis_coupling`` follows, at the row's instant.
+        other_velocity_ahead, other_acceleration_ahead: the same where that axis is meant to be.
     """
     if clock[HAS_ORIGIN] == 0:
         clock[HAS_ORIGIN] = 1
@@ -96,7 +104,7 @@ def observe_sample(
         effects_step(
             kinds, p_at, s_at, effect_parameters, effect_state, user,
             row[row_of.POSITION], row[row_of.VELOCITY], row[row_of.ACCELERATION], since - delay, row[row_of.EFFORT],
-            row[row_of.PERIOD], level, 0.0, 0.0, scratch,
+            row[row_of.PERIOD], level, other_velocity, other_acceleration, scratch,
         )  # fmt: skip
         force[0] = scratch[0]
         factor[0] = scratch[1]
@@ -111,11 +119,12 @@ def observe_sample(
         effects_step(
             kinds, p_at, s_at, effect_parameters, effect_state_ahead, user,
             ahead[0, AHEAD_POSITION], ahead[0, AHEAD_VELOCITY], ahead[0, AHEAD_ACCELERATION],
-            since + feedforward[LOOK_AHEAD], row[row_of.EFFORT], row[row_of.PERIOD], level, 0.0, 0.0, scratch,
+            since + feedforward[LOOK_AHEAD], row[row_of.EFFORT], row[row_of.PERIOD], level,
+            other_velocity_ahead, other_acceleration_ahead, scratch,
         )  # fmt: skip
         force[0] = scratch[0]
         factor[0] = scratch[1]
     _compensate(
-        feedforward, carried, carried_modes, scalars, elements, estimated, motion, results, ahead, force, factor,
+        feedforward, carried, carried_modes, scalars, elements, estimated, path, motion, results, ahead, force, factor,
         compensation,
     )  # fmt: skip

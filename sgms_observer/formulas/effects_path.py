@@ -1,9 +1,13 @@
 """Effects on the way of the effort to the mass [N], and of the position to the measurement [m].
 
-Rules as in ``effects_force``. Clamps are written with ``fabs`` so that they carry no branch.
+Rules as in ``effects_force``. Clamps are written with ``fabs`` so that they carry no branch. Each effect on the effort
+has its inverse beside it: the command that brings a needed force to the mass. A diagnosis predicts with it the effort
+that was commanded, a feedforward commands it.
 """
 
 import math
+
+SOFT_SHARE = 0.05  # of a dead zone's width: needed forces below it get only a part of the width, instead of a jump
 
 
 def actuator_gain(u, p):
@@ -11,14 +15,34 @@ def actuator_gain(u, p):
     return p[0] * u
 
 
+def actuator_gain_command(force, p):
+    """Command that lets ``force`` arrive when the actuator's constant is off [N]; p: gain."""
+    return force / p[0]
+
+
 def actuator_saturation(u, p):
     """Effort that arrives when the actuator saturates [N]; p: limit."""
     return 0.5 * (math.fabs(u + p[0]) - math.fabs(u - p[0]))
 
 
+def actuator_saturation_command(force, p):
+    """Command that lets ``force`` arrive, or as much of it as the actuator can give [N]; p: limit."""
+    return 0.5 * (math.fabs(force + p[0]) - math.fabs(force - p[0]))
+
+
 def actuator_dead_zone(u, p):
     """Effort that arrives when small efforts are lost [N]; p: width."""
     return u - 0.5 * (math.fabs(u + p[0]) - math.fabs(u - p[0]))
+
+
+def actuator_dead_zone_command(force, p):
+    """Command that lets ``force`` arrive when small efforts are lost [N]; p: width.
+
+    Any command within the width lets no force arrive; of those the middle, 0, is returned. Around it the width comes in
+    smoothly, over ``SOFT_SHARE`` of itself.
+    """
+    soft = SOFT_SHARE * p[0] + 1.0e-12
+    return force + p[0] * force / math.sqrt(force * force + soft * soft)
 
 
 def actuator_delay(newer, older, fraction):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sgms_observer.nodes.intake import Intake
 from sgms_observer.nodes.statistics import AxisStatistics, StepClock
+from sgms_observer.observer.all_axes import AllAxes
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.outgoing import Outgoing, OutgoingBlock, ParameterReport
 from sgms_observer.observer.samples import Estimates, Samples
@@ -45,7 +47,8 @@ class Engine:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.axes = tuple(axis.name for axis in settings.axes)
-        self.observers = [AxisObserver(axis, settings.sample_period) for axis in settings.axes]
+        self._all_axes = AllAxes(settings.axes, settings.sample_period)
+        self.observers = self._all_axes.observers
         self.clock = StepClock(settings.sample_period)
         self.statistics = [AxisStatistics() for _ in settings.axes]
         self.latest: dict[int, Estimates] = {}
@@ -60,22 +63,31 @@ class Engine:
 
     def process(self) -> Processed:
         """Estimate over everything that came in and is complete."""
-        estimates: dict[int, Estimates] = {}
         blocks: list[OutgoingBlock] = []
         reports: list[ParameterReport] = []
-        for number, samples in self.intake.pop():
-            if number in estimates:  # a second block of an axis follows a reset of the clock
-                blocks += self._outgoing.blocks(estimates)
-                reports += self._outgoing.reports(estimates)
-                estimates = {}
+        estimates: dict[int, Estimates] = {}
+        for group in self._groups():
+            estimates = {}
             start = time.perf_counter()
-            block = self.observers[number].step(samples)
-            self.clock.add(time.perf_counter() - start, len(samples.stamp_ns))
-            self.statistics[number].add(block)
-            estimates[number] = self.latest[number] = block
-        blocks += self._outgoing.blocks(estimates)
-        reports += self._outgoing.reports(estimates)
+            for number, block in self._all_axes.step(group):
+                self.clock.add(time.perf_counter() - start, len(group[number].stamp_ns))
+                self.statistics[number].add(block)
+                estimates[number] = self.latest[number] = block
+                start = time.perf_counter()
+            blocks += self._outgoing.blocks(estimates)
+            reports += self._outgoing.reports(estimates)
         return Processed(estimates, blocks, reports)
+
+    def _groups(self) -> Iterator[dict[int, Samples]]:
+        """Yield the new samples by axis; a second block of an axis, which follows a reset of the clock, comes later."""
+        group: dict[int, Samples] = {}
+        for number, samples in self.intake.pop():
+            if number in group:
+                yield group
+                group = {}
+            group[number] = samples
+        if group:
+            yield group
 
     def reset(self) -> None:
         """Forget every sample and everything learnt; counts go on."""
@@ -86,8 +98,7 @@ class Engine:
             pairing.counts = old.counts
         self._outgoing = Outgoing(self.settings)
         self.latest.clear()
-        for observer in self.observers:
-            observer.reset()
+        self._all_axes.reset()
 
     def continue_compensation(self, number: int, output: float) -> None:
         """Let an axis's compensation go on from what really went out last.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,9 +25,45 @@ from sgms_observer.settings.axis import AxisSettings
 def _levels(model: ModelArrays, velocity: Floats, out: Floats) -> None:
     """Write the nominal Stribeck level at each velocity [N]."""
     for i in range(velocity.shape[0]):
-        out[i] = stribeck_level(
-            velocity[i], model.scalars[STATIC], model.scalars[COULOMB], model.scalars[STRIBECK]
-        )
+        out[i] = stribeck_level(velocity[i], model.scalars[STATIC], model.scalars[COULOMB], model.scalars[STRIBECK])
+
+
+@dataclass(frozen=True)
+class OtherMotion:
+    """Motion of another axis at the samples of this one; row i belongs to sample i.
+
+    Attributes:
+        velocity: filtered velocity at the row's instant [m/s], shape (n,).
+        acceleration: filtered acceleration there [m/s^2], shape (n,).
+        velocity_ahead: velocity where that axis is meant to be when a compensation acts [m/s], shape (n,).
+        acceleration_ahead: acceleration there [m/s^2], shape (n,).
+    """
+
+    velocity: Floats
+    acceleration: Floats
+    velocity_ahead: Floats
+    acceleration_ahead: Floats
+
+
+class FilteredBlock(NamedTuple):
+    """A block between the two halves of ``AxisObserver.step``.
+
+    Attributes:
+        samples: the block.
+        motion: filtered motion.
+        ahead: where the axis is meant to be when the compensation acts, columns of ``motion_ahead``.
+        seconds: time that the first half took [s].
+    """
+
+    samples: Samples
+    motion: Motion
+    ahead: Floats
+    seconds: float
+
+    def as_other(self) -> OtherMotion:
+        """Return the motion as another axis feels it."""
+        motion, ahead = self.motion, self.ahead
+        return OtherMotion(motion.velocity, motion.acceleration, ahead[:, AHEAD_VELOCITY], ahead[:, AHEAD_ACCELERATION])
 
 
 class AxisObserver:
@@ -45,7 +83,7 @@ class AxisObserver:
         self.effects = CompiledEffects(axis.effects, sample_period)
         self.differentiator = Differentiator(axis.filter, sample_period)
         self.estimator = Estimator(axis.estimator, axis.friction, axis.mass + self.effects.added_mass)
-        self.compensator = Compensator(axis.compensation, self.estimator.model, self.estimator.parameters)
+        self.compensator = Compensator(axis.compensation, self.estimator.model, self.estimator.parameters, self.effects)
         self.deadline_misses = 0
         self._effects_state = self.effects.initial_state()
         self._ahead_state = self.effects.initial_state()
@@ -62,30 +100,56 @@ class AxisObserver:
         self._origin_ns = None
         self.deadline_misses = 0
 
-    def step(self, samples: Samples) -> Estimates:
+    def step(self, samples: Samples, other: OtherMotion | None = None) -> Estimates:
         """Take in a block of samples.
 
         Args:
             samples: the block, n samples in the order of their stamps.
+            other: motion of the axis that ``cross_axis_coupling`` follows at the same samples, or None for none.
 
         Returns:
             Estimates, one row per sample; the same bits for any split of the samples into blocks.
+        """
+        return self.estimate(self.filter(samples), other)
+
+    def filter(self, samples: Samples) -> FilteredBlock:
+        """Do the first half of ``step``: what needs no other axis.
+
+        Args:
+            samples: as for ``step``.
+
+        Returns:
+            The block for ``estimate``, which has to follow before the next ``filter``.
         """
         start = time.perf_counter()
         position = self.effects.corrected_position(samples.position)
         effort = self.effects.arrived_effort(samples.effort, self._effects_state)
         motion = self.differentiator.step(samples.stamp_ns, position, effort)
+        ahead = self.compensator.look_ahead(motion.table, samples.reference_position, samples.reference_velocity)
+        return FilteredBlock(samples, motion, ahead, time.perf_counter() - start)
+
+    def estimate(self, block: FilteredBlock, other: OtherMotion | None = None) -> Estimates:
+        """Do the second half of ``step``.
+
+        Args:
+            block: from ``filter``.
+            other: as for ``step``.
+
+        Returns:
+            As ``step``.
+        """
+        start = time.perf_counter()
+        samples, motion, ahead = block.samples, block.motion, block.ahead
         if self.effects.has_force_or_level:
-            force, factor = self._effects_on(samples, motion)
+            force, factor = self._effects_on(samples, motion, other)
             effort = motion.effort - force
         else:
             force, factor = self._no_effects(len(samples.stamp_ns))
             effort = motion.effort.copy()
         results = self.estimator.step(motion, effort, factor)
-        self._watch_deadline(time.perf_counter() - start, len(samples.stamp_ns))
-        ahead = self.compensator.look_ahead(motion.table, samples.reference_position, samples.reference_velocity)
+        self._watch_deadline(block.seconds + time.perf_counter() - start, len(samples.stamp_ns))
         if self.effects.has_force_or_level:
-            force, factor = self._effects_ahead(samples, motion, ahead)
+            force, factor = self._effects_ahead(samples, motion, ahead, other)
         compensation = self.compensator.step_tables(motion.table, results.table, ahead, force, factor)
         return Estimates.of(
             stamp_ns=samples.stamp_ns,
@@ -110,7 +174,7 @@ class AxisObserver:
             self._zeros, self._ones = np.zeros(count), np.ones(count)
         return self._zeros[:count], self._ones[:count]
 
-    def _effects_on(self, samples: Samples, motion: Motion) -> tuple[Floats, Floats]:
+    def _effects_on(self, samples: Samples, motion: Motion, other: OtherMotion | None) -> tuple[Floats, Floats]:
         """Return the effects' force [N] and factor on the Stribeck level at the rows' instants."""
         return self._evaluate(
             samples,
@@ -118,9 +182,12 @@ class AxisObserver:
             -self.differentiator.delay,
             (motion.position, motion.velocity, motion.acceleration),
             self._effects_state,
+            None if other is None else (other.velocity, other.acceleration),
         )
 
-    def _effects_ahead(self, samples: Samples, motion: Motion, ahead: Floats) -> tuple[Floats, Floats]:
+    def _effects_ahead(
+        self, samples: Samples, motion: Motion, ahead: Floats, other: OtherMotion | None
+    ) -> tuple[Floats, Floats]:
         """Return the same where and when the compensation acts: along the set-point, not where the axis is now."""
         return self._evaluate(
             samples,
@@ -128,10 +195,17 @@ class AxisObserver:
             self.compensator.look_ahead_time,
             (ahead[:, AHEAD_POSITION], ahead[:, AHEAD_VELOCITY], ahead[:, AHEAD_ACCELERATION]),
             self._ahead_state,
+            None if other is None else (other.velocity_ahead, other.acceleration_ahead),
         )
 
     def _evaluate(
-        self, samples: Samples, motion: Motion, later: float, path: tuple[Floats, Floats, Floats], state: Floats
+        self,
+        samples: Samples,
+        motion: Motion,
+        later: float,
+        path: tuple[Floats, Floats, Floats],
+        state: Floats,
+        other: tuple[Floats, Floats] | None,
     ) -> tuple[Floats, Floats]:
         """Return the effects' force [N] and factor along a path, ``later`` seconds after the samples."""
         count = len(samples.stamp_ns)
@@ -150,6 +224,7 @@ class AxisObserver:
             np.ascontiguousarray(motion.period),
             level,
             state,
+            *(other or (None, None)),
         )
 
     def _watch_deadline(self, seconds: float, samples: int) -> None:

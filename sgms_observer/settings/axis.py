@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,6 +45,9 @@ class AxisSettings:
         is_nonzero=True,
     )
     mass: float = setting(10.0, "moving mass; of a revolute axis its moment of inertia", "kg", above=0.0)
+    coupled_axis: str = setting(
+        "", "axis whose motion cross_axis_coupling follows; empty for the axis before it, of the first axis the last"
+    )
     friction: FrictionSettings = section(FrictionSettings, "friction model")
     effects: tuple[EffectSettings, ...] = ()
     stage: StageSettings = section(StageSettings, "simulated stage")
@@ -86,3 +90,17 @@ class Settings:
     effect_files: tuple[str, ...] = setting((), "Python files with effects of the user's own")
     source: dict[str, Any] = field(default_factory=dict, compare=False)  # the YAML's tree as read, for writing it back
     folder: str = field(default=".", compare=False)  # where relative file names in ``source`` start
+
+
+def coupled_number(axes: Sequence[AxisSettings], number: int) -> int | None:
+    """Return the number of the axis whose motion acts on this one by ``cross_axis_coupling``; None where there is none.
+
+    Args:
+        axes: of the file.
+        number: of this axis.
+    """
+    if len(axes) < 2:
+        return None
+    names = [axis.name for axis in axes]
+    wanted = axes[number].coupled_axis
+    return names.index(wanted) if wanted in names else (number - 1) % len(axes)

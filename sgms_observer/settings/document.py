@@ -52,7 +52,8 @@ _EFFECTS = """
         offset: {force: 0.5}
 ```
 
-`effect_files` adds effects of your own to the catalogue.
+A `learnt_map` (and `learnt_map_2`, `learnt_map_3`) holds a table of forces as lists. `effect_files` adds effects of
+your own to the catalogue.
 
 ## Units of a revolute axis
 

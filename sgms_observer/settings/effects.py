@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.check import checked_value
-from sgms_observer.settings.declaration import DOUBLE, STRINGS, Declared
+from sgms_observer.settings.declaration import DOUBLE, DOUBLES, STRINGS, Declared
 from sgms_observer.settings.faults import Faults, alternatives, closest, shown
 from sgms_observer.settings.units import PRISMATIC, Units
 
@@ -29,8 +29,38 @@ class EffectParameter(Protocol):
     def description(self) -> str: ...
 
 
-#: The catalogue as the settings see it: effect name to its parameters, in order.
-Catalogue = Mapping[str, Sequence[EffectParameter]]
+class EffectList(Protocol):
+    """What the settings need to know of a parameter that is a list; ``choices`` is empty for a list of numbers."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def default(self) -> tuple[Any, ...]: ...
+    @property
+    def minimum(self) -> float: ...
+    @property
+    def maximum(self) -> float: ...
+    @property
+    def description(self) -> str: ...
+    @property
+    def choices(self) -> tuple[str, ...]: ...
+
+
+class CatalogueEffect(Protocol):
+    """What the settings need to know of an effect."""
+
+    @property
+    def parameters(self) -> Sequence[EffectParameter]: ...
+    @property
+    def lists(self) -> Sequence[EffectList]: ...
+    @property
+    def list_faults(self) -> Callable[[Mapping[str, tuple[Any, ...]], str], list[str]] | None: ...
+
+
+#: The catalogue as the settings see it: effect by its name.
+Catalogue = Mapping[str, CatalogueEffect]
 #: Gives the catalogue extended by the effects in the user's own files.
 CatalogueSource = Callable[[Sequence[str]], Catalogue]
 
@@ -56,6 +86,73 @@ def declared_parameter(parameter: EffectParameter, joint_type: str = PRISMATIC) 
         minimum=parameter.minimum,
         maximum=parameter.maximum,
     )
+
+
+def declared_list(item: EffectList) -> Declared:
+    """Return an effect's list as a setting.
+
+    Args:
+        item: entry of the catalogue.
+    """
+    if item.choices:
+        return Declared(item.name, STRINGS, item.default, item.description, item.unit, choices=item.choices)
+    return Declared(
+        item.name, DOUBLES, item.default, item.description, item.unit, minimum=item.minimum, maximum=item.maximum
+    )
+
+
+def declared_values(entry: CatalogueEffect, joint_type: str = PRISMATIC) -> dict[str, Declared]:
+    """Return every parameter of an effect as a setting, by its name.
+
+    Args:
+        entry: the effect.
+        joint_type: of the axis that the effect acts on; the units follow it.
+    """
+    return {
+        **{parameter.name: declared_parameter(parameter, joint_type) for parameter in entry.parameters},
+        **{item.name: declared_list(item).of_joint_type(joint_type) for item in entry.lists},
+    }
+
+
+def flat_values(entry: CatalogueEffect, named: Mapping[str, Any]) -> tuple[float, ...]:
+    """Return an effect's values as its formula takes them: the numbers, then each list as its length and its entries.
+
+    Args:
+        entry: the effect.
+        named: parameter's name to its value or entries; what is left out has its default.
+    """
+    flat = [float(named.get(parameter.name, parameter.default)) for parameter in entry.parameters]
+    for item in entry.lists:
+        entries = named.get(item.name, item.default)
+        flat.append(float(len(entries)))
+        flat.extend(float(item.choices.index(word) if item.choices else word) for word in entries)
+    return tuple(flat)
+
+
+def named_values(entry: CatalogueEffect, values: Sequence[float]) -> dict[str, Any] | None:
+    """Return an effect's values by the names of its parameters: the reverse of ``flat_values``.
+
+    Args:
+        entry: the effect.
+        values: as ``flat_values`` returns them; empty for the defaults.
+
+    Returns:
+        Numbers and tuples by name; None for values that are not those of this effect.
+    """
+    if not values:
+        values = flat_values(entry, {})
+    place = len(entry.parameters)
+    if len(values) < place:
+        return None
+    named: dict[str, Any] = {p.name: values[i] for i, p in enumerate(entry.parameters)}
+    for item in entry.lists:
+        end = place + 1 + int(values[place]) if place < len(values) else len(values) + 1
+        if end > len(values):
+            return None
+        entries = tuple(values[place + 1 : end])
+        named[item.name] = tuple(item.choices[int(number)] for number in entries) if item.choices else entries
+        place = end
+    return named if place == len(values) else None
 
 
 def checked_effects(
@@ -87,8 +184,8 @@ def checked_effects(
                 f"{path}.names = {shown(list(names))} must name each effect once; remove the second {name}",
             )
         else:
-            parameters = {p.name: declared_parameter(p, joint_type) for p in catalogue[name]}
-            found.append(_checked_effect(f"{path}.{name}", name, tree.get(name), parameters, faults))
+            entry = catalogue[name]
+            found.append(_checked_effect(f"{path}.{name}", name, tree.get(name), entry, joint_type, faults))
     for key in tree:
         if key == "names" or key in names:
             continue
@@ -115,17 +212,22 @@ def _unknown_effect(path: str, name: str, catalogue: Catalogue, faults: Faults) 
 
 
 def _checked_effect(
-    path: str, name: str, tree: Any, declared: Mapping[str, Declared], faults: Faults
+    path: str, name: str, tree: Any, entry: CatalogueEffect, joint_type: str, faults: Faults
 ) -> EffectSettings:
     """Return one effect with the given values over the catalogue's defaults."""
-    values = {key: float(entry.default) for key, entry in declared.items()}
+    declared = declared_values(entry, joint_type)
+    values: dict[str, Any] = {}
     if tree is not None and not isinstance(tree, Mapping):
         faults.add(path, f"{path} = {shown(tree)} must be a group of parameters; write them below it, indented")
         tree = None
     for key, raw in (tree or {}).items():
-        if isinstance(key, str) and key in declared:
+        if isinstance(key, str) and key in declared and declared[key].is_list and not isinstance(raw, (list, tuple)):
+            example = (declared[key].choices or ("0.0, 1.0",))[0]
+            faults.add(f"{path}.{key}", f"{path}.{key} = {shown(raw)} must be a list; write it like [{example}]")
+        elif isinstance(key, str) and key in declared:
             value = checked_value(f"{path}.{key}", declared[key], raw, faults)
-            values[key] = values[key] if value is None else value
+            if value is not None:
+                values[key] = value
         else:
             guess = closest(key, declared) if isinstance(key, str) else None
             remedy = f"did you mean {guess}?" if guess else f"it has {', '.join(declared) or 'none'}"
@@ -133,4 +235,8 @@ def _checked_effect(
                 f"{path}.{key}",
                 f"{path}.{key if isinstance(key, str) else shown(key)} is no parameter of {name}; {remedy}",
             )
-    return EffectSettings(name, tuple(values.values()))
+    lists = {item.name: values.get(item.name, item.default) for item in entry.lists}
+    if entry.list_faults is not None and not any(faults.has(f"{path}.{key}") for key in lists):
+        for sentence in entry.list_faults(lists, path):
+            faults.add(path, sentence)
+    return EffectSettings(name, flat_values(entry, values))

@@ -48,7 +48,7 @@ def installed_catalogue(effect_files: Sequence[str]) -> Catalogue:
     from sgms_observer.effects import catalogue  # here, because effects are built on these settings
 
     catalogue.load_user_effects(effect_files)
-    return {name: catalogue.effect(name).parameters for name in catalogue.names()}
+    return {name: catalogue.effect(name) for name in catalogue.names()}
 
 
 def load_settings(
@@ -145,6 +145,10 @@ def _read(tree: dict[Any, Any], folder: Path, source: CatalogueSource, faults: F
     axes = tuple(
         checked_axis(name, tree.get(name), settings.sample_period, folder, catalogue, faults) for name in names
     )
+    for axis in axes:
+        if axis.coupled_axis and (axis.coupled_axis == axis.name or axis.coupled_axis not in names):
+            path, given = f"{axis.name}.coupled_axis", shown(axis.coupled_axis)
+            faults.add(path, f"{path} = {given} must name another axis of axes = {shown(list(names))}; correct it")
     return replace(settings, axes=axes)
 
 

@@ -7,14 +7,16 @@ from typing import Any
 
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.check import checked_value
-from sgms_observer.settings.declaration import DOUBLE, Declared, declared_sections, declared_settings
+from sgms_observer.settings.declaration import DOUBLE, DOUBLES, STRINGS, Declared, declared_sections, declared_settings
 from sgms_observer.settings.effects import NAMES, NO_EFFECT
 from sgms_observer.settings.faults import Faults
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.load import AXES
 
-#: Any number: what every parameter of an effect is.
-_EFFECT_VALUE = Declared("value", DOUBLE, 0.0, "a parameter of an effect")
+#: What a parameter of an effect may be: a number, a list of numbers, or a list of words.
+_EFFECT_NUMBER = Declared("value", DOUBLE, 0.0, "a parameter of an effect")
+_EFFECT_NUMBERS = Declared("value", DOUBLES, (), "a list of an effect")
+_EFFECT_WORDS = Declared("value", STRINGS, (), "a list of words of an effect")
 
 
 def normal_parameters(tree: Mapping[Any, Any], file_name: Callable[[str], str] = str) -> dict[Any, Any]:
@@ -87,6 +89,14 @@ def _normal_axis(tree: Any, file_name: Callable[[str], str]) -> Any:
     return _normal_group(AxisSettings, tree, {"effects": _normal_effects, "stage": normal_stage})
 
 
+def _normal_effect_value(raw: Any) -> Any:
+    """Return a parameter of an effect in normal form: a number, a list of numbers or a list of words."""
+    if not isinstance(raw, (list, tuple)):
+        return _normal_value(_EFFECT_NUMBER, raw)
+    is_numbers = checked_value(_EFFECT_NUMBERS.name, _EFFECT_NUMBERS, raw, Faults()) is not None
+    return _normal_value(_EFFECT_NUMBERS if is_numbers else _EFFECT_WORDS, raw)
+
+
 def _normal_effects(tree: Any) -> Any:
     """Return the effects of an axis in normal form."""
     if not isinstance(tree, Mapping):
@@ -96,7 +106,7 @@ def _normal_effects(tree: Any) -> Any:
         if key == "names":
             result[key] = _normal_value(NAMES, value)
         elif isinstance(value, Mapping):
-            result[key] = {name: _normal_value(_EFFECT_VALUE, number) for name, number in value.items()}
+            result[key] = {name: _normal_effect_value(raw) for name, raw in value.items()}
         else:
             result[key] = {} if value is None else value
     return result

@@ -11,7 +11,7 @@ from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.check import checked_value
 from sgms_observer.settings.declaration import Declared, declared_sections, declared_settings
-from sgms_observer.settings.effects import NAMES, Catalogue, CatalogueSource, declared_parameter
+from sgms_observer.settings.effects import NAMES, Catalogue, CatalogueSource, declared_values
 from sgms_observer.settings.faults import Faults
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.load import AXES, installed_catalogue, usable_axes
@@ -140,8 +140,8 @@ def _declare_effects(path: str, own: Declare, known: Catalogue, joint_type: str)
     """Declare the names of effects, then the parameters of those that are named."""
     names = own(_declaration(f"{path}.names", NAMES))
     for name in dict.fromkeys(names if isinstance(names, (list, tuple)) else ()):
-        for parameter in known.get(name, ()):
-            own(_declaration(f"{path}.{name}.{parameter.name}", declared_parameter(parameter, joint_type)))
+        for key, declared in declared_values(known[name], joint_type).items() if name in known else ():
+            own(_declaration(f"{path}.{name}.{key}", declared))
 
 
 def _plain(value: Any) -> Any:

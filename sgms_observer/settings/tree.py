@@ -8,7 +8,7 @@ from typing import Any
 
 from sgms_observer.settings.axis import EffectSettings, Settings
 from sgms_observer.settings.declaration import declared_sections, declared_settings
-from sgms_observer.settings.effects import NO_EFFECT, Catalogue, CatalogueSource
+from sgms_observer.settings.effects import NO_EFFECT, Catalogue, CatalogueSource, named_values
 from sgms_observer.settings.load import installed_catalogue
 from sgms_observer.settings.parameter_file import expanded, our_sections, sections
 
@@ -110,5 +110,8 @@ def _effects_tree(effects: Sequence[EffectSettings], known: Catalogue) -> dict[s
     """Return effects as they stand in the YAML."""
     tree: dict[str, Any] = {"names": [effect.name for effect in effects]}
     for effect in effects:
-        tree[effect.name] = {p.name: value for p, value in zip(known[effect.name], effect.values, strict=True)}
+        named = named_values(known[effect.name], effect.values) or {}
+        tree[effect.name] = {
+            key: list(value) if isinstance(value, tuple) else value for key, value in named.items() if value != ()
+        }
     return tree

@@ -41,6 +41,9 @@ FIELD_NAMES = [
     "quantisation",
     "periodic_disturbance",
     "cross_axis_coupling",
+    "learnt_map",
+    "learnt_map_2",
+    "learnt_map_3",
 ]
 
 

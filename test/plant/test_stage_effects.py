@@ -12,12 +12,14 @@ from sgms_observer.effects.catalogue import effect, names
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
+from sgms_observer.settings.effects import flat_values
 from sim_plant.record import StageRecord
 from sim_plant.stage import SimulatedStage
 
 
 def with_effect(axis: AxisSettings, name: str, **values: float) -> AxisSettings:
-    listed = tuple(values.pop(item.name, item.default) for item in effect(name).parameters)
+    entry = effect(name)
+    listed = flat_values(entry, {item.name: values.pop(item.name, item.default) for item in entry.parameters})
     assert not values
     return replace(axis, stage_effects=(EffectSettings(name, listed),))
 

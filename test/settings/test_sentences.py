@@ -23,10 +23,19 @@ class Entry:
     description: str = ""
 
 
+@dataclass(frozen=True)
+class Known:
+    """An effect, as the catalogue has it."""
+
+    parameters: tuple[Entry, ...]
+    lists: tuple[Any, ...] = ()
+    list_faults: Any = None
+
+
 CATALOGUE = {
-    "cogging": (Entry("amplitude", minimum=0.0), Entry("pitch", "m", 0.01, 1e-6, 10.0), Entry("phase", "rad")),
-    "offset": (Entry("force"),),
-    "spring": (Entry("stiffness", "N/m"),),
+    "cogging": Known((Entry("amplitude", minimum=0.0), Entry("pitch", "m", 0.01, 1e-6, 10.0), Entry("phase", "rad"))),
+    "offset": Known((Entry("force"),)),
+    "spring": Known((Entry("stiffness", "N/m"),)),
 }
 
 
