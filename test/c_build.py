@@ -35,7 +35,9 @@ def can_sanitize(compiler: str, folder: Path) -> bool:
     return subprocess.run([compiler, *flags], capture_output=True, check=False).returncode == 0
 
 
-def run_vector(folder: Path, compiler: str = "gcc", flags: str = STRICT, *more: str) -> subprocess.CompletedProcess[str]:
+def run_vector(
+    folder: Path, compiler: str = "gcc", flags: str = STRICT, *more: str
+) -> subprocess.CompletedProcess[str]:
     """Build the folder and run its test."""
     command = ["make", "-s", "-B", "-C", str(folder), "test", f"CC={compiler}", f"CFLAGS={flags}", *more]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)

@@ -87,7 +87,7 @@ def export(config: str | Path, out: str | Path, options: ExportOptions) -> Expor
     if options.target == "ros2_control":
         from sgms_observer.export.ros2_control_target import controller_files
 
-        files = controller_files(axes, files)
+        files = controller_files(axes, files, settings.sample_period)
     for name, text in files.items():
         write_bytes(text.encode(), path / name)
     return Exported(str(path), tuple(axis.name for axis in axes), tuple(files), tuple(warnings))

@@ -26,6 +26,7 @@ from sgms_observer.export.values import (
     Array,
     Record,
     Scalar,
+    Struct,
     Value,
     number,
     real_text,
@@ -43,6 +44,9 @@ COUNTERS = {
     layout.SEEN_LOW: "seen_low",
 }
 """Entries of the filter's state that count or hold stamps: whole numbers in C, so that float loses none of them."""
+
+OTHER_MOTION = ("other_velocity", "other_acceleration", "other_velocity_ahead", "other_acceleration_ahead")
+"""Members of the input that an axis with ``cross_axis_coupling`` needs."""
 
 _HEADER = {at.COUNT: "count", at.SAMPLES: "samples", at.EKF_NEXT: "ekf_next", at.STARTED: "started"}
 _FIRST_CHANGING = at.X_HAT
@@ -219,6 +223,14 @@ def translate_axis(program: Translator, observer: AxisObserver, prefix: str) -> 
     def local(name: str, shape: tuple[int, ...]) -> Value:
         return Value(name, Array(REAL, shape), is_stable=True)
 
+    path_memory = compensator.path
+    path = Struct("actuator_path_struct", (), {
+        "kinds": memory.constant("path_kinds", path_memory.kinds, binds=True, selects=True),
+        "p_at": memory.constant("path_parameters_at", path_memory.p_at, binds=True, selects=True),
+        "parameters": memory.constant("path_parameters", path_memory.parameters, binds=True),
+        "mass": number(path_memory.mass),
+        "added_mass": number(path_memory.added_mass),
+    })  # fmt: skip
     start = compensator.state[: VERDICT + len(Status)]
     arguments = [
         memory.constant("filter_config", filters.config, binds=True),
@@ -237,6 +249,7 @@ def translate_axis(program: Translator, observer: AxisObserver, prefix: str) -> 
         memory.constant("model_scalars", estimator.model.scalars),
         memory.constant("model_elements", estimator.model.elements),
         memory.constant("estimated", estimator.parameters.kinds, binds=True, selects=True),
+        Value(f"{prefix}_path", path, binds=True),
         memory.member("feedforward", start.shape, start),
         memory.member("carried", (n_z,)),
         memory.member("carried_modes", (n_z,), kind=INT),
@@ -253,6 +266,7 @@ def translate_axis(program: Translator, observer: AxisObserver, prefix: str) -> 
         Value("input->effort", REAL),
         Value("&input->reference_position", Array(REAL, (1,)), 90, is_stable=True),
         Value("&input->reference_velocity", Array(REAL, (1,)), 90, is_stable=True),
+        *(Value(f"input->{name}", REAL) for name in OTHER_MOTION),
     ]
     source = source_of(observe_sample)
     assert source is not None

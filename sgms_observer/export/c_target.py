@@ -30,7 +30,8 @@ FLOAT_TOLERANCE = 5e-2
 FLOAT_VALUES = {"SGMS_TOLERANCE": 1.0e-7}
 """Constants that float needs otherwise: the S-GMS step ends where no better ratio can be told apart."""
 
-_NAME = "sgms"
+NAME = "sgms"
+"""Name of header and source, and beginning of every public name."""
 
 
 def with_ekf(axis: AxisSettings) -> tuple[AxisSettings, list[str]]:
@@ -48,6 +49,16 @@ def with_ekf(axis: AxisSettings) -> tuple[AxisSettings, list[str]]:
     return replace(axis, estimator=replace(axis.estimator, kind="ekf")), [sentence]
 
 
+def prefix_of(axis: AxisSettings, count: int) -> str:
+    """Return what the C names of an axis begin with.
+
+    Args:
+        axis: the axis.
+        count: of exported axes; a single one needs no name of its own.
+    """
+    return NAME if count == 1 else f"{NAME}_{re.sub(r'[^0-9a-zA-Z_]', '_', axis.name)}"
+
+
 def c_files(settings: Settings, axes: Sequence[AxisSettings], real: str) -> tuple[dict[str, str], list[str]]:
     """Return the files of the C folder and warnings.
 
@@ -63,7 +74,7 @@ def c_files(settings: Settings, axes: Sequence[AxisSettings], real: str) -> tupl
         own, sentences = with_ekf(axis)
         warnings += sentences
         own = replace(own, compensation=replace(own.compensation, enabled=True))
-        prefix = _NAME if len(axes) == 1 else f"{_NAME}_{re.sub(r'[^0-9a-zA-Z_]', '_', axis.name)}"
+        prefix = prefix_of(axis, len(axes))
         samples = vector.vector_samples(own, settings.sample_period)
         columns = vector.columns_of(AxisObserver(own, settings.sample_period).step(samples))
         part = translate_axis(program, AxisObserver(own, settings.sample_period), prefix)
@@ -117,10 +128,11 @@ def _sources(
     wanted = functions + "".join(part.call for part in parts)
     plural = "axes" if len(axes) > 1 else "axis"
     common: dict[str, Any] = {
-        "name": _NAME,
+        "name": NAME,
         "title": f"Friction observer and compensation of {plural} {', '.join(axis.name for axis in axes)}.",
         "axes": entries,
         "real": real,
+        "is_coupled": any(item.name == "cross_axis_coupling" for axis in axes for item in axis.effects),
         "unit": {
             "position": _either(item.units.position for item in axes),
             "effort": _either(item.units.effort for item in axes),
@@ -133,8 +145,8 @@ def _sources(
     interface = fill("interface.c", **common, row=row, result=result, output_at=OUTPUT, enabled_at=ENABLED)
     body = body_text(program, functions, constants, wanted) + "\n" + interface
     return {
-        f"{_NAME}.h": fill("header.h", **common, statuses=list(Status)),
-        f"{_NAME}.c": re.sub(r"\n{3,}", "\n\n", fill("source.c", **common, body=body)),
+        f"{NAME}.h": fill("header.h", **common, statuses=list(Status)),
+        f"{NAME}.c": re.sub(r"\n{3,}", "\n\n", fill("source.c", **common, body=body)),
         "test.c": fill(
             "test.c", **common, tolerance=TOLERANCE, float_tolerance=FLOAT_TOLERANCE, rows=vector.ROWS,
             columns=max(len(entry["columns"]) for entry in entries),

@@ -68,6 +68,10 @@ def known(caller: Statements, node: ast.Call, target: Any, arguments: list[Value
         if value.type is REAL:
             return Value(f"real_fabs({value.text})", REAL, reads=reads)
         return number(abs(const)) if const is not UNKNOWN else Value(f"abs({value.text})", value.type, reads=reads)
+    if target in ("min", "max") and len(arguments) > 2:
+        rest = known(caller, node, target, arguments[:-1])
+        assert rest is not None
+        return known(caller, node, target, [rest, arguments[-1]])
     if target in ("min", "max") and len(arguments) == 2:
         if all(item.is_known for item in arguments):
             return number((min if target == "min" else max)(item.const for item in arguments))

@@ -186,7 +186,7 @@ def _binary_place(fmi: int) -> tuple[str, str]:
     if sys.platform == "darwin":
         return (f"{machine}-darwin" if fmi == 3 else "darwin64"), ".dylib"
     raise ConfigurationError(
-        [f"sgms export builds FMUs on Linux and macOS, not on {sys.platform}; export there, or build the sources yourself"]
+        [f"sgms export builds FMUs on Linux and macOS, not on {sys.platform}; export there"]
     )
 
 

@@ -10,8 +10,8 @@ from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.units import Units
 from sim_plant.stage import StageParts
 
-FIXED_SHAPE = ("actuator_delay", "mass_error", "flexible_mode")
-"""Effects whose values also set the size of a memory or the moving mass: constants of the FMU."""
+FIXED_SHAPE = ("actuator_delay", "mass_error", "flexible_mode", "learnt_map", "learnt_map_2", "learnt_map_3")
+"""Effects whose values also set the size of a memory, the moving mass or the shape of a table: constants of the FMU."""
 
 
 @dataclass(frozen=True)
@@ -135,16 +135,15 @@ def _effects(parts: StageParts, names: tuple[str, ...], of: object) -> list[Vari
     """Return the parameters of the effects."""
     assert callable(of)
     found = []
-    place = 0
     for number, name in enumerate(names):
         entry = effect(name)
+        place = int(parts.effects.p_at[number])
         label = name if names.count(name) == 1 else f"{name}_{number + 1}"
-        for parameter in entry.parameters:
+        for offset, parameter in enumerate(entry.parameters):
             if name not in FIXED_SHAPE:
                 unit = "" if parameter.unit == "-" else of(parameter.unit)
                 found.append(
-                    _tunable(f"effects.{label}.{parameter.name}", f"effects.parameters[{place}]", unit,
-                             parameter.description, parts.effects.parameters[place])
+                    _tunable(f"effects.{label}.{parameter.name}", f"effects.parameters[{place + offset}]", unit,
+                             parameter.description, parts.effects.parameters[place + offset])
                 )  # fmt: skip
-            place += 1
     return found

@@ -12,6 +12,11 @@ MOST_UNROLLED = 64
 """A loop over what selects is written out up to this length."""
 
 
+HALVING = ("high - low > 1",)
+MOST_HALVINGS = 31
+"""A search by halving among whole numbers ends within so many rounds."""
+
+
 def assigned_in(nodes: list[ast.stmt]) -> set[str]:
     """Return the names that any of these statements assigns."""
     return {
@@ -209,6 +214,22 @@ class Statements(Expressions):
             }
         done: list[Statement] = [Branch(test.text, test.reads, then, otherwise)]
         return done, then_leaves and otherwise_leaves
+
+    def _do_while(self, node: ast.While) -> tuple[list[Statement], bool]:
+        """Return a search by halving, ``while high - low > 1``, as a loop with a bound; no other while is bounded."""
+        if node.orelse or not isinstance(node.test, ast.Compare) or ast.unparse(node.test) not in HALVING:
+            raise self.refuse(node, "a while")
+        changed = assigned_in(node.body)
+        self._forget(changed)
+        body, _leaves = self.block(node.body)
+        self._forget(changed)
+        test = self.expression(node.test)
+        self.temporaries += 1
+        name = f"halved_{self.temporaries}"
+        loop: Statement = Loop(
+            f"int {name} = 0; {name} < {MOST_HALVINGS} && {test.inside(41)}; {name}++", test.reads, name, body
+        )
+        return [loop], False
 
     def _do_for(self, node: ast.For) -> tuple[list[Statement], bool]:
         if not isinstance(node.target, ast.Name) or node.orelse:

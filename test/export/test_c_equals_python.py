@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -9,23 +10,46 @@ from pathlib import Path
 import pytest
 from c_build import COMPILERS, SANITIZED, STRICT, assert_equal, can_sanitize, exported, run_vector
 
-from sgms_observer.effects.catalogue import BUILT_IN
+from sgms_observer.effects.catalogue import BUILT_IN, effect
 from sgms_observer.effects.effect import Effect, EffectParameter
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
+from sgms_observer.settings.effects import flat_values
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.observer import ESTIMABLE, CompensationSettings, EstimatorSettings, FilterSettings
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
-pytestmark = pytest.mark.skipif(shutil.which("gcc") is None or shutil.which("make") is None, reason="needs gcc and make")
+pytestmark = pytest.mark.skipif(None in (shutil.which("gcc"), shutil.which("make")), reason="needs gcc and make")
 
 AXIS = AxisSettings(
     estimator=EstimatorSettings(kind="ekf"), compensation=CompensationSettings(enabled=True, look_ahead=1.0e-3)
 )
 
 
+GRID = {
+    "position": (-3.0e-4, -1.0e-4, 2.0e-4),
+    "velocity": (-2.0e-2, 0.0, 1.0e-2, 2.0e-2),
+    "acceleration": (-5.0, 5.0),
+    "load": (0.0, 2.0, 4.0),
+    "time": (0.0, 0.1, 0.3),
+    "travel": (0.0, 1.0e-3, 5.0e-3),
+    "dwell": (0.0, 0.1),
+}
+
+
+def table_over(entry: Effect, coordinates: tuple[str, ...]) -> EffectSettings:
+    """Return a learnt map with a table of alternating forces."""
+    grids = {name: GRID[name] for name in coordinates if name != "direction"}
+    size = math.prod(2 if name == "direction" else len(grids[name]) for name in coordinates)
+    values = tuple(0.1 * (1 + k) * (-1) ** k for k in range(size))
+    return EffectSettings(entry.name, flat_values(entry, {"coordinates": coordinates, "values": values, **grids}))
+
+
 def with_strength(entry: Effect) -> EffectSettings:
     """Return an effect that acts: every strength is different from its default."""
+
+    if entry.lists:
+        return table_over(entry, ("position", "direction"))
 
     def value(parameter: EffectParameter) -> float:
         wanted = 0.2 if parameter.is_strength or parameter.name in ("limit", "width") else parameter.default
@@ -53,6 +77,16 @@ def test_every_effect_of_the_catalogue(entry: Effect, tmp_path: Path) -> None:
     axis = replace(AXIS, effects=(with_strength(entry),))
     folder = exported(tmp_path, (axis,))
     assert_equal(folder, "gcc", "-O0 -Wall -Wextra -Werror")
+
+
+@pytest.mark.parametrize(
+    "coordinates",
+    [("direction",), ("velocity", "load"), ("direction", "acceleration"), ("time", "travel"), ("dwell", "position")],
+    ids="_".join,
+)
+def test_a_learnt_map_over_any_coordinates(coordinates: tuple[str, ...], tmp_path: Path) -> None:
+    effects = (table_over(effect("learnt_map"), coordinates),)
+    assert_equal(exported(tmp_path, (replace(AXIS, effects=effects),)), "gcc", "-O0 -Wall -Wextra -Werror")
 
 
 def test_all_effects_at_once_sanitized(tmp_path: Path) -> None:
