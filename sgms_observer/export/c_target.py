@@ -132,7 +132,7 @@ def _sources(
         "title": f"Friction observer and compensation of {plural} {', '.join(axis.name for axis in axes)}.",
         "axes": entries,
         "real": real,
-        "is_coupled": any(item.name == "cross_axis_coupling" for axis in axes for item in axis.effects),
+        "is_coupled": any("input->other_" in part.call for part in parts),
         "unit": {
             "position": _either(item.units.position for item in axes),
             "effort": _either(item.units.effort for item in axes),

@@ -1,7 +1,7 @@
 """The exported controller is C++ that compiles and adds the compensation, against stand-ins for ros2_control's headers.
 
-ros2_control has no package here that holds its headers: the stand-ins follow the public interface of Jazzy, and building
-against the real one is left to the machine that will run it (docs/export.md says so).
+ros2_control has no package here that holds its headers: the stand-ins follow the public interface of Jazzy, and
+building against the real one is left to the machine that will run it (docs/export.md says so).
 """
 
 from __future__ import annotations
