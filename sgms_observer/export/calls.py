@@ -22,7 +22,7 @@ from sgms_observer.export.values import (
 )
 
 if TYPE_CHECKING:
-    from sgms_observer.export.statements import Statements
+    from sgms_observer.export.expressions import Expressions
 
 MATH = {
     "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log1p", "expm1", "sqrt", "tanh", "sinh",
@@ -32,7 +32,7 @@ TESTS = {"isfinite", "isnan", "isinf"}
 _MATH_NAMES = {getattr(math, name): name for name in MATH | TESTS}
 
 
-def known(caller: Statements, node: ast.Call, target: Any, arguments: list[Value]) -> Value | None:
+def known(caller: Expressions, node: ast.Call, target: Any, arguments: list[Value]) -> Value | None:
     """Return the C of a function that C has too; None for any other.
 
     Args:
@@ -55,7 +55,7 @@ def known(caller: Statements, node: ast.Call, target: Any, arguments: list[Value
         return number(value.type.shape[0])
     if not isinstance(value.type, Scalar):
         raise caller.refuse(node, "this call")
-    const = value.const if value.is_known else UNKNOWN
+    const: Any = value.const if value.is_known else UNKNOWN
     if target == "float":
         return cast(value, REAL)
     if target == "int":

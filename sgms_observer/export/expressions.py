@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from sgms_observer.errors import ConfigurationError
+from sgms_observer.export import views
 from sgms_observer.export.values import (
     ATOM,
     BOOL,
@@ -270,7 +271,7 @@ class Expressions:
         if isinstance(owner.type, Record):
             return self._of_record(node, owner, index)
         if isinstance(owner.type, Array):
-            return self.program.views.of_array(self, node, owner, index)
+            return views.of_array(self, node, owner, index)
         raise self.refuse(node, "this index")
 
     def whole(self, node: ast.expr) -> int:
@@ -297,7 +298,7 @@ class Expressions:
         record.used.add("at")
         whole = Value(f"{owner.text}->at", Array(REAL, record.tail), reads=owner.reads, roots=owner.roots,
                       is_stable=True)  # fmt: skip
-        return self.program.views.of_array(self, node, whole, index)
+        return views.of_array(self, node, whole, index)
 
     def field_of(self, node: ast.AST, owner: Value, index: Value) -> Value:
         """Return a field of a record (``estimators.fields``)."""

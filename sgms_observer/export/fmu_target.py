@@ -40,7 +40,8 @@ _FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibil
 
 def _struct(memory: Memory, instance: Any, fixed: Sequence[str] = ()) -> Struct:
     """Return a NamedTuple as a C structure; what is fixed becomes constants of the file."""
-    fields, bound = [], {}
+    fields: list[tuple[str, Any]] = []
+    bound: dict[str, Value] = {}
     for name, value in zip(instance._fields, instance, strict=True):
         if isinstance(value, np.ndarray):
             if name in fixed:

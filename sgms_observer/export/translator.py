@@ -10,14 +10,15 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from types import FunctionType, ModuleType
+from types import FunctionType
 from typing import Any
 
 import numpy as np
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.estimators import fields
-from sgms_observer.export import calls, views
+from sgms_observer.export import calls
+from sgms_observer.export.expressions import Expressions
 from sgms_observer.export.lines import Line, Statement, print_block, walk, without_unused, wrapped
 from sgms_observer.export.statements import Statements, assigned_in
 from sgms_observer.export.values import ATOM, INT, REAL, Array, Record, Scalar, Struct, Type, Value, number, real_text
@@ -83,7 +84,6 @@ class Translator:
     structs: dict[str, Struct] = field(default_factory=dict)
     constants: dict[str, Any] = field(default_factory=dict)
     owners: dict[str, Any] = field(default_factory=dict)
-    views: ModuleType = views
 
     def outside(self, name: str, found: Any, scope: dict[str, Any], node: ast.AST) -> Value:
         """Return what a global name of a function means."""
@@ -95,7 +95,7 @@ class Translator:
             raise ConfigurationError([f"sgms export: two constants are named {label}; rename one of the modules"])
         return Value(label, REAL if isinstance(found, float) else INT, const=found)
 
-    def call(self, caller: Statements, node: ast.Call, target: Any, arguments: list[Value]) -> Value:
+    def call(self, caller: Expressions, node: ast.Call, target: Any, arguments: list[Value]) -> Value:
         """Return the translation of a call."""
         if target is fields.vector or target is fields.matrix:
             return caller.field_of(node, arguments[0], arguments[1])

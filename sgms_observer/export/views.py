@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sgms_observer.export.values import ATOM, INT, UNKNOWN, Array, Value, cast, number
 
@@ -85,7 +85,7 @@ def _entry(self: Expressions, owner: Value, index: ast.expr) -> Value:
 def _at(owner: Value, place: Value) -> Value:
     """Return one entry by its place in the memory."""
     assert isinstance(owner.type, Array)
-    const = UNKNOWN
+    const: Any = UNKNOWN
     if owner.data is not None and place.is_known:
         const = owner.data.ravel()[int(place.const)].item()
     text = f"{owner.inside(ATOM)}[{place.text}]"
