@@ -53,14 +53,14 @@ def test_element_friction_slides_at_its_level() -> None:
 
 
 def test_noise_is_found_again_and_whitens() -> None:
-    truth = Noise(0.004, 1e-4, 25.0, 1e-5, 0.0)
+    truth = Noise(0.004, 1e-4, 25.0, 1e-5, 0.0, 100.0)
     rng = np.random.default_rng(4)
     series = coloured(truth, 15000, 0.004, rng)
-    found = fit_noise(series, np.zeros(len(series)), 0.004)
+    found = fit_noise(series, np.zeros(len(series)), 0.004, 100.0)
     assert found.rms == pytest.approx(truth.rms, rel=0.1)
     white = found.whitened(series, np.ones(len(series)))
     assert float(white @ white) / len(white) == pytest.approx(1.0, abs=0.15)
-    assert found.corner >= LOWEST_CORNER
+    assert found.corner >= LOWEST_CORNER * 100.0
 
 
 def test_refit_finds_parameters_within_tolerance() -> None:
@@ -92,7 +92,7 @@ def test_first_look_ranks_the_true_effect_first_and_replicates_do_not_alarm() ->
 def test_a_replicate_has_the_noise_and_nothing_else() -> None:
     motion = motion_of(record((EffectSettings("offset", (0.6,)),), duration=10.0))
     model = Model.of(AXIS)
-    noise = Noise(0.004, 1e-3, 25.0, 1e-5, 0.0)
+    noise = Noise(0.004, 1e-3, 25.0, 1e-5, 0.0, 100.0)
     twin = replicate_of(motion, model, noise, np.random.default_rng(3))
     left = twin.low_pass(predict(model, twin).residual)
     hidden = motion.low_pass(predict(model, motion).residual)
@@ -122,9 +122,10 @@ def test_mass_and_gain_are_effects_where_the_tolerance_does_not_reach_them(name:
     assert found.refit.cost < 0.5 * plain.cost
 
 
-def decision(name: str, scale: float, is_passed: bool = True) -> Decision:
-    """Return a decision whose fit leaves ``scale`` of one and the same pattern in every block."""
-    blocks = [scale * part for part in np.array_split(np.sin(np.arange(400.0)), 20)]
+def decision(name: str, scale: float, chance: float = 0.0, is_passed: bool = True) -> Decision:
+    """Return a decision whose fit leaves ``scale`` of one and the same pattern in every block, and some chance."""
+    series = scale * np.sin(np.arange(400.0)) + chance * np.random.default_rng(1).normal(size=400)
+    blocks = np.array_split(series, 20)
     found: Any = SimpleNamespace(effects=(EffectSettings(name),))
     none: Any = None
     evidence = Evidence(blocks, [], blocks)
@@ -136,9 +137,9 @@ def test_alternatives_are_what_left_out_data_do_not_tell_from_the_best() -> None
     best = decision("offset", 1.0)
     others = [
         best,
-        decision("cogging", 1.001),
+        decision("cogging", 1.0, chance=0.01),
         decision("quadratic_drag", 4.0),
-        decision("asymmetric_coulomb", 1.001, is_passed=False),
+        decision("asymmetric_coulomb", 1.0, chance=0.01, is_passed=False),
     ]
     assert alternatives(best, others, Criteria()) == ("cogging",)
 
