@@ -6,16 +6,23 @@ old estimates do not mix with new ones.
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, EmitEvent, ExecuteProcess, RegisterEventHandler
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    ExecuteProcess,
+    IncludeLaunchDescription,
+    RegisterEventHandler,
+)
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
+from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
-from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackagePrefix, FindPackageShare
 
 
 def generate_launch_description() -> LaunchDescription:
     """Return the observer node and the player, which waits for it; everything ends with the bag."""
+    share = FindPackageShare("sgms_observer")
     position = LaunchConfiguration("position_topic")
     effort = LaunchConfiguration("effort_topic")
     reference = LaunchConfiguration("reference_topic")
@@ -40,16 +47,14 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument(
                 "params_file",
-                default_value=PathJoinSubstitution([FindPackageShare("sgms_observer"), "config", "table.yaml"]),
+                default_value=PathJoinSubstitution([share, "config", "table.yaml"]),
                 description="parameter file of the observer",
             ),
-            Node(
-                package="sgms_observer",
-                executable="observer_node",
-                name="observer_node",
-                parameters=[LaunchConfiguration("params_file")],
-                remappings=[("position", position), ("control_effort", effort), ("reference", reference)],
-                output="screen",
+            DeclareLaunchArgument("namespace", default_value="", description="namespace of node and topics"),
+            DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn, error or fatal"),
+            IncludeLaunchDescription(
+                PythonLaunchDescriptionSource(PathJoinSubstitution([share, "launch", "table.launch.py"])),
+                launch_arguments={"use_sim_time": "false", "respawn": "false"}.items(),
             ),
             play,
             RegisterEventHandler(OnProcessExit(target_action=play, on_exit=[EmitEvent(event=Shutdown())])),

@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 _ROOT = Path(__file__).resolve().parent.parent
-_KEPT_KEYS = 64
+_KEPT_KEYS = 1024  # about thirty of each version of the source, 60 kB each
 _KEY = re.compile(r"[0-9a-f]{16}")
 _IMPORT = re.compile(
     r"^\s*(?:from|import)\s+((?:sgms_observer|sim_plant)[\w.]*)(?:\s+import\s+(\([^)]*\)|[^\n#]*))?", re.MULTILINE
@@ -37,6 +37,12 @@ try:
     HAS_NUMBA = not os.environ.get("SGMS_OBSERVER_NO_NUMBA")
 except ImportError:
     HAS_NUMBA = False
+
+
+call_inside: Callable[..., None] | None = None
+if HAS_NUMBA:
+    with suppress(ImportError, AttributeError):  # a numba whose inner parts lie elsewhere only compiles longer
+        from sgms_observer.inner_kernels import call_inside
 
 
 def _look_for_blas_later() -> None:
@@ -120,13 +126,64 @@ def _forget_old_keys() -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def is_cache_warm(module: str) -> bool:
-    """Return whether kernels of exactly this version of a module are already on disk.
+def cache_folder() -> Path:
+    """Return the folder that kernels are kept in."""
+    chosen = numba.config.CACHE_DIR if HAS_NUMBA else ""  # type: ignore[attr-defined]
+    return Path(chosen) if chosen else _CACHE
+
+
+def can_keep() -> bool:
+    """Return whether kernels can be written into the cache."""
+    folder = cache_folder()
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    return os.access(folder, os.W_OK)
+
+
+def _mark(name: str, module: str) -> Path:
+    """Return the file that says that a part's kernels are in the cache: of this source, numba, Python and processor."""
+    from llvmlite import binding
+
+    made_by = f"{numba.__version__} {sys.version} {binding.get_host_cpu_name()} {os.environ['NUMBA_OPT']}"  # type: ignore[attr-defined]
+    return cache_folder() / _key_of(module) / f"{name}-{hashlib.sha256(made_by.encode()).hexdigest()[:16]}.complete"
+
+
+def is_complete(name: str, module: str) -> bool:
+    """Return whether all kernels of a part, of exactly this version, are on disk.
 
     Args:
-        module: full name, for example ``"sgms_observer.estimators.block"``.
+        name: of the part.
+        module: full name of the module whose kernel calls all others, for example ``"sgms_observer.estimators.block"``.
     """
-    return HAS_NUMBA and any((_CACHE / _key_of(module)).rglob("*.nbi"))
+    return HAS_NUMBA and _mark(name, module).exists()
+
+
+def note_complete(name: str, module: str) -> None:
+    """Note that all kernels of a part are on disk; arguments as ``is_complete``."""
+    with suppress(OSError):
+        _mark(name, module).parent.mkdir(parents=True, exist_ok=True)
+        _mark(name, module).touch()
+
+
+def tell_each_compilation(tell: Callable[[], None]) -> None:
+    """Have a function called whenever a kernel was compiled.
+
+    Args:
+        tell: called after each, in the thread that compiles.
+    """
+    if not HAS_NUMBA:
+        return
+    from numba.core import event
+
+    class Listener(event.Listener):  # type: ignore[misc]
+        def on_start(self, happened: Any) -> None:
+            """Hear that a compilation began."""
+
+        def on_end(self, happened: Any) -> None:
+            """Hear that a compilation ended."""
+            tell()
+
+    event.register("numba:compile", Listener())
 
 
 def _compile(function: Kernel, **options: Any) -> Kernel:
@@ -144,6 +201,8 @@ def _compile(function: Kernel, **options: Any) -> Kernel:
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
     _do_without_room(compiled)
+    if call_inside is not None:
+        call_inside(compiled, function, error_model="numpy", nogil=True, **options)
     return compiled
 
 

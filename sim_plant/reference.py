@@ -98,7 +98,7 @@ def _multi_sine(settings: ReferenceSettings, name: str) -> Sines:
 def _point_to_point(settings: ReferenceSettings, name: str) -> PiecewiseCubic:
     if settings.amplitude == 0.0:
         raise ConfigurationError(
-            [f"{name}.stage.reference.amplitude = 0 m leaves a point_to_point move no way to go; give it a stroke"]
+            [f"{name}.stage.reference.amplitude = 0 leaves a point_to_point move no way to go; give it a stroke"]
         )
     return back_and_forth(
         settings.amplitude, settings.velocity, settings.acceleration, settings.jerk, settings.dwell
@@ -108,7 +108,7 @@ def _point_to_point(settings: ReferenceSettings, name: str) -> PiecewiseCubic:
 def _from_file(settings: ReferenceSettings, name: str) -> PiecewiseCubic:
     if not settings.file:
         raise ConfigurationError(
-            [f"{name}.stage.reference.file is empty; name a CSV with the columns time [s] and position [m]"]
+            [f"{name}.stage.reference.file is empty; name a CSV with the columns time [s] and position [m; rad]"]
         )
     return read_reference_file(
         Path(settings.file),

@@ -79,7 +79,7 @@ def _read_columns(path: Path) -> tuple[Floats, Floats]:
                 titles_allowed = False
                 continue
             raise ConfigurationError(
-                [f"{path}, line {number}: expected time [s] and position [m] separated by a comma, got {line[:60]!r}"]
+                [f"{path}, line {number}: expected time [s] and position separated by a comma, got {line[:60]!r}"]
             ) from None
         titles_allowed = False
         if not np.isfinite(row).all():

@@ -70,11 +70,12 @@ class SimulatedStage:
         """Return the mass the kernel accelerates [kg]."""
         mass = float(self.axis.stage.mass or self.axis.mass)
         total = mass + effects.added_mass
+        unit = self.axis.units.mass
         if total <= 0.0:
             raise ConfigurationError(
                 [
-                    f"{self.axis.name}: the stage's mass of {mass:g} kg with {effects.added_mass:g} kg from its effects"
-                    " leaves nothing to move; lower the mass of flexible_mode or mass_error"
+                    f"{self.axis.name}: the stage's mass of {mass:g} {unit} with {effects.added_mass:g} {unit} from its"
+                    " effects leaves nothing to move; lower the mass of flexible_mode or mass_error"
                 ]
             )
         return total

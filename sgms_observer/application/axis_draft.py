@@ -11,6 +11,7 @@ import numpy as np
 from sgms_observer.application.axis_facts import AxisFacts
 from sgms_observer.application.force_balance import ForceBalance
 from sgms_observer.application.recording_use import MAX_UNEXPLAINED, uses_of
+from sgms_observer.effects import catalogue
 from sgms_observer.settings.units import REVOLUTE, Units
 
 FRACTIONS = (0.067, 0.056, 0.047, 0.83)
@@ -141,7 +142,7 @@ def recorded_draft(facts: AxisFacts, joint_type: str, position_scale: float, eff
         draft = replace(draft, period=float(f"{facts.period:.6g}"))
     draft, has_motion = _with_motion(draft, facts)
     if not has_motion:
-        warning = f"{facts.name}: the position never changes in this bag; everything but names and rates is the template's"
+        warning = f"{facts.name}: the position never changes; everything but names and rates is the template's"
         return replace(draft, warnings=(warning,))
     balance = facts.balance
     if balance is None or balance.unexplained > MAX_UNEXPLAINED or balance.sign < 0:
@@ -151,7 +152,8 @@ def recorded_draft(facts: AxisFacts, joint_type: str, position_scale: float, eff
         if not np.isfinite(rms) or rms <= 0.0:
             return replace(draft, warnings=(warning,))
         guess = _UNKNOWN_FRICTION * rms
-        return replace(draft, **_friction(guess, facts), residual=guess, warnings=(warning,))
+        coulomb, static, viscous = _friction(guess, facts)
+        return replace(draft, coulomb=coulomb, static=static, viscous=viscous, residual=guess, warnings=(warning,))
     return _with_balance(draft, facts, balance)
 
 
@@ -181,10 +183,10 @@ def _with_motion(draft: AxisDraft, facts: AxisFacts) -> tuple[AxisDraft, bool]:
     )
 
 
-def _friction(coulomb: float, facts: AxisFacts) -> dict[str, float]:
-    """Return the forces of the friction model, and a viscous part that is as large at the peak speed."""
+def _friction(coulomb: float, facts: AxisFacts) -> tuple[float, float, float]:
+    """Return Coulomb and static force, and a viscous coefficient that adds as much at the peak speed."""
     speed = facts.peak_speed if facts.peak_speed > 0.0 else facts.stroke
-    return {"coulomb": coulomb, "static": _STATIC_OVER_COULOMB * coulomb, "viscous": coulomb / speed}
+    return coulomb, _STATIC_OVER_COULOMB * coulomb, coulomb / speed
 
 
 def _with_balance(draft: AxisDraft, facts: AxisFacts, balance: ForceBalance) -> AxisDraft:
@@ -206,17 +208,34 @@ def _with_balance(draft: AxisDraft, facts: AxisFacts, balance: ForceBalance) -> 
             continue
         remarks[key] = "a guess: not identifiable from this recording"
         warnings.append(
-            f"{facts.name}: the recording does not show {name} ({value:.3g} +- {error:.2g} {unit}); the file holds a guess"
+            f"{facts.name}: the recording does not show {name} ({value:.3g} +- {error:.2g} {unit}); the file holds a"
+            " guess"
         )
-    guess = _friction(values.get("coulomb", max(_UNKNOWN_FRICTION * facts.effort_rms, 1e-9)), facts)
-    values = {**guess, **values}
-    values["viscous"] = values["viscous"] if "viscous" not in remarks or remarks["viscous"][:1] == "f" else 0.0
+    guess = max(_UNKNOWN_FRICTION * facts.effort_rms, 1e-9)
+    coulomb, static, _ = _friction(values.get("coulomb", guess), facts)
     effects: dict[str, dict[str, float]] = {}
     sine, cosine = balance.value("gravity_sin"), balance.value("gravity_cos")
     if balance.is_significant("gravity_sin") or balance.is_significant("gravity_cos"):
         effects["gravity"] = {"amplitude": math.hypot(sine, cosine), "angle": math.atan2(cosine, sine)}
     if balance.is_significant("offset"):
         effects["offset"] = {"force": balance.value("offset")}
+    for name in [name for name, given in effects.items() if not _is_possible(name, given)]:
+        del effects[name]
+        warnings.append(f"{facts.name}: {name} is left out, for it is larger than the catalogue of effects allows")
     return replace(
-        draft, **values, effects=effects, residual=max(residual, 1e-9), remarks=remarks, warnings=tuple(warnings)
+        draft,
+        mass=values.get("mass", draft.mass),
+        coulomb=coulomb,
+        static=static,
+        viscous=values.get("viscous", 0.0),
+        effects=effects,
+        residual=max(residual, 1e-9),
+        remarks=remarks,
+        warnings=tuple(warnings),
     )
+
+
+def _is_possible(name: str, values: Mapping[str, float]) -> bool:
+    """Return whether the catalogue allows an effect's values."""
+    allowed = {parameter.name: parameter for parameter in catalogue.effect(name).parameters}
+    return all(allowed[key].minimum <= value <= allowed[key].maximum for key, value in values.items())

@@ -141,9 +141,7 @@ def inspect_bag(
     return BagInfo(str(bag), surveys, inputs, tuple(found), tuple(sentences), joint_type)
 
 
-def find_position_topic(
-    bag: str | Path, surveys: Sequence[TopicSurvey], topics: Mapping[str, str]
-) -> TopicSurvey:
+def find_position_topic(bag: str | Path, surveys: Sequence[TopicSurvey], topics: Mapping[str, str]) -> TopicSurvey:
     """Return the topic that holds the positions.
 
     Args:

@@ -100,7 +100,8 @@ def _faults(axis: AxisSettings, facts: AxisFacts, period: float) -> Iterator[str
     for doubt in doubts_about(facts, axis.joint_type):
         if reversed_sign and "against the motion" in doubt:
             yield (
-                f"{axis.name}.effort_scale = {axis.effort_scale:g} has the wrong sign: the recorded effort is then counted"
+                f"{axis.name}.effort_scale = {axis.effort_scale:g} has the wrong sign: the recorded effort is"
+                " then counted"
                 f" against the motion; set it to {-axis.effort_scale:g}"
             )
         else:
@@ -133,7 +134,8 @@ def _sizes(axis: AxisSettings, facts: AxisFacts) -> Iterator[str]:
             continue
         if max(given / shown, shown / given) > MAX_VALUE_RATIO:
             yield (
-                f"{axis.name}.{key} = {given:.4g} {unit} does not fit the recording, which shows about {shown:.3g} {unit};"
+                f"{axis.name}.{key} = {given:.4g} {unit} does not fit the recording, which shows about"
+                f" {shown:.3g} {unit};"
                 " correct it, or position_scale and effort_scale if the bag is in other units"
             )
 
@@ -153,22 +155,24 @@ def _lengths(axis: AxisSettings, facts: AxisFacts) -> Iterator[str]:
     )
     if deflection > stroke:
         yield (
-            f"{axis.name}.friction.element_stiffness lets an element slip after {units.readable(deflection)}, further than"
+            f"{axis.name}.friction.element_stiffness lets an element slip after {units.readable(deflection)},"
+            " further than"
             f" the motion of {said}; raise the stiffness"
         )
     reference = axis.stage.reference
     simulated = 2.0 * reference.amplitude if reference.kind == "sine" else reference.amplitude
-    if reference.kind in ("sine", "point_to_point") and simulated > 0.0:
-        if max(stroke / simulated, simulated / stroke) > MAX_STROKE_RATIO:
-            yield (
-                f"{axis.name}.stage.reference spans {units.readable(simulated)}, the recording {said}; correct"
-                " position_scale, or the reference"
-            )
+    has_stroke = reference.kind in ("sine", "point_to_point") and simulated > 0.0
+    if has_stroke and max(stroke / simulated, simulated / stroke) > MAX_STROKE_RATIO:
+        yield (
+            f"{axis.name}.stage.reference spans {units.readable(simulated)}, the recording {said}; correct"
+            " position_scale, or the reference"
+        )
     for effect in axis.effects:
         for parameter, value in zip(catalogue.effect(effect.name).parameters, effect.values, strict=True):
             if parameter.name == "pitch" and abs(value) > stroke:
                 yield (
-                    f"{axis.name}.effects.{effect.name}.pitch = {units.readable(abs(value))} is longer than the motion of"
+                    f"{axis.name}.effects.{effect.name}.pitch = {units.readable(abs(value))} is longer than"
+                    " the motion of"
                     f" {said}; correct it, or record a longer motion"
                 )
     resolution = axis.stage.encoder.resolution

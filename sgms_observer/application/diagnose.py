@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.closing import Closing, closing
 from sgms_observer.diagnosis.report import write_report
-from sgms_observer.diagnosis.result import write
+from sgms_observer.diagnosis.result import write_augmented, write_result
 from sgms_observer.diagnosis.workflow import Options, diagnose
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.offline.band import choose_band
@@ -94,10 +94,11 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
         found = diagnose(learn, judge, axis, options, lambda _text, share: show(share))
         answer = answer_of(found, axis, options)
     folder = Path(request.out)
-    write(answer, settings, axis.name, folder)
+    write_augmented(answer, settings, axis.name, folder)
     after = next(one for one in load_settings(folder / "augmented.yaml").axes if one.name == axis.name)
     record = (judge or learn)[0]
     closings = tuple(closing(record, one, record.period, band.corner) for one in (axis, after))
+    write_result(answer, closings, axis.units, folder)
     write_report(answer, axis, closings, options, folder, [*request.bags, *request.holdout], notes)
     return DiagnoseResult(answer, closings, tuple(notes))
 

@@ -31,7 +31,9 @@ _ROWS_PER_CORNER = 4.0  # rows per second over the corner frequency
 _MIN_TURN = 0.1
 """Smallest range [rad] over which sin q and cos q differ from a constant and a slope."""
 _MAX_CONDITION = 1.0e4
-"""Of the scaled columns; above it gravity is left out, because the motion does not tell it from the offset."""
+"""Of the scaled columns; above it they are one column to this recording."""
+_MAX_GRAVITY = 2.0
+"""Gravity and offset over the largest effort: beyond it they cancel each other over a short arc."""
 
 
 @dataclass(frozen=True)
@@ -123,20 +125,15 @@ def fit_force_balance(recordings: Sequence[Recording], axis: AxisSettings, has_g
     names: tuple[str, ...] = ("mass", "viscous_coefficient", "coulomb_force", "offset")
     if has_gravity and turn > _MIN_TURN:
         names += ("gravity_sin", "gravity_cos")
-    while True:
-        width = len(names)
-        matrix = np.concatenate([columns[:, :width] for columns, _ in parts])
-        effort = np.concatenate([values for _, values in parts])
-        scale = np.linalg.norm(matrix, axis=0)
-        if not np.all(scale > 0.0) or len(matrix) < 4 * width or not np.any(effort):
-            return None
-        condition = float(np.linalg.cond(matrix / scale))
-        if width == 4 or condition < _MAX_CONDITION:
-            break
+    effort = np.concatenate([values for _, values in parts])
+    values = _solve(np.concatenate([columns for columns, _ in parts])[:, : len(names)], effort)
+    if len(names) > 4 and (values is None or _cancels(values, effort)):
         names = names[:4]
-    if not np.isfinite(condition) or condition > 1.0 / np.finfo(np.float64).eps:
+        values = _solve(np.concatenate([columns for columns, _ in parts])[:, : len(names)], effort)
+    if values is None:
         return None
-    values = np.linalg.lstsq(matrix / scale, effort, rcond=None)[0] / scale
+    width = len(names)
+    matrix = np.concatenate([columns[:, :width] for columns, _ in parts])
     residuals = [part - columns[:, :width] @ values for columns, part in parts]
     covariance = least_squares_covariance([columns[:, :width] for columns, _ in parts], residuals)
     unexplained = float(np.linalg.norm(np.concatenate(residuals)) / np.linalg.norm(effort))
@@ -147,6 +144,22 @@ def fit_force_balance(recordings: Sequence[Recording], axis: AxisSettings, has_g
     variance = float(weights[seen] @ covariance[np.ix_(seen, seen)] @ weights[seen])
     error = math.sqrt(max(variance, 0.0)) if np.all(seen[1:3]) else math.inf
     return ForceBalance(corner, names, values, covariance, unexplained, float(weights @ values), error)
+
+
+def _solve(matrix: Floats, effort: Floats) -> Floats | None:
+    """Return the least-squares values, shape (k,), or None where the motion does not tell the columns apart."""
+    scale = np.linalg.norm(matrix, axis=0)
+    if not np.all(scale > 0.0) or len(matrix) < 4 * len(scale) or not np.any(effort):
+        return None
+    if not np.linalg.cond(matrix / scale) < _MAX_CONDITION:
+        return None
+    return np.asarray(np.linalg.lstsq(matrix / scale, effort, rcond=None)[0] / scale)
+
+
+def _cancels(values: Floats, effort: Floats) -> bool:
+    """Return whether offset and gravity are larger than any effort: the motion shows their difference only."""
+    largest = _MAX_GRAVITY * float(np.max(np.abs(effort)))
+    return max(abs(float(values[3])), math.hypot(values[4], values[5])) > largest
 
 
 def _columns(recording: Recording, corner: float) -> tuple[Floats, Floats]:

@@ -66,19 +66,37 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         (f'    "{draft.name}":', ""),
         (f"      joint_type: {draft.joint_type}", "prismatic: slides (m, N, kg); revolute: turns (rad, N m, kg m^2)"),
         (f"      position_scale: {number(draft.position_scale)}", f"{scales} {length}; 0.01745329252 for degrees"),
-        (f"      effort_scale: {number(draft.effort_scale)}", f"{scales} {force}; negative where it counts against the motion"),
+        (
+            f"      effort_scale: {number(draft.effort_scale)}",
+            f"{scales} {force}; negative where it counts against the motion",
+        ),
         (f"      mass: {number(draft.mass)}", _said(draft, "mass", f"{units.mass}, {body}")),
         ("      friction:", ""),
         ("        model: sgms", "sgms: smooth, for the estimator; gms: with frictional lag"),
         ("        reset: rate_independent", "right at every speed; paper: eq. 7 as printed, too stiff in creep"),
         (f"        element_stiffness: [{stiffness}]", f"{units.stiffness}, kappa: slopes of the presliding hysteresis"),
-        (f"        element_fraction: [{', '.join(map(str, FRACTIONS))}]", "nu: share of each element in the sliding force; sums to 1"),
+        (
+            f"        element_fraction: [{', '.join(map(str, FRACTIONS))}]",
+            "nu: share of each element in the sliding force; sums to 1",
+        ),
         (f"        element_damping: [{zeros}]", f"{units.damping}, sigma: micro-viscous damping; zero unless measured"),
-        (f"        viscous_coefficient: {number(draft.viscous)}", _said(draft, "viscous", f"{units.damping}: slope of the friction at high speed")),
+        (
+            f"        viscous_coefficient: {number(draft.viscous)}",
+            _said(draft, "viscous", f"{units.damping}: slope of the friction at high speed"),
+        ),
         (f"        static_force: {number(draft.static)}", f"{force}, f_S: friction where sliding begins"),
-        (f"        coulomb_force: {number(draft.coulomb)}", _said(draft, "coulomb", f"{force}, f_C: friction at speed without the viscous part")),
-        (f"        stribeck_velocity: {number(draft.stribeck_velocity)}", f"{units.velocity}, v_s: speed at which static has fallen towards Coulomb"),
-        (f"        attraction_rate: {number(draft.attraction_rate)}", f"{units.of('N/s')}, C: frictional lag, of the gms model only"),
+        (
+            f"        coulomb_force: {number(draft.coulomb)}",
+            _said(draft, "coulomb", f"{force}, f_C: friction at speed without the viscous part"),
+        ),
+        (
+            f"        stribeck_velocity: {number(draft.stribeck_velocity)}",
+            f"{units.velocity}, v_s: speed at which static has fallen towards Coulomb",
+        ),
+        (
+            f"        attraction_rate: {number(draft.attraction_rate)}",
+            f"{units.of('N/s')}, C: frictional lag, of the gms model only",
+        ),
         ("", ""),
         *_effects(draft),
         ("", ""),
@@ -88,14 +106,23 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         ("        degree: 3", "of the polynomial over the window"),
         (f"        position_noise: {number(draft.noise)}", f"{length}, standard deviation of the encoder's noise"),
         ("        effort_is_held: true", "the drive holds each effort until the next one"),
-        (f"        maximum_gap: {number(draft.pause(0.02))}", "s: after a longer pause filters and estimator start anew"),
-        (f"        jump_speed: {number(max(10.0, 10.0 * draft.speed))}", f"{units.velocity}: a larger change from one sample to the next is a jump"),
+        (
+            f"        maximum_gap: {number(draft.pause(0.02))}",
+            "s: after a longer pause filters and estimator start anew",
+        ),
+        (
+            f"        jump_speed: {number(max(10.0, 10.0 * draft.speed))}",
+            f"{units.velocity}: a larger change from one sample to the next is a jump",
+        ),
         ("", ""),
         ("      estimator:", ""),
         ("        kind: mhe", "mhe: moving horizon; ekf: extended Kalman filter, cheaper"),
         (f"        correction_every: {draft.correction_every}", "samples from one correction to the next"),
         ("        horizon: 4", "corrections that the window looks back on"),
-        (f"        measurement_std: {number(draft.residual)}", f"{force}: how far effort minus inertia strays from the friction"),
+        (
+            f"        measurement_std: {number(draft.residual)}",
+            f"{force}: how far effort minus inertia strays from the friction",
+        ),
         ("        parameters: []", "[kappa] to follow the stiffness on line; [] to hold the values above"),
         ("", ""),
         ("      compensation:", "feedforward on friction_compensation"),
@@ -103,7 +130,10 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         ("        gain: 0.9", "share of the predicted friction; 1 leaves no margin against overshoot"),
         (f"        limit: {number(1.5 * draft.static)}", f"{force}, never more than this"),
         (f"        slew_limit: {number(5.0e3 * draft.coulomb)}", f"{units.of('N/s')}, never faster than this"),
-        (f"        standstill_velocity: {number(draft.speed / 300.0)}", f"{units.velocity} of the reference, below which the compensation holds"),
+        (
+            f"        standstill_velocity: {number(draft.speed / 300.0)}",
+            f"{units.velocity} of the reference, below which the compensation holds",
+        ),
         (f"        fade_std: {number(0.25 * draft.coulomb)}", f"{force} of uncertainty at which it has faded to zero"),
         (f"        timeout: {number(draft.pause(0.05))}", "s without good samples until it goes to zero"),
         ("", ""),
@@ -118,13 +148,16 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         ("        encoder:", ""),
         (f"          resolution: {number(draft.step)}", _said(draft, "step", f"{length} per count")),
         ("        seed: 1", "of every random number of this axis"),
-    ]  # fmt: skip
+    ]
 
 
 def _effects(draft: AxisDraft) -> list[tuple[str, str]]:
     """Return the lines of the effects that a recording shows, or of none."""
     units = Units(draft.joint_type)
-    said = {"gravity": f"{units.effort} at the horizontal, and the angle from hanging down at position zero", "offset": units.effort}
+    said = {
+        "gravity": f"{units.effort} at the horizontal, and the angle from hanging down at position zero",
+        "offset": units.effort,
+    }
     lines = [
         ("      effects:", "what else acts on the axis; `sgms diagnose` finds and adds it"),
         (f"        names: [{', '.join(draft.effects)}]", "of docs/catalogue.md"),

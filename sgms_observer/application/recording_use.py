@@ -15,7 +15,7 @@ MIN_REVERSALS = 2
 MIN_REVERSALS_TO_DIAGNOSE = 4
 """A diagnosis learns on some blocks and judges on others, and each needs a motion both ways."""
 MAX_UNEXPLAINED = 0.9
-"""Share of the effort: where a rigid body with friction explains less than a tenth, the effort does not belong to the motion."""
+"""Share of the effort: where mass and friction explain less than a tenth, it does not belong to the motion."""
 MAX_MISSING = 0.5
 """Share of samples without effort: above it one of two is lost."""
 _MAX_RANGE = {PRISMATIC: 20.0, REVOLUTE: 100.0}  # m, rad: a long gantry, sixteen turns
@@ -49,7 +49,8 @@ def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
     diagnose = identify
     if not diagnose and facts.reversals < MIN_REVERSALS_TO_DIAGNOSE:
         diagnose = (
-            f"the motion reverses {facts.reversals} times; diagnosis compares blocks that hold both directions and needs"
+            f"the motion reverses {facts.reversals} times; diagnosis compares blocks that hold both directions"
+            " and needs"
             f" {MIN_REVERSALS_TO_DIAGNOSE} at least: record a longer motion to and fro, or give"
             " several recordings"
         )
@@ -92,7 +93,8 @@ def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
             )
         elif not smallest <= mass <= heaviest:
             found.append(
-                f"{facts.name}: the effort would move {mass:.3g} {units.mass if joint_type else 'kg or kg m^2'}; check the"
+                f"{facts.name}: the effort would move {mass:.3g}"
+                f" {units.mass if joint_type else 'kg or kg m^2'}; check the"
                 " units of effort and position, and set effort_scale or position_scale"
             )
     return tuple(found)
@@ -112,12 +114,14 @@ def losses_in(facts: AxisFacts) -> tuple[str, ...]:
         )
     if facts.gaps:
         found.append(
-            f"{facts.name}: {facts.gaps} pauses lack samples, the longest {facts.longest_gap:.3g} s; record with a longer"
+            f"{facts.name}: {facts.gaps} pauses lack samples, the longest {facts.longest_gap:.3g} s; record"
+            " with a longer"
             " queue or on a less busy machine"
         )
     if facts.duplicate_stamps or facts.backward_stamps:
         found.append(
-            f"{facts.name}: {facts.duplicate_stamps} stamps repeat the one before and {facts.backward_stamps} step back;"
+            f"{facts.name}: {facts.duplicate_stamps} stamps repeat the one before and {facts.backward_stamps}"
+            " step back;"
             " these samples are not used: stamp each sample when it is taken"
         )
     return tuple(found)
@@ -127,7 +131,10 @@ def _reason_against_identification(facts: AxisFacts) -> str:
     """Return why an identification would not succeed; empty if it may."""
     balance = facts.balance
     if facts.missing_efforts > MAX_MISSING:
-        return f"{100.0 * facts.missing_efforts:.3g} % of the samples have no effort: record control_effort at the rate of position"
+        return (
+            f"{100.0 * facts.missing_efforts:.3g} % of the samples have no effort: record control_effort at"
+            " the rate of position"
+        )
     if facts.fault:
         return facts.fault
     if math.isfinite(facts.effort_rms) and facts.effort_range[0] == facts.effort_range[1]:
@@ -136,12 +143,14 @@ def _reason_against_identification(facts: AxisFacts) -> str:
         return "the position never changes: record a motion"
     if facts.encoder_step > 0.0 and facts.stroke < MIN_STEPS * facts.encoder_step:
         return (
-            f"the motion spans {facts.stroke / facts.encoder_step:.3g} steps of the encoder, and {MIN_STEPS:g} are needed to"
+            f"the motion spans {facts.stroke / facts.encoder_step:.3g} steps of the encoder, and {MIN_STEPS:g}"
+            " are needed to"
             " see speed and presliding: move further, or use a finer encoder"
         )
     if facts.reversals < MIN_REVERSALS:
         return (
-            f"the motion reverses {facts.reversals} times, and {MIN_REVERSALS} are needed to tell friction from a constant"
+            f"the motion reverses {facts.reversals} times, and {MIN_REVERSALS} are needed to tell friction"
+            " from a constant"
             " force: record a motion to and fro"
         )
     if balance is None:

@@ -17,15 +17,15 @@ Floats = NDArray[np.float64]
 
 
 class Log(Protocol):
-    """A log whose columns can be read by name.
+    """A log whose columns can be read by name."""
 
-    Attributes:
-        names: the columns, in the order of the file.
-        spellings: every way to write a column to its name in ``names``.
-    """
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the columns, in the order of the file."""
 
-    names: tuple[str, ...]
-    spellings: Mapping[str, str]
+    @property
+    def spellings(self) -> Mapping[str, str]:
+        """Return every way to write a column to its name in ``names``."""
 
     def columns(self, names: Sequence[str]) -> dict[str, Floats]:
         """Return some columns, each of shape (n,); a single number has shape (1,).

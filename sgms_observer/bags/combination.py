@@ -49,7 +49,7 @@ class Factor:
     """What a column is multiplied with.
 
     Attributes:
-        value: a number, or where the log holds it.
+        value: a number, or where the log holds it [-].
         text: as the user wrote it.
         is_divisor: the column is divided by it.
         is_negative: a minus stands before it.
@@ -105,7 +105,7 @@ class Combination:
         """Return the combination, shape (n,).
 
         Args:
-            columns: the columns of ``names``.
+            columns: the columns of ``names`` [any].
 
         Raises:
             RecordingError: columns differ in length, or a factor is no single finite number other than zero.
@@ -184,7 +184,9 @@ class Combination:
         quoted = _QUOTED.match(self._text, start)
         if quoted is not None and quoted[1] in self._spellings:
             return self._indexed(self._spellings[quoted[1]], start, quoted.end())
-        for name in sorted((n for n in self._spellings if n and self._text.startswith(n, start)), key=len, reverse=True):
+        for name in sorted(
+            (n for n in self._spellings if n and self._text.startswith(n, start)), key=len, reverse=True
+        ):
             if (place := self._indexed(self._spellings[name], start, start + len(name))) is not None:
                 return place
         return None
@@ -214,7 +216,8 @@ class Combination:
             values = self._whole(factor.value, columns)
             if values.size != 1:
                 raise RecordingError(
-                    f"{self._path}: the factor {factor.text} has {values.size} entries; only a single number can be one,"
+                    f"{self._path}: the factor {factor.text} has {values.size} entries; only a single number"
+                    " can be one,"
                     f" such as {factor.text}[1]"
                 )
             number = float(values[0])

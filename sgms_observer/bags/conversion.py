@@ -21,7 +21,7 @@ _NEEDED = KEYS[:2]
 _FIRST_STAMP = 1.0  # s; earlier times are moved here, for a stamp of 0 means "no stamp" in ROS
 _ROWS_AT_ONCE = 16_384
 _MOST_DUPLICATES = 0.5
-"""Share of the samples that may repeat a stamp; above it the times are coarser than the samples and cannot order them."""
+"""Share of the samples that may repeat a stamp; above it the times are coarser than the samples."""
 
 
 @dataclass(frozen=True)
@@ -126,9 +126,7 @@ def read_table(path: Path, columns: Mapping[str, str], rate: float | None = None
                 f" {values['time'].size}; map columns of the same length"
             )
     if values["time"].size < 2:
-        raise RecordingError(
-            f"{path} has {values['time'].size} sample in {spelled['time']}; two are needed at least"
-        )
+        raise RecordingError(f"{path} has {values['time'].size} sample in {spelled['time']}; two are needed at least")
     values, notices = _ordered(path, spelled["time"], values)
     time = values["time"]
     for key in ("position", "control_effort", "reference"):
@@ -185,7 +183,7 @@ def split_table(table: Table, share: float) -> tuple[Table, Table]:
 
     Args:
         table: the samples.
-        share: of the time that the first part takes, between 0 and 1.
+        share: of the time that the first part takes, between 0 and 1 [-].
 
     Raises:
         RecordingError: a part would have fewer than two samples.

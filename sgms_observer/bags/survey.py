@@ -82,7 +82,9 @@ def survey_bag(path: str | Path) -> tuple[tuple[TopicSurvey, ...], tuple[str, ..
                 malformed[name] += bad
                 for group in groups:
                     stamps[name].setdefault(group.names, []).append(group.stamp_ns)
-                    finite = [np.isfinite(field).sum(axis=0) for field in (group.position, group.velocity, group.effort)]
+                    finite = [
+                        np.isfinite(field).sum(axis=0) for field in (group.position, group.velocity, group.effort)
+                    ]
                     for joint, column in zip(group.names, np.transpose(finite), strict=True):
                         filled[name][joint] = filled[name].get(joint, np.zeros(3, np.int64)) + column
         warnings = bag.warnings

@@ -16,8 +16,8 @@ _WORD = re.compile(r"[^\W\d_][\w .:+-]*")
 _MISSING = frozenset(("", "-", "--", "---", "null", "none", "n/a", "na", "#n/a", "nan", "-nan(ind)", "nan(ind)"))
 _UNIT = re.compile(
     r"[\[(<]?(s|sec|seconds?|sekunden?|ms|us|µs|ns|min|h|m|meters?|metres?|mm|um|µm|nm|cm|inch|rad|mrad|urad|deg|degrees?|°"
-    r"|[mk]?N|newtons?|[mk]?N ?[*·]?m+|[mk]?A|amp(ere)?s?|[mk]?V|volts?|[mk]?W|Hz|kHz|rpm|rev|°?C|K|bar|%|-|1|counts?|inc"
-    r"|incr|bits?|n/?a|float|double|real|integer|u?int\d*|bool|string|text|(m|mm|um|µm|rad|deg|°|N|A|V)/s(\^?2|²)?)?[\])>]?",
+    r"|[mk]?N|newtons?|[mk]?N ?[*·]?m+|[mk]?A|amp(ere)?s?|[mk]?V|volts?|[mk]?W|Hz|kHz|rpm|rev|°?C|K|bar|%|-|1"
+    r"|counts?|inc|incr|bits?|n/?a|float|double|real|integer|u?int\d*|bool|string|text|(m|mm|um|µm|rad|deg|°|N|A|V)/s(\^?2|²)?)?[\])>]?",
 )
 
 
@@ -142,7 +142,11 @@ def _moment(text: str) -> datetime:
     if _DATE.fullmatch(text) is None:
         raise ValueError(f"could not convert string {text!r} to a date")
     moment = datetime.fromisoformat(text.replace(",", "."))
-    return moment if moment.tzinfo else datetime.fromisoformat(text.replace(",", ".") + ("T00:00Z" if len(text) == 10 else "Z"))
+    return (
+        moment
+        if moment.tzinfo
+        else datetime.fromisoformat(text.replace(",", ".") + ("T00:00Z" if len(text) == 10 else "Z"))
+    )
 
 
 def _longest_run(lines: Sequence[str], separator: str | None, is_comma: bool) -> tuple[list[int], int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ _HEADS = (200, 2_000, 20_000, 200_000)
 """Lines that are looked at for the table: more each time, where fewer are all words."""
 _ROWS_SEEN = 20  # rows of a table that are enough to know how it is written
 _LONGEST_LINE = 1 << 20  # characters; a longer line is no row of a log
+_TABLE: Literal[2] = 2  # dimensions
 _HALF_DAY, _DAY = 43_200.0, 86_400.0  # s
 
 
@@ -69,7 +70,9 @@ class TextLog:
         values = {name: table[:, order.index(i)] for name, i in zip(names, indices, strict=True)}
         for name, i in zip(names, indices, strict=True):
             if self._dialect.is_time_of_day(i):
-                values[name] = values[name] + _DAY * np.cumsum(np.diff(values[name], prepend=values[name][0]) < -_HALF_DAY)
+                values[name] = values[name] + _DAY * np.cumsum(
+                    np.diff(values[name], prepend=values[name][0]) < -_HALF_DAY
+                )
         return values
 
     def _table(self, order: Sequence[int]) -> Floats:
@@ -89,9 +92,9 @@ class TextLog:
     def _load(self, order: Sequence[int], is_plain: bool) -> Floats:
         dialect = self._dialect
         has_comma = dialect.has_decimal_comma
-        converters: dict[int, Any] = {i: found for i in order if (found := dialect.converter(i)) is not None}
+        converters: dict[int | str, Any] = {i: found for i in order if (found := dialect.converter(i)) is not None}
         if not is_plain:
-            converters = {i: lambda text: number(text, has_comma) for i in order} | converters
+            converters = {**{i: lambda text: number(text, has_comma) for i in order}, **converters}
         is_replaced = has_comma and is_plain and dialect.separator != ","
         with self._path.open(encoding=self._encoding, newline=None) as file:
             lines: Any = (line.replace(",", ".") for line in file) if is_replaced else file
@@ -99,9 +102,9 @@ class TextLog:
                 lines,
                 delimiter=dialect.separator,
                 skiprows=dialect.first_row,
-                usecols=order,
+                usecols=list(order),
                 comments=None,
-                ndmin=2,
+                ndmin=_TABLE,
                 converters=converters or None,
                 encoding=None,
                 quotechar='"' if dialect.has_quotes else None,

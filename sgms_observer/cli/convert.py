@@ -28,7 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         action="extend",
         metavar="KEY=COLUMN[*FACTOR]",
-        help="which columns are time [s], position [m or rad], control_effort [N or N m] and reference (as position); the"
+        help="which columns are time [s], position [m or rad], control_effort [N or N m] and reference (as"
+        " position); the"
         " last two are optional. Columns go by name, in a table without names by number (1, 2, ...), in a matrix by"
         " NAME[k]; FACTOR is a number, pi or a single number of the file; sums are possible, as in"
         " control_effort=q1*10.69-q2/2",
@@ -63,9 +64,7 @@ def run(args: argparse.Namespace) -> Outcome:
     """
     from sgms_observer.application.convert import ConvertOptions, convert
 
-    options = ConvertOptions(
-        args.rate, args.start, args.end, args.split, args.axis, args.storage, args.overwrite
-    )
+    options = ConvertOptions(args.rate, args.start, args.end, args.split, args.axis, args.storage, args.overwrite)
     converted = convert(args.file, args.map, args.out, options)
     for notice in converted.notices:
         print(f"note: {notice}")

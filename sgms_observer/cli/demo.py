@@ -83,10 +83,13 @@ def run(args: argparse.Namespace) -> int:
 
 def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) -> tuple[int, list[str]]:
     """Run the nodes and record them; return when the compensation went on [ns], and what the stage noted."""
+    from sgms_observer.application.kernels import compile_ahead
     from sgms_observer.cli.progress import Progress
     from sgms_observer.nodes.conductor import Conductor, prepare_graph
     from sgms_observer.nodes.pace import AGE_SENTENCE
 
+    with Progress("compile", 1.0) as progress:
+        compile_ahead(show=progress.show)
     domain = prepare_graph()
     print(f"starting {STAGE}, {OBSERVER} and a recorder on this machine's graph, ROS_DOMAIN_ID {domain}", flush=True)
     with Conductor(out / "log") as conductor:

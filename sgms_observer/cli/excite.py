@@ -104,7 +104,9 @@ def run(args: argparse.Namespace) -> Outcome:
             axis, reference.position, reference.velocity, settings.sample_period, limits.acceleration, args.centre
         )
         print("published to the end" if finished else "interrupted: the reference was brought to rest")
-    sections = [{"name": part.name, "from_s": part.start, "to_s": part.end, "shows": part.shows} for part in reference.sections]
+    sections = [
+        {"name": part.name, "from_s": part.start, "to_s": part.end, "shows": part.shows} for part in reference.sections
+    ]
     return Outcome(
         result={
             "schema": 1,

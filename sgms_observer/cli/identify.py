@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from pathlib import Path
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.options import (
-    add_bag_options,
-    add_output_options,
-    add_overwrite_option,
-    axes_from,
-    topics_from,
-)
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option, topics_from
+from sgms_observer.cli.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.identification.answer import Answer
-    from sgms_observer.offline.recording import Recordings
-    from sgms_observer.settings.axis import AxisSettings
 
 NAME = "identify"
 HELP = "identify mass, friction, offset and delay from recordings, with intervals"
-
-_LEAST_SQUARES_CUTOFF = 100.0  # Hz
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="sgms",
         help="friction model, or the inverse dynamic model by least squares (default: sgms)",
     )
-    add_bag_options(parser, "all axes of the file")
     parser.add_argument(
         "--elements",
         type=int,
@@ -56,8 +46,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="HZ",
-        help="corner of the zero-phase low-pass on the force balance",
+        help="upper corner of the judging band, which is the zero-phase low-pass on the force balance (default: chosen"
+        " from encoder noise and sample rate)",
     )
+    parser.add_argument(
+        "--holdout", action="append", default=[], metavar="BAG", help="judge the model on this bag too; may be repeated"
+    )
+    add_bag_options(parser, "all axes of the file")
     add_overwrite_option(parser)
     add_output_options(parser)
 
@@ -69,64 +64,32 @@ def run(args: argparse.Namespace) -> Outcome:
         args: what the user gave.
 
     Returns:
-        The exit code and the result.
+        The exit code and the result; code 3 where a model must not be used as it is.
     """
+    from sgms_observer.application.identify import IdentifyJob, identify_bags
+
+    job = IdentifyJob(
+        tuple(args.bags), args.config, args.out, tuple(args.axis or ()), args.model, args.elements, args.cutoff,
+        tuple(args.holdout), topics_from(args.topic), args.overwrite,
+    )  # fmt: skip
+    done = identify_bags(job, _progress)
+    for axis in done.axes:
+        for note in axis.notes:
+            print(f"note: {note}")
+        _print(axis.name, axis.answer)
+    for warning in done.warnings:
+        print(warning, file=sys.stderr)
+    print(f"wrote {done.path}")
+    return Outcome(EXIT_DONE if done.is_usable else EXIT_NOT_USABLE, done.as_json())
+
+
+@contextlib.contextmanager
+def _progress(title: str) -> Iterator[Callable[[float], None]]:
+    """Show how much is done."""
     from sgms_observer.cli.progress import Progress
-    from sgms_observer.errors import ConfigurationError
-    from sgms_observer.identification.answer import bag_hash, provenance
-    from sgms_observer.offline.recording import Recordings, read_recordings
-    from sgms_observer.settings.load import load_settings
-    from sgms_observer.settings.write import write_settings
-    from sgms_observer.whole_file import refuse_existing_files, try_folder
 
-    refuse_existing_files([args.out], args.overwrite)
-    settings = load_settings(args.config)
-    wanted = axes_from(args.axis, [axis.name for axis in settings.axes], args.config)
-    topics = topics_from(args.topic)
-    if args.cutoff < 0.0:
-        raise ConfigurationError([f"--cutoff {args.cutoff:g} Hz must be positive; leave it out for the default"])
-    try_folder(Path(args.out).parent)
-    hashes = [bag_hash(bag) for bag in args.bags]
-    changes, remarks = {}, {}
-    summary: list[str] = []
-    results = {}
-    for axis in (axis for axis in settings.axes if axis.name in wanted):
-        pieces = Recordings(())
-        for bag, digest in zip(args.bags, hashes, strict=True):
-            pieces += read_recordings(bag, axis, topics=topics, sha256=digest)
-        with Progress(f"identify {axis.name}", 1.0) as progress:
-            answer = _identified(pieces, axis, settings.sample_period, args, progress.show)
-        changes[axis.name] = answer.changes
-        remarks.update({f"{axis.name}.{name}": remark for name, remark in answer.remarks.items()})
-        summary += answer.summary
-        rows = {row.name: {"value": row.value, "remark": row.remark} for row in answer.rows}
-        results[axis.name] = {"parameters": rows, "summary": answer.summary}
-        _print(axis.name, answer)
-    remarks[""] = provenance(args.bags, hashes, summary)
-    write_settings(settings, args.out, changes, remarks)
-    load_settings(args.out)
-    print(f"wrote {args.out}")
-    return Outcome(result={"schema": 1, "yaml": args.out, "axes": results})
-
-
-def _identified(
-    pieces: Recordings,
-    axis: AxisSettings,
-    sample_period: float,
-    args: argparse.Namespace,
-    show: Callable[[float], None],
-) -> Answer:
-    """Identify one axis with the model the user asked for."""
-    from sgms_observer.identification.answer import identification_answer, least_squares_answer
-    from sgms_observer.identification.identify import IdentifyOptions, identify
-    from sgms_observer.identification.least_squares import fit_inverse_model
-
-    if args.model == "least_squares":
-        slowest = min(1.0 / piece.period for piece in pieces)
-        cutoff = args.cutoff or min(_LEAST_SQUARES_CUTOFF, 0.1 * slowest)
-        return least_squares_answer(fit_inverse_model(pieces, cutoff=cutoff), axis)
-    options = IdentifyOptions(model=args.model, cutoff=args.cutoff, count=args.elements)
-    return identification_answer(identify(pieces, axis, options, show), axis, sample_period)
+    with Progress(title, 1.0) as progress:
+        yield progress.show
 
 
 def _print(name: str, answer: Answer) -> None:

@@ -27,10 +27,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="whether the axes slide (m, N, kg) or turn (rad, N m, kg m^2; with gravity) (default: prismatic)",
     )
     parser.add_argument(
-        "--position-scale", type=float, default=1.0, metavar="K", help="factor from the bag's positions to m or rad (default: 1)"
+        "--position-scale",
+        type=float,
+        default=1.0,
+        metavar="K",
+        help="factor from the bag's positions to m or rad (default: 1)",
     )
     parser.add_argument(
-        "--effort-scale", type=float, default=1.0, metavar="K", help="factor from the bag's efforts to N or N m (default: 1)"
+        "--effort-scale",
+        type=float,
+        default=1.0,
+        metavar="K",
+        help="factor from the bag's efforts to N or N m (default: 1)",
     )
     add_bag_options(parser, "all joints of the bag, or x")
     add_overwrite_option(parser)
@@ -56,7 +64,8 @@ def run(args: argparse.Namespace) -> Outcome:
     for draft in done.drafts:
         effects = f", {', '.join(draft.effects)}" if draft.effects else ""
         print(
-            f"{draft.name}: mass {draft.mass:.4g} {units.mass}, Coulomb friction {draft.coulomb:.4g} {units.effort}, viscous"
+            f"{draft.name}: mass {draft.mass:.4g} {units.mass}, Coulomb friction {draft.coulomb:.4g}"
+            f" {units.effort}, viscous"
             f" {draft.viscous:.4g} {units.damping}{effects}"
         )
     for warning in done.warnings:

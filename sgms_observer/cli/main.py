@@ -119,7 +119,9 @@ def _finish(command: registry.Command, args: argparse.Namespace) -> int:
     is_silent = has_json or getattr(args, "quiet", False)
     with contextlib.ExitStack() as stack:
         if is_silent:
-            stack.enter_context(contextlib.redirect_stdout(stack.enter_context(open(os.devnull, "w", encoding="utf-8"))))
+            stack.enter_context(
+                contextlib.redirect_stdout(stack.enter_context(open(os.devnull, "w", encoding="utf-8")))
+            )
             Progress.is_quiet = True
             stack.callback(setattr, Progress, "is_quiet", False)
         outcome = command.run(args)

@@ -30,6 +30,7 @@ COMMANDS = {
     "excite": "it comes with identification",
     "bench": "it comes with the benchmarks",
     "completion": "it comes with the command line",
+    "compile": "it comes with the kernels",
 }
 
 

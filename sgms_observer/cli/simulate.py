@@ -87,7 +87,10 @@ def run(args: argparse.Namespace) -> Outcome:
     settling = round(_SETTLING / settings.sample_period) if duration >= 1.0 else 0
     errors = _Errors(settings.axes, settling, other is not None)
     start = time.perf_counter()
-    with BagWriter(args.out, args.storage, is_overwriting=args.overwrite) as bag, Progress("simulate", count) as progress:
+    with (
+        BagWriter(args.out, args.storage, is_overwriting=args.overwrite) as bag,
+        Progress("simulate", count) as progress,
+    ):
         done = 0
         while done < count:
             records, estimates = step(min(_SAMPLES_PER_BLOCK, count - done))

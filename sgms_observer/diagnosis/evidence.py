@@ -1,7 +1,8 @@
 """Predictive evidence: how much better one model predicts data that neither was fitted to.
 
-Held-out recordings are predicted as they are. A block of a recording that was learnt from is predicted by the fit
-without it: the fit's own derivatives say how far the parameters move when the block is left out (exact for a linear model).
+Held-out recordings are predicted as they are. Where there are none, a block of a recording that was learnt from is
+predicted by the fit without it: the fit's own derivatives say how far the parameters move when the block is left out
+(exact for a linear model).
 """
 
 from __future__ import annotations
@@ -81,6 +82,15 @@ def left_out_residuals(found: Refit, judged: Judged, length: float) -> list[Floa
         parts += blocks_of(series, duration / len(series), length)
     moved = left_out(parts, found.jacobian.T @ found.jacobian)
     return [part[:, -1] + part[:, :-1] @ step for part, step in zip(parts, moved, strict=True)]
+
+
+def learnt_residuals(found: Refit, judged: Judged, length: float) -> list[Floats]:
+    """Return the whitened residual of each block of the recordings that were learnt from; arguments as above."""
+    parts: list[Floats] = []
+    for motion, series in zip(judged.motions, in_time(found.residual[:, None], judged), strict=True):
+        duration = len(motion.time) * motion.period
+        parts += [part[:, 0] for part in blocks_of(series, duration / len(series), length)]
+    return parts
 
 
 def held_out_residuals(model: Model, held: Judged, length: float) -> list[Floats]:

@@ -30,6 +30,9 @@ SIDED = "asymmetric_coulomb"
 BY_LEVEL = ("frictional_lag", "backlash")
 """Effects that depend on the level."""
 
+SPREAD_COUNT = 8
+"""Elements that stand for an unknown contact: two a decade over four decades."""
+
 MASS, VISCOUS, COULOMB, STATIC, KNEE = range(5)
 SHARED = ("mass", "viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity")
 
@@ -43,6 +46,7 @@ class Model:
         friction: friction settings.
         effects: effects in it.
         is_sharp: whether S-GMS elements stick and slip without smoothing, as GMS elements with a fast attraction do.
+        file_reach: largest slip deflection of the file's elements where the model has others [m]; None for its own.
         joint_period: period in position that the joint implies (2 pi on a revolute one), or None.
     """
 
@@ -51,6 +55,7 @@ class Model:
     effects: tuple[EffectSettings, ...] = ()
     is_sharp: bool = False
     joint_period: float | None = None
+    file_reach: float | None = None
 
     @staticmethod
     def of(axis: AxisSettings) -> Model:
@@ -103,6 +108,29 @@ class Model:
             old, element_stiffness=tuple(stiffness), element_fraction=tuple(fraction), element_damping=(0.0,) * n_z
         )
         return replace(self, friction=friction)
+
+    def spread(self, smallest: float, largest: float) -> Model:
+        """Return the model with elements whose slip deflections are spread evenly over a range of decades.
+
+        They stand for a contact whose elements the file does not know: each carries the same share in the beginning.
+
+        Args:
+            smallest, largest: slip deflections of the first and of the last element [m].
+        """
+        deflection = np.geomspace(smallest, largest, SPREAD_COUNT)
+        share = 1.0 / SPREAD_COUNT
+        friction = replace(
+            self.friction,
+            element_stiffness=tuple((share * self.friction.coulomb_force / deflection).tolist()),
+            element_fraction=(share,) * SPREAD_COUNT,
+            element_damping=(0.0,) * SPREAD_COUNT,
+        )
+        return replace(self, friction=friction, file_reach=self.reach)
+
+    @property
+    def reach(self) -> float:
+        """Return the slip deflection beyond which the contact slides, as the file has it [m]."""
+        return largest_reach(self.friction) if self.file_reach is None else self.file_reach
 
     def with_effects(self, effects: Sequence[EffectSettings]) -> Model:
         """Return the model with ``effects`` added to its own."""

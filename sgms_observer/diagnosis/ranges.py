@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sgms_observer.diagnosis.level import MISSING_ELEMENT
-from sgms_observer.diagnosis.model import Model, largest_reach
+from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.search import CONTACT_SHARE, MODE_RATE
 from sgms_observer.effects.catalogue import effect
@@ -55,20 +55,20 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
     if name == "stribeck" and parameter == "velocity":  # slower is the nominal curve itself
         return 2.5 * nominal.friction.stribeck_velocity, np.inf
     if name == "frictional_lag" and parameter == "distance":
-        return 0.05 * largest_reach(nominal.friction), np.inf
+        return 0.05 * nominal.reach, np.inf
     if parameter == "attraction_rate":  # slower than a recording can tell
         return SLOWEST_LAG * nominal.friction.coulomb_force, np.inf
     if name == MISSING_ELEMENT and parameter == "force":  # an element too many is the elements' own business
         return 0.0, np.inf
     if name == MISSING_ELEMENT and parameter == "distance":  # what gives over millimetres is no contact
-        reach = largest_reach(nominal.friction)
+        reach = nominal.reach
         return SHORTEST * reach, max(3.0 * reach, CONTACT_SHARE * stroke)
     if parameter == "stop":  # softer is a missing element, not a wall
-        return SHORTEST_STOP * largest_reach(nominal.friction), 0.5 * largest_reach(nominal.friction)
+        return SHORTEST_STOP * nominal.reach, 0.5 * nominal.reach
     if parameter == "gap":
-        return SHORTEST_PLAY * largest_reach(nominal.friction), np.inf
+        return SHORTEST_PLAY * nominal.reach, np.inf
     if parameter in ("memory_distance", "distance"):
-        return SHORTEST * largest_reach(nominal.friction), np.inf
+        return SHORTEST * nominal.reach, np.inf
     return -np.inf, np.inf
 
 

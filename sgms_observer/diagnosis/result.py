@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from sgms_observer.diagnosis.answer import Answer
+from sgms_observer.diagnosis.closing import Closing
 from sgms_observer.diagnosis.contact import SETTLE
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.effects import named_values
+from sgms_observer.settings.units import Units
 from sgms_observer.settings.write import write_settings
 from sgms_observer.whole_file import write_text
 
@@ -20,8 +22,14 @@ SCHEMA = 2
 UNIT = "% of rms effort"
 
 
-def result_of(answer: Answer) -> dict[str, Any]:
-    """Return the content of result.json."""
+def result_of(answer: Answer, closings: Sequence[Closing], units: Units) -> dict[str, Any]:
+    """Return the content of result.json.
+
+    Args:
+        answer: the answer.
+        closings: observer and compensation before and after.
+        units: of the axis.
+    """
     gap = answer.gap
     result: dict[str, Any] = {
         "schema": SCHEMA,
@@ -95,6 +103,11 @@ def result_of(answer: Answer) -> dict[str, Any]:
             }
             for item in answer.located
         ],
+        "feedforward": {
+            "not_cancelled_before": closings[0].compensation,
+            "not_cancelled_after": closings[1].compensation,
+            "unit": f"{units.effort} rms",
+        },
         "detectable": answer.detectable,
         "next_experiment": answer.next_experiment,
         "notes": list(answer.diagnosis.notes),
@@ -145,8 +158,8 @@ def changes_of(answer: Answer) -> dict[str, Any]:
     return changes
 
 
-def write(answer: Answer, settings: Settings, axis: str, out: Path) -> None:
-    """Write result.json and augmented.yaml.
+def write_augmented(answer: Answer, settings: Settings, axis: str, out: Path) -> None:
+    """Write augmented.yaml.
 
     Args:
         answer: the answer.
@@ -154,6 +167,10 @@ def write(answer: Answer, settings: Settings, axis: str, out: Path) -> None:
         axis: name of the axis.
         out: folder; made if need be.
     """
-    write_text(json.dumps(result_of(answer), indent=1) + "\n", out / "result.json")
     head = f"sgms diagnose: {answer.verdict}; gap {answer.gap.before:.3g} -> {answer.gap.after:.3g} % of rms effort"
     write_settings(settings, out / "augmented.yaml", {axis: changes_of(answer)}, {"": head})
+
+
+def write_result(answer: Answer, closings: Sequence[Closing], units: Units, out: Path) -> None:
+    """Write result.json; arguments as ``result_of``, and the folder."""
+    write_text(json.dumps(result_of(answer, closings, units), indent=1) + "\n", out / "result.json")

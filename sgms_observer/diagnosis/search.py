@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.model import Model, largest_reach
+from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
@@ -110,7 +110,7 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
     hard = float(np.quantile(np.concatenate([np.abs(motion.acceleration) for motion in motions]), 0.99))
     length = max(float(motion.time[-1]) for motion in motions)
     travel = max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
-    knee, reach = model.friction.stribeck_velocity, largest_reach(model.friction)
+    knee, reach = model.friction.stribeck_velocity, model.reach
     longest, period = max(3.0 * reach, CONTACT_SHARE * stroke), model.joint_period
     grid = np.geomspace
     match name:

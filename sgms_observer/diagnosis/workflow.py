@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from sgms_observer.diagnosis import audit
-from sgms_observer.diagnosis.candidates import LAST_STEPS, Candidate, effect_candidates, to_the_end
+from sgms_observer.diagnosis.candidates import LAST_STEPS, MOST_COMPARED, Candidate, effect_candidates, to_the_end
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.decision import (
     CHANGED,
@@ -20,7 +20,7 @@ from sgms_observer.diagnosis.decision import (
 )
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
-from sgms_observer.diagnosis.gap import noise_floor
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD, Motion, motion_of
@@ -123,13 +123,19 @@ class State:
             state = state.refitted(state.current, AGAIN)
         return state
 
-    def court(self, options: Options) -> Court:
-        """Return the recordings that evidence is taken from."""
+    def court(self, options: Options, first: Model | None = None) -> Court:
+        """Return the recordings that evidence is taken from.
+
+        Args:
+            options: how to run.
+            first: model of the file refitted within its tolerance; the current one if None.
+        """
         judged = self.refits.judged
         judge = self.held or self.learn
         floor = noise_floor(judge, self.current.model, judged.noise, options.seed)
         held = held_judged(self.held, judged, self.current.model)
-        return Court(self.learn, judge, judged, held, floor, options.criteria, options.seed)
+        gap = rms(residuals(first or self.current.model, judge))
+        return Court(self.learn, judge, judged, held, floor, gap, options.criteria, options.seed)
 
 
 @dataclass(frozen=True)
@@ -252,15 +258,18 @@ def _search(
     names = [name for name in catalogue_names() if name not in READ_OFF]
     changed = list(CHANGED)
     most = options.criteria.max_effects + len(changed)
+    first = state.current.model
     for number in range(most):
         share = 0.1 + 0.7 * number / most
         report(f"first look at {len(names)} effects", share)
         refits, current = state.refits, state.current
-        court = state.court(options)
+        court = state.court(options, first)
+        if rounds and court.is_closed(current.model):
+            break
         earlier = evidence_of(current, court)
         screen = Screen(refits.judged, current, options.tolerance, refits.freedom, names, options.workers)
         report("full fits", share + 0.02)
-        listed = effect_candidates(refits, screen, current, options.workers, MOST)
+        listed = effect_candidates(refits, screen, current, options.workers, MOST_COMPARED)
         listed += [changed_candidate(refits, current, name) for name in changed if is_possible(refits, name)]
         decisions = [decide(item, current, earlier, court) for item in listed if item.refit.cost < current.cost]
         decisions.sort(key=lambda item: -item.improvement.fall)
@@ -281,10 +290,6 @@ def _search(
         ):
             break
     return state, tuple(rounds)
-
-
-MOST = 5
-"""Effects of the catalogue that are compared in one round."""
 
 
 def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None:
@@ -328,7 +333,8 @@ def changed_candidate(refits: Refits, current: Refit, name: str) -> Candidate:
         name: one of ``CHANGED``.
     """
     free = changed_refits(refits, name)
-    found = free.of(current.effects, current.logs, LAST_STEPS)
+    is_same = len(free.nominal.parameter_names()) == len(current.logs) and not free.freedom.elements
+    found = free.of(current.effects, current.logs if is_same else None, LAST_STEPS)
     return Candidate(name, free, found, 1)
 
 
@@ -381,7 +387,7 @@ def _as_written(found: State, state: State, nominal: Model) -> tuple[Refit, Refi
         return before, before, first
     later = replace(nominal, is_sharp=state.refits.nominal.is_sharp)
     if state.refits.freedom.elements:
-        later = replace(later.refined(), is_sharp=later.is_sharp)
+        later = state.refits.nominal
     last = replace(state.refits, nominal=later)
     starts = [None] if state.refits.freedom.elements else [None, before.logs]
     tried = [last.of(state.current.effects, start, LAST_STEPS) for start in starts]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,12 @@ from typing import Any
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.errors import RecordingError
 from sgms_observer.identification.identify import MAX_UNEXPLAINED, Identification
-from sgms_observer.identification.least_squares import InverseModelFit
+from sgms_observer.identification.least_squares import GRAVITY, SYMMETRIC, InverseModelFit
 from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RELAXATION, RHO, V_S, VISCOUS
 from sgms_observer.settings.axis import AxisSettings
 
 _DIGITS = 7
+_NEAR_ZERO = ("effects.offset.force",)  # values whose sign is open need no warning
 _OFFSET_EFFECT = "offset"
 _DAMPING = "friction.element_damping"
 
@@ -29,7 +30,7 @@ class Row:
     Attributes:
         name: parameter as in the YAML.
         value: estimate, SI unit.
-        half_width: half its 95 % interval; NaN where it was not estimated.
+        half_width: half its 95 % interval; NaN where it was not estimated, infinite where the data are blind to it.
         unit: SI unit.
         is_shown: whether the recordings show it.
         note: what to do where they do not.
@@ -45,8 +46,10 @@ class Row:
     @property
     def remark(self) -> str:
         """One remark: unit, interval, and whether it was shown."""
-        if not math.isfinite(self.half_width):
+        if math.isnan(self.half_width):
             known = "not shown: start value" if self.value else "not shown: none"
+        elif math.isinf(self.half_width):
+            known = "not shown: an estimate without interval"
         else:
             known = f"+- {self.half_width:.2g} (95 %)" + ("" if self.is_shown else ", not shown to 5 %")
         note = f"; {self.note}" if self.note and not self.is_shown else ""
@@ -122,27 +125,38 @@ def _with_effects(axis: AxisSettings, values: Mapping[str, Mapping[str, float]],
         changes.update({f"effects.{name}.{key}": _rounded(value) for key, value in own.items()})
 
 
-def least_squares_answer(fit: InverseModelFit, axis: AxisSettings) -> Answer:
+def least_squares_answer(fit: InverseModelFit, axis: AxisSettings, is_opposed: bool = False) -> Answer:
     """Return the settings of an inverse-dynamic-model fit.
 
     Args:
-        fit: symmetric fit.
+        fit: symmetric fit, with gravity on a revolute joint.
         axis: start settings.
+        is_opposed: whether the effort was reversed for it.
     """
-    error = 1.96 * fit.std_error
-    mass, viscous, coulomb, offset = (fit.value(name) for name in fit.names)
-    own = axis.units
-    units = (own.mass, own.damping, own.effort, own.effort)
-    names = ("mass", "friction.viscous_coefficient", "friction.coulomb_force", "effects.offset.force")
+    unit = axis.units.of
+    error = dict(zip(fit.names, 1.96 * fit.std_error, strict=True))
+    mass, viscous, coulomb, offset = (fit.value(name) for name in SYMMETRIC)
+    yaml_names = ("mass", "friction.viscous_coefficient", "friction.coulomb_force", "effects.offset.force")
+    units = ("kg", "N s/m", "N", "N")
+    values = [
+        (name, fit.value(own), float(error[own]), unit(one))
+        for name, own, one in zip(yaml_names, SYMMETRIC, units, strict=True)
+    ]
+    effects = {_OFFSET_EFFECT: {"force": offset}}
+    if GRAVITY[0] in fit.names:
+        sine, cosine = (fit.value(name) for name in GRAVITY)
+        width = math.hypot(*(error[name] for name in GRAVITY))
+        amplitude, angle = math.hypot(sine, cosine), math.atan2(cosine, sine)
+        effects["gravity"] = {"amplitude": amplitude, "angle": angle, "ratio": 1.0}
+        values.append(("effects.gravity.amplitude", amplitude, width, unit("N")))
+        values.append(("effects.gravity.angle", angle, width / amplitude, "rad"))
     rows = tuple(
-        Row(name, value, float(width), unit, bool(width <= 0.05 * abs(value)))
-        for name, value, width, unit in zip(names, (mass, viscous, coulomb, offset), error, units, strict=True)
+        Row(name, value, width, one, bool(width <= 0.05 * abs(value))) for name, value, width, one in values
     )
     if viscous < 0.0 or mass <= 0.0 or coulomb <= 0.0:
         raise RecordingError(
-            f"least squares gives mass {mass:.3g} {own.mass}, viscous {viscous:.3g} {own.damping}, Coulomb"
-            f" {coulomb:.3g} {own.effort};"
-            " check the sign and factor of control_effort"
+            f"least squares gives mass {mass:.3g} {unit('kg')}, viscous {viscous:.3g} {unit('N s/m')}, Coulomb"
+            f" {coulomb:.3g} {unit('N')}; check the sign and factor of control_effort (effort_scale)"
         )
     changes: dict[str, Any] = {
         "mass": _rounded(mass),
@@ -150,14 +164,51 @@ def least_squares_answer(fit: InverseModelFit, axis: AxisSettings) -> Answer:
         "friction.coulomb_force": _rounded(coulomb),
         "friction.static_force": _rounded(coulomb),
     }
-    _with_effects(axis, {_OFFSET_EFFECT: {"force": offset}}, changes)
+    if is_opposed:
+        changes["effort_scale"] = -axis.effort_scale
+    _with_effects(axis, effects, changes)
     remarks = {row.name: row.remark for row in rows}
-    remarks["friction.static_force"] = f"{own.effort}; this model has no Stribeck effect: equal to coulomb_force"
+    remarks["friction.static_force"] = f"{unit('N')}; this model has no Stribeck effect: equal to coulomb_force"
+    word = axis.units.effort_word
     summary = (
         f"{axis.name}: inverse dynamic model by least squares, low-pass {fit.cutoff:g} Hz;"
-        f" {own.effort_word} residual {100.0 * fit.relative_error:.2f} % of the {own.effort_word}'s norm",
+        f" {word} residual {100.0 * fit.relative_error:.2f} % of the {word}'s norm",
     )
-    return Answer(changes, remarks, rows, summary)
+    warnings = []
+    if is_opposed:
+        warnings.append(_opposed_sentence(axis))
+    if fit.relative_error > MAX_UNEXPLAINED:
+        warnings.append(_unexplained_sentence(axis, fit.relative_error, ""))
+    return Answer(changes, remarks, rows, summary, tuple(f"Warning: {one}" for one in warnings), not warnings)
+
+
+def judged_on_held_out(answer: Answer, axis: AxisSettings, unexplained: float) -> Answer:
+    """Return an answer that is not usable if the model fails on held-out bags.
+
+    Args:
+        answer: of the identification.
+        axis: start settings.
+        unexplained: rms residual over rms effort there [-].
+    """
+    if unexplained <= MAX_UNEXPLAINED:
+        return answer
+    warning = f"Warning: {_unexplained_sentence(axis, unexplained, ' on held-out bags')}"
+    return replace(answer, warnings=(*answer.warnings, warning), is_usable=False)
+
+
+def _opposed_sentence(axis: AxisSettings) -> str:
+    return (
+        f"{axis.name}: control_effort counts against the position: its sign is reversed; set effort_scale:"
+        f" {-axis.effort_scale:g}, as in the file that was written, and check the wiring before any effort is sent"
+    )
+
+
+def _unexplained_sentence(axis: AxisSettings, share: float, where: str) -> str:
+    return (
+        f"{axis.name}: the model is unusable: {100.0 * share:.0f} % of the rms {axis.units.effort_word} is unexplained"
+        f"{where} (at most {100.0 * MAX_UNEXPLAINED:.0f} %); check units, sign and axis, or find what acts with"
+        " sgms diagnose"
+    )
 
 
 def identification_answer(result: Identification, axis: AxisSettings, sample_period: float) -> Answer:
@@ -204,6 +255,8 @@ def _effect_values(result: Identification) -> dict[str, dict[str, float]]:
     vector = result.parameters.effects
     for number, name in enumerate(result.terms.names):
         owner, own = name.split(".")
+        if owner in _dropped(result):
+            continue
         if number in vector.free or owner in result.terms.added:
             values.setdefault(owner, {})[own] = float(vector.values[number])
     return values
@@ -221,6 +274,12 @@ def _fractions(shares: Any) -> list[float]:
     return rounded
 
 
+def _dropped(result: Identification) -> tuple[str, ...]:
+    """Return effects that the parameter file does not have and the recordings do not show."""
+    first, names = result.parameters.first_effect, result.terms.names
+    return tuple(owner for owner in result.terms.added if first + names.index(f"{owner}.amplitude") in result.frozen)
+
+
 def _rows(result: Identification, axis: AxisSettings) -> tuple[Row, ...]:
     """Return the table: scalars, effects, then each element."""
     scalars, sure = result.parameters.scalars, result.confidence
@@ -233,6 +292,8 @@ def _rows(result: Identification, axis: AxisSettings) -> tuple[Row, ...]:
     shown = sure.is_shown
     coulomb_width = sure.coulomb_half_width
     static_width = math.hypot(coulomb_width * scalars[RHO], coulomb * wide[RHO])
+    if RHO in result.frozen:
+        static_width = float("nan")
     slow = "slide slower than the Stribeck velocity"
     small = f"reverse over less than {float(result.parameters.slip_deflection.min()):.1g} {unit('m')}, many times"
     rows = [
@@ -255,7 +316,8 @@ def _rows(result: Identification, axis: AxisSettings) -> tuple[Row, ...]:
     rows.append(Row(f"{_DAMPING} over stiffness", relaxation, wide[RELAXATION], "s", bool(shown[RELAXATION]), note))
     if result.model == "gms":
         width = wide[RATE] * coulomb
-        rows.append(Row("friction.attraction_rate", scalars[RATE] * coulomb, width, unit("N/s"), bool(shown[RATE]), slow))
+        attraction = scalars[RATE] * coulomb
+        rows.append(Row("friction.attraction_rate", attraction, width, unit("N/s"), bool(shown[RATE]), slow))
     rows += _effect_rows(result, axis, wide)
     for i in range(n_z):
         kappa = ELEMENTS + i
@@ -277,6 +339,8 @@ def _effect_rows(result: Identification, axis: AxisSettings, wide: Sequence[floa
     rows = []
     vector, first = result.parameters.effects, result.parameters.first_effect
     for number, (name, entry) in enumerate(zip(result.terms.names, result.terms.parameters, strict=True)):
+        if name.split(".")[0] in _dropped(result):
+            continue
         value = float(vector.values[number])
         width = wide[first + number] if number in vector.free else float("nan")
         size = 1.0 if entry.unit == "rad" else abs(value)
@@ -296,16 +360,9 @@ def identification_warnings(result: Identification, axis: AxisSettings, rows: Se
     """
     out = []
     if result.is_opposed:
-        out.append(
-            f"{axis.name}: control_effort counts against the position: its sign is reversed; set effort_scale:"
-            f" {-axis.effort_scale:g}, as in the file that was written, and check the wiring before any effort is sent"
-        )
+        out.append(_opposed_sentence(axis))
     if not result.unexplained <= MAX_UNEXPLAINED:
-        out.append(
-            f"{axis.name}: the model is unusable: {100.0 * result.unexplained:.0f} % of the rms effort is unexplained on"
-            f" held-out chunks (at most {100.0 * MAX_UNEXPLAINED:.0f} %); check units, sign and axis, or list the effects"
-            " that act (sgms diagnose)"
-        )
+        out.append(_unexplained_sentence(axis, result.unexplained, " on held-out chunks"))
     if not result.is_converged:
         out.append(f"{axis.name}: the fit did not converge; rerun from the file that was written, or record longer")
     if result.asks_negative_delay:
@@ -314,11 +371,18 @@ def identification_warnings(result: Identification, axis: AxisSettings, rows: Se
             " control_effort is stamped late or position is filtered"
         )
     for row in rows:
-        if not math.isfinite(row.half_width) and not _is_told_elsewhere(row.name, result):
-            note = f": {row.note}" if row.note else ""
+        if _is_told_elsewhere(row.name, result):
+            continue
+        note = f": {row.note}" if row.note else ""
+        if math.isnan(row.half_width):
+            kept = f"{row.value:.6g} {row.unit} of the parameter file stays"
+            if row.name == "friction.static_force":
+                kept = f"the parameter file's ratio to coulomb_force stays, {result.parameters.scalars[RHO]:.4g}"
+            out.append(f"{axis.name}.{row.name} is not identifiable from this recording; {kept}{note}")
+        elif row.half_width > abs(row.value) and row.name not in _NEAR_ZERO:
             out.append(
-                f"{axis.name}.{row.name} is not identifiable from this recording; {row.value:.6g} {row.unit} of the"
-                f" parameter file stays{note}"
+                f"{axis.name}.{row.name} = {row.value:.4g} {row.unit} is uncertain, +- {row.half_width:.2g}: it fits"
+                f" this recording and may not fit another{note}"
             )
     return tuple(f"Warning: {sentence}" for sentence in out)
 

@@ -97,10 +97,30 @@ def judge(
     coulomb = float(coulomb) if np.isfinite(coulomb) else np.inf
     half_width = _QUANTILE * std_error + systematic
     half_width = np.where(np.isfinite(half_width), half_width, np.inf)
-    allowed = SHOWN_WITHIN * np.abs(value)
+    return Confidence(std_error, systematic, half_width, coulomb, half_width <= _allowed(parameters))
+
+
+def widened(confidence: Confidence, moved: Floats, parameters: Parameters) -> Confidence:
+    """Return intervals that hold what the choice of the frozen values does as well.
+
+    Args:
+        confidence: intervals with some entries frozen.
+        moved: how far each entry moved when they were put back, shape of ``Parameters.vector``.
+        parameters: the estimate.
+    """
+    half_width = confidence.half_width + np.abs(moved)
+    forces = slice(ELEMENTS + parameters.count, parameters.first_effect)
+    coulomb = confidence.coulomb_half_width + abs(float(np.sum(moved[forces])))
+    is_shown = half_width <= _allowed(parameters)
+    return Confidence(confidence.std_error, confidence.systematic, half_width, coulomb, is_shown)
+
+
+def _allowed(parameters: Parameters) -> Floats:
+    """Return the half interval within which each entry counts as shown."""
+    allowed = SHOWN_WITHIN * np.abs(parameters.vector())
     allowed[OFFSET] = max(allowed[OFFSET], _OFFSET_SHARE * float(parameters.level.sum()))
     allowed[DELAY] = max(allowed[DELAY], _DELAY_PRECISION)
-    return Confidence(std_error, systematic, half_width, coulomb, half_width <= allowed)
+    return np.asarray(allowed)
 
 
 def step_to(
@@ -128,8 +148,3 @@ def step_to(
         gradient += slopes.T @ residual[mask]
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     return np.asarray(-np.linalg.lstsq(matrix / np.outer(scale, scale), gradient / scale, rcond=1e-12)[0] / scale)
-
-
-def is_element(index: int) -> bool:
-    """Return whether an entry of ``Parameters.vector`` belongs to a single element."""
-    return index >= ELEMENTS

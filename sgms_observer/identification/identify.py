@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.errors import DataError
-from sgms_observer.identification.confidence import Confidence, judge, step_to
+from sgms_observer.identification.confidence import Confidence, judge, step_to, widened
 from sgms_observer.identification.effect_terms import (
     GRAVITY,
     NO_EFFECTS,
@@ -36,6 +36,7 @@ from sgms_observer.identification.problem import (
 from sgms_observer.identification.scales import Scales, scales_of
 from sgms_observer.identification.search import Fit, search
 from sgms_observer.identification.selection import (
+    AS_GOOD,
     Rows,
     by_deflection,
     choose_count,
@@ -53,7 +54,7 @@ Floats = NDArray[np.float64]
 
 MAX_UNEXPLAINED = 1.0 / 3.0
 """Share of the rms effort that held-out chunks may leave unexplained; above it the model must not be used."""
-MIN_REVERSALS = 3
+MIN_REVERSALS = 2
 """Fewer reversals cannot tell friction from whatever else changed at that time."""
 _REVERSAL_SHARE = 0.02  # of the travel: a shorter way back is no reversal of the sliding
 _MIN_GRAVITY_GAIN = 0.05  # share of the squared residual that gravity has to explain where the file does not have it
@@ -272,6 +273,30 @@ def force_error(
     return float(np.sqrt(total / rows))
 
 
+def unexplained_share(recordings: Sequence[Recording], result: Identification, axis: AxisSettings) -> float:
+    """Return the rms force residual of an identification on other recordings, over the rms effort [-].
+
+    Args:
+        recordings: evenly sampled pieces.
+        result: from ``identify``.
+        axis: the settings that it started from.
+
+    Raises:
+        DataError: if no piece is long enough.
+    """
+    shape = ElementShape.of(axis.friction, result.model)
+    pieces, _notes = _long_enough(recordings, result.cutoff)
+    if result.is_opposed:
+        pieces = [replace(piece, effort=-piece.effort) for piece in pieces]
+    residuals, efforts = [], []
+    for piece in prepare_all(pieces, result.cutoff, result.terms):
+        mask = piece.settled(float(result.parameters.slip_deflection.max()))
+        mask = mask if np.any(mask) else piece.usable
+        residuals.append(residual_and_jacobian(piece, result.parameters, shape)[0][mask])
+        efforts.append(piece.effort(piece.time)[mask])
+    return float(np.linalg.norm(np.concatenate(residuals)) / np.linalg.norm(np.concatenate(efforts)))
+
+
 def _long_enough(recordings: Sequence[Recording], cutoff: float) -> tuple[list[Recording], list[str]]:
     """Return the pieces that are long enough for the cutoff, and a note about the others."""
     pieces = [piece for piece in recordings if piece.duration >= MIN_PERIODS / cutoff]
@@ -328,8 +353,8 @@ def _check_reversals(data: Sequence[Prepared], scales: Scales) -> None:
         reversals += turns
     if reversals < MIN_REVERSALS:
         raise DataError(
-            f"the axis reverses {reversals} times only: these recordings cannot show its friction, which offset,"
-            f" gravity and slow changes imitate; record {MIN_REVERSALS} reversals or more (sgms excite)"
+            f"the axis reverses {'once' if reversals else 'never'}: these recordings cannot show its friction, which"
+            f" offset, gravity and slow changes imitate; record {MIN_REVERSALS} reversals or more (sgms excite)"
         )
 
 
@@ -364,18 +389,28 @@ def _final(
 def _without_hopeless(
     data: Rows, fit: Fit, shape: ElementShape, frozen: tuple[int, ...], at_start: Floats
 ) -> tuple[Fit, Confidence, tuple[int, ...]]:
-    """Put back what the data cannot tell, the least essential first, and fit the others again."""
-    for group in ((RHO, V_S, RATE, DELAY), range(fit.parameters.first_effect, len(at_start)), (MASS, VISCOUS, OFFSET)):
+    """Put back what the data cannot tell, the least essential first, and fit the others again.
+
+    Values that fit clearly worse when put back stay as fitted, with their wide intervals. A delay is put back in any
+    case: it stands for whatever leads or lags. How far the others move is part of their intervals.
+    """
+    moved = np.zeros(len(at_start))
+    effects = range(fit.parameters.first_effect, len(at_start))
+    for group in ((DELAY,), (RHO, V_S, RATE), effects, (MASS, VISCOUS, OFFSET)):
         confidence = _judge(data, fit, shape, frozen)
         found = _hopeless(fit.parameters, confidence, shape.is_gms, at_start)
         hopeless = [index for index in found if index in group and index not in frozen]
         if hopeless:
-            frozen = (*frozen, *hopeless)
-            values = fit.parameters.vector()
+            before = fit.parameters.vector()
+            values = before.copy()
             values[hopeless] = at_start[hopeless]
             start = fit.parameters.with_vector(values)
-            fit = search(data.main, data.masks, start, shape, frozen, iterations=_ITERATIONS, tolerance=1e-5)
-    return fit, _judge(data, fit, shape, frozen), frozen
+            held = (*frozen, *hopeless)
+            again = search(data.main, data.masks, start, shape, held, iterations=_ITERATIONS, tolerance=1e-5)
+            if again.cost <= (1.0 + AS_GOOD) * fit.cost or DELAY in group:
+                fit, frozen = again, held
+                moved += np.abs(fit.parameters.vector() - before)
+    return fit, widened(_judge(data, fit, shape, frozen), moved, fit.parameters), frozen
 
 
 def _asks_negative_delay(data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int]) -> bool:
@@ -383,9 +418,11 @@ def _asks_negative_delay(data: Rows, parameters: Parameters, shape: ElementShape
     if parameters.scalars[DELAY] > 0.0:
         return False
     free = parameters.free([j for j in frozen if j != DELAY], shape.is_gms)
-    width = judge(data.main, data.masks, data.others, parameters, shape, free).half_width[DELAY]
-    step = float(step_to(data.main, data.masks, parameters, shape, free)[free.index(DELAY)])
-    return -step > width
+    place = free.index(DELAY)
+    error = judge(data.main, data.masks, (), parameters, shape, free).half_width[DELAY]
+    step = float(step_to(data.main, data.masks, parameters, shape, free)[place])
+    others = [float(step_to(other, rows, parameters, shape, free)[place]) for other, rows in data.others]
+    return bool(-step > error + sum(abs(one - step) for one in others))
 
 
 def _judge(data: Rows, fit: Fit, shape: ElementShape, frozen: Sequence[int]) -> Confidence:

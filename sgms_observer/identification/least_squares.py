@@ -21,6 +21,8 @@ from sgms_observer.offline.recording import Recording
 Floats = NDArray[np.float64]
 
 SYMMETRIC = ("mass", "viscous_coefficient", "coulomb_force", "offset")
+GRAVITY = ("gravity_sine", "gravity_cosine")
+"""Torque per sine and cosine of the angle of a revolute joint."""
 ASYMMETRIC = ("mass", "viscous_forward", "viscous_backward", "coulomb_forward", "coulomb_backward")
 
 _FILTER_ORDER = 4
@@ -117,7 +119,7 @@ def regression(recording: Recording, names: Sequence[str], cutoff: float) -> Reg
 
     Args:
         recording: evenly sampled position and effort.
-        names: ``SYMMETRIC`` or ``ASYMMETRIC``.
+        names: ``SYMMETRIC``, with ``GRAVITY`` behind it or not, or ``ASYMMETRIC``.
         cutoff: corner of the zero-phase filter on the position [Hz].
 
     Raises:
@@ -128,10 +130,12 @@ def regression(recording: Recording, names: Sequence[str], cutoff: float) -> Reg
         raise DataError(
             f"{recording.name} is sampled at {rate:.4g} Hz; choose a cutoff below 0.45 times that, not {cutoff:.4g} Hz"
         )
-    _position, velocity, acceleration = zero_phase_motion(recording.position, recording.period, cutoff)
+    position, velocity, acceleration = zero_phase_motion(recording.position, recording.period, cutoff)
     direction = np.sign(velocity)
-    if tuple(names) == SYMMETRIC:
+    if tuple(names[: len(SYMMETRIC)]) == SYMMETRIC:
         columns = [acceleration, velocity, direction, np.ones_like(velocity)]
+        if tuple(names[len(SYMMETRIC) :]) == GRAVITY:
+            columns += [np.sin(position), np.cos(position)]
     else:
         forward = direction > 0.0
         columns = [acceleration, velocity * forward, velocity * ~forward, 1.0 * forward, -1.0 * (direction < 0.0)]
@@ -146,7 +150,10 @@ def regression(recording: Recording, names: Sequence[str], cutoff: float) -> Reg
 
 
 def fit_inverse_model(
-    recordings: Sequence[Recording], names: Sequence[str] = SYMMETRIC, cutoff: float = 100.0
+    recordings: Sequence[Recording],
+    names: Sequence[str] = SYMMETRIC,
+    cutoff: float = 100.0,
+    is_revolute: bool = False,
 ) -> InverseModelFit:
     """Fit the inverse dynamic model to one or several recordings.
 
@@ -154,6 +161,7 @@ def fit_inverse_model(
         recordings: evenly sampled position and effort.
         names: ``SYMMETRIC`` or ``ASYMMETRIC`` friction.
         cutoff: corner of the zero-phase filter on the position [Hz].
+        is_revolute: add gravity, which turns with the joint.
 
     Returns:
         Estimates with covariance and relative force error.
@@ -161,6 +169,7 @@ def fit_inverse_model(
     Raises:
         DataError: if the motion does not excite every column.
     """
+    names = (*names, *GRAVITY) if is_revolute else tuple(names)
     parts = [regression(recording, names, cutoff) for recording in recordings]
     regressor = np.concatenate([part.regressor for part in parts])
     effort = np.concatenate([part.effort for part in parts])
@@ -178,6 +187,15 @@ def fit_inverse_model(
     covariance = least_squares_covariance([part.regressor for part in parts], residuals)
     relative = float(np.linalg.norm(np.concatenate(residuals)) / np.linalg.norm(effort))
     return InverseModelFit(tuple(names), values, covariance, relative, condition, cutoff)
+
+
+def is_reversed(fit: InverseModelFit) -> bool:
+    """Return whether the effort counts against the position: friction would drive the axis and inertia pull it.
+
+    Args:
+        fit: symmetric fit.
+    """
+    return all(fit.value(name) < 0.0 for name in ("mass", "coulomb_force"))
 
 
 def inverse_model_error(fit: InverseModelFit, recording: Recording) -> float:

@@ -18,8 +18,9 @@ from sgms_observer.identification.prepared import Prepared
 
 Floats = NDArray[np.float64]
 
-MIN_INDEPENDENT_SHARE = 0.02
-"""Norm of what other columns cannot imitate, over the column's norm, from which a column is fitted."""
+MIN_INDEPENDENT_SHARE = 1.0e-3
+"""Norm of what other columns cannot imitate, over the column's norm, from which a column is fitted:
+whether what is left of it can be told from noise is judged after the fit."""
 IMITATED = "mass, friction, offset or another effect can imitate it on this motion"
 _LINEAR_WITHIN = 1.0e-6
 

@@ -16,7 +16,7 @@ _NOISES = 1.5
 """Smallest slip deflection over the position noise: an element that slips earlier looks like a step."""
 _FINEST = 1.0e-7
 """The same over the travel, for recordings without noise; it bounds the size of the problem."""
-_LARGEST_SHARE = 0.125  # of the travel: largest slip deflection that is looked for
+_LARGEST_SHARE = 0.05  # of the travel: a friction that builds up over more is a spring, or gravity
 
 
 @dataclass(frozen=True)

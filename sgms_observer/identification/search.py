@@ -36,7 +36,7 @@ _V_S_SHARES = (2.0e-5, 20.0)
 """Smallest and largest Stribeck velocity over the largest velocity."""
 _SMALLEST_SHARE = 0.3
 """Smallest deflection of all of the friction, over the smallest one that the encoder shows."""
-_LARGEST_SHARE = 0.5
+_LARGEST_SHARE = 0.1
 """Largest deflection of all of the friction, over the travel."""
 _LARGEST_DELAY = 0.02
 _DELAY_SCALE = 1e-3

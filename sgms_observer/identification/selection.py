@@ -20,7 +20,7 @@ Booleans = NDArray[np.bool_]
 
 _CHUNKS = 30  # of equal duration; every third judges and does not teach
 _FEWEST_ROWS = 500
-_AS_GOOD = 0.04  # excess of the mean squared error that is not worth another element
+AS_GOOD = 0.04  # excess of the mean squared error that is not worth another element
 _STARTS = (1.0, 5.0, 0.2)  # times the start's Stribeck velocity
 _BETTER = 0.995  # cost over that of one element less: worth merging back from
 
@@ -140,7 +140,7 @@ def choose_count(errors: dict[int, Floats]) -> int:
     for count in sorted(errors):
         excess = errors[count] - errors[best]
         scatter = float(np.std(excess, ddof=1)) / np.sqrt(len(excess)) if len(excess) > 1 else 0.0
-        if float(np.mean(excess)) <= max(scatter, _AS_GOOD * float(np.mean(errors[best]))):
+        if float(np.mean(excess)) <= max(scatter, AS_GOOD * float(np.mean(errors[best]))):
             return count
     return best
 

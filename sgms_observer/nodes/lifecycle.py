@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import threading
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -16,13 +17,17 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from sgms_observer import jit
+from sgms_observer.application.kernels import Compilation, missing_parts
+from sgms_observer.bags.blocks import warm_up_encoding
 from sgms_observer.cli.main import SHOW_TRACEBACK
 from sgms_observer.errors import SgmsError
 from sgms_observer.nodes.parameters import NodeParameters
 from sgms_observer.nodes.spin import LONG_WORK
 from sgms_observer.nodes.stopping import is_told
-from sgms_observer.nodes.topics import warm_up_encoding
 from sgms_observer.settings.axis import Settings
+
+_PROGRESS_PERIOD = 10.0  # s
+_WATCH = 0.1  # s
 
 
 class ManagedNode(LifecycleNode):
@@ -33,7 +38,7 @@ class ManagedNode(LifecycleNode):
         executor: the executor that will spin it.
 
     Attributes:
-        kernels: full name of the module whose kernels take longest to compile.
+        parts: kernels that the node uses, names of ``application.kernels``.
         has_stage: whether the node uses the parameters below ``stage``.
         given: the settings that the node was started with, those of other nodes included.
         fault: what ended the node's work, if it was not a signal or a shutdown.
@@ -42,7 +47,7 @@ class ManagedNode(LifecycleNode):
         ConfigurationError: the parameters are wrong; told at once, so that no dead node is left behind.
     """
 
-    kernels = ""
+    parts: tuple[str, ...] = ()
     has_stage = False
 
     def __init__(self, name: str, executor: Executor) -> None:
@@ -56,8 +61,33 @@ class ManagedNode(LifecycleNode):
         self.is_active = False
         self.fault: Exception | None = None
         self._failure: Exception | None = None
+        self._compilation: Compilation | None = None
+        self._progress_due = 0.0
         self.add_on_set_parameters_callback(self._judge_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
+
+    def prepare(self) -> bool:
+        """Have missing kernels compiled in processes of their own, while this one answers; return whether all is ready.
+
+        To be called again and again. A process that compiled would be slower for the rest of its life, and deaf until
+        it is done.
+        """
+        if self._compilation is None:
+            missing = missing_parts(self.parts) if jit.can_keep() else ()
+            self._compilation = Compilation(missing)
+            self._progress_due = time.monotonic()
+            if missing:
+                self.get_logger().info(
+                    "compiling the numerical kernels, once after an installation; 'sgms compile' does it ahead"
+                )
+        is_over = self._compilation.poll()
+        left = self._compilation.seconds_left
+        if not is_over and left is not None and time.monotonic() >= self._progress_due:
+            self._progress_due = time.monotonic() + _PROGRESS_PERIOD
+            self.get_logger().info(
+                f"compiling the numerical kernels: {100.0 * self._compilation.share:.0f} %, about {left:.0f} s left"
+            )
+        return is_over
 
     def start_by_itself(self) -> None:
         """Configure and activate, unless ``autostart`` is false.
@@ -125,12 +155,7 @@ class ManagedNode(LifecycleNode):
         """
         try:
             self.settings = self.parameters.settings()
-            if jit.HAS_NUMBA and not jit.is_cache_warm(self.kernels):
-                self.get_logger().info(
-                    "compiling the numerical kernels: only at the first start after an installation, up to a minute"
-                )
-            elif not jit.HAS_NUMBA:
-                self.get_logger().warning("numba is missing: all works, a hundred times slower; install numba")
+            self._wait_for_kernels()
             self._apart(self._warm_up_all)
             self.set_up()
         except Exception as error:
@@ -186,10 +211,24 @@ class ManagedNode(LifecycleNode):
 
     def destroy_node(self) -> None:
         """End the node, its work first."""
+        if self._compilation is not None:
+            self._compilation.stop()
         fault, self.fault = self.fault, None
         self.guarded(self._stop)()
         self.fault = fault or self.fault
         super().destroy_node()
+
+    def _wait_for_kernels(self) -> None:
+        """Wait where somebody configures the node before its kernels are compiled; say what cannot be helped."""
+        while not self.prepare() and self.context.ok() and not is_told():
+            time.sleep(_WATCH)
+        if not jit.HAS_NUMBA:
+            self.get_logger().warning("numba is missing: all works, a hundred times slower; install numba")
+        elif missing_parts(self.parts):
+            self.get_logger().warning(
+                "the numerical kernels are compiled in this process, because none can be kept: no service is answered"
+                f" for about a minute at every start; make {jit.cache_folder()} writable or set XDG_CACHE_HOME"
+            )
 
     def _apart(self, work: Callable[[], None]) -> None:
         """Do long work in a thread: a signal then ends the process at once, not inside a compiler's callback."""

@@ -13,6 +13,7 @@ from rclpy.clock import ROSClock
 from rclpy.executors import Executor
 from rclpy.subscription import Subscription
 
+from sgms_observer.application.kernels import OF_STAGE
 from sgms_observer.bags.cdr import JointStateDecoder
 from sgms_observer.errors import DataError
 from sgms_observer.nodes.due_forces import DueForces
@@ -60,7 +61,7 @@ class StageNode(ManagedNode):
         SgmsError: the node cannot start; its sentences say why.
     """
 
-    kernels = "sim_plant.kernel"
+    parts = OF_STAGE
     has_stage = True
 
     def __init__(self, name: str, executor: Executor) -> None:
@@ -75,7 +76,6 @@ class StageNode(ManagedNode):
         self._ages: list[int] = []
         self._latest_ns = 0
         self._directions: list[int] = []
-        self.start_by_itself()
 
     def warm_up(self) -> None:
         """Make the stage and run its kernels once."""

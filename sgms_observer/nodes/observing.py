@@ -15,6 +15,7 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
+from sgms_observer.application.kernels import OF_OBSERVER
 from sgms_observer.bags.diagnostics_cdr import encode_diagnostics
 from sgms_observer.errors import SgmsError
 from sgms_observer.nodes.commands import COMMANDS, CommandTopic
@@ -32,7 +33,6 @@ from sgms_observer.settings.write import write_settings
 
 _REPORT_PERIOD = 1.0  # s
 _LONGEST_END = 1.0  # s for the compensation to go to zero within its slew limit when the node stops
-_KEPT_BACK = "the compensation stays at zero until only one node publishes it"
 _SHORTEST_REPORT = 0.8  # s; the first after the activation tells of about a period as well
 
 
@@ -52,7 +52,7 @@ class ObserverNode(ManagedNode):
         SgmsError: the node cannot start; its sentences say why.
     """
 
-    kernels = "sgms_observer.estimators.block"
+    parts = OF_OBSERVER
 
     def __init__(self, name: str, executor: Executor) -> None:
         super().__init__(name, executor)
@@ -74,7 +74,6 @@ class ObserverNode(ManagedNode):
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(Trigger, "~/save_parameters", self._save_parameters)
         self.create_timer(_REPORT_PERIOD, self.guarded(self._report), clock=self.steady_clock)
-        self.start_by_itself()
 
     def warm_up(self) -> None:
         """Make the engine and run its kernels once."""
@@ -254,7 +253,10 @@ class ObserverNode(ManagedNode):
         sentences += scale_sentences(self.settings.axes)
         self._diagnostics.publish(encode_diagnostics(self.get_clock().now().nanoseconds, entries))
         for sentence in self._sentences.new([*faults, *sentences]):
-            (self.get_logger().error if sentence in faults else self.get_logger().warning)(sentence)
+            if sentence in faults:
+                self.get_logger().error(sentence)
+            else:
+                self.get_logger().warning(sentence)
 
     def _judge_rivals(self) -> list[str]:
         """Keep the compensation back while another node publishes it too; return the sentence about that."""
@@ -265,7 +267,11 @@ class ObserverNode(ManagedNode):
             if not rivals:
                 self.get_logger().info("no other node publishes the compensation any more: it follows its settings")
         self._rivals = rivals
-        return [f"{topic} is published by another node as well; {_KEPT_BACK}; stop it" for topic in rivals]
+        return [
+            f"{topic} is published by another node as well; the compensation stays at zero until only one node does;"
+            " stop one of them or give it a namespace of its own"
+            for topic in rivals
+        ]
 
     def _other_publishers(self) -> tuple[str, ...]:
         """Return the topics of the compensation that somebody else publishes too."""

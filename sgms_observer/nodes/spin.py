@@ -8,7 +8,8 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.main import EXIT_FAILED, SHOW_TRACEBACK
+from sgms_observer.cli.main import SHOW_TRACEBACK
+from sgms_observer.cli.outcome import EXIT_FAILED
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import silent_interrupts
 from sgms_observer.nodes.stopping import ignore_signals, is_told, note_signals
@@ -73,12 +74,16 @@ def run_node(make_node: Callable[[Executor], ManagedNode], arguments: RewrittenA
         node.given = arguments.settings
         executor.add_node(node)
         never: Future = Future()
+        is_started = False
         while rclpy.ok() and not is_told() and node.fault is None:
+            if not is_started and node.prepare():
+                is_started = True
+                node.start_by_itself()
             executor.spin_until_future_complete(never, timeout_sec=_SPIN_AT_ONCE)
     except ExternalShutdownException:
         pass
     except Exception as error:
-        if node is None and executor is not None and (is_told() or not rclpy.ok()):
+        if executor is not None and (is_told() or not rclpy.ok()):
             return 0  # told to stop while it got ready: an end, not a fault
         if isinstance(error, SgmsError):
             return fail(str(error))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -13,7 +12,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
-from sgms_observer.bags.blocks import encode_joint_states
+from sgms_observer.bags.blocks import BY_ARRAYS, encode_joint_states
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.observer.outgoing import OutgoingBlock
 
@@ -26,7 +25,6 @@ SAMPLE_QOS = QoSProfile(
 )
 #: How long the last messages of a node that ends are waited for, by whoever wants them acknowledged.
 LAST_WORDS = Duration(seconds=0.2)
-_BY_ARRAYS = 24  # rows from which numpy encodes faster than struct
 
 
 def subscribe(node: Node, topic: str, callback: Callable[[bytes], None]) -> Subscription:
@@ -39,12 +37,6 @@ def subscribe(node: Node, topic: str, callback: Callable[[bytes], None]) -> Subs
     """
     options = QoSOverridingOptions(policy_kinds=(QoSPolicyKind.RELIABILITY, QoSPolicyKind.DEPTH))
     return node.create_subscription(JointState, topic, callback, SAMPLE_QOS, raw=True, qos_overriding_options=options)
-
-
-def warm_up_encoding() -> None:
-    """Encode a block once: the kernel behind it is not compiled while a block waits to be sent."""
-    count = _BY_ARRAYS
-    encode_joint_states(np.arange(count, dtype=np.int64), ("x",), {"effort": np.zeros((count, 1))})
 
 
 class JointStateTopics:
@@ -72,7 +64,7 @@ class JointStateTopics:
         if not publisher.get_subscription_count():
             return
         publish = publisher.publish
-        if len(block.stamp_ns) >= _BY_ARRAYS:
+        if len(block.stamp_ns) >= BY_ARRAYS:
             for row in encode_joint_states(block.stamp_ns, block.names, dict(block.values)):
                 publish(row.tobytes())
             return

@@ -24,8 +24,8 @@ class Messages:
     Attributes:
         stamp_ns: stamps [ns], shape (n,).
         order: place of each message in the recording, ascending, shape (n,).
-        first: position or effort as the messages have it, shape (n,).
-        second: velocity of the reference, shape (n,); unused otherwise.
+        first: position or effort [topic units], shape (n,).
+        second: velocity of the reference [topic units], shape (n,); unused otherwise.
     """
 
     stamp_ns: Ints
@@ -57,9 +57,9 @@ def push_block(pairing: Pairing, position: Messages, effort: Messages, reference
 
     Args:
         pairing: takes them in; pop the samples from it afterwards.
-        position: positions.
-        effort: efforts.
-        reference: set-points and their velocities.
+        position: positions [topic units].
+        effort: efforts [topic units].
+        reference: set-points and their velocities [topic units].
     """
     if not _push_at_once(pairing, position, effort, reference):
         _push_one_by_one(pairing, position, effort, reference)

@@ -124,7 +124,7 @@ class Pairing:
 
         Args:
             stamp_ns: sample time [ns].
-            position: position, as the message has it.
+            position: position as the message has it [topic units].
         """
         stream = self.position
         if not math.isfinite(position):
@@ -155,7 +155,7 @@ class Pairing:
 
         Args:
             stamp_ns: sample time [ns].
-            effort: effort, as the message has it.
+            effort: effort as the message has it [topic units].
         """
         if math.isfinite(effort):
             given_up = self._push(self.effort, stamp_ns, effort, _NAN)
@@ -168,8 +168,8 @@ class Pairing:
 
         Args:
             stamp_ns: sample time [ns].
-            position: set-point, as the message has it.
-            velocity: its velocity; NaN if unknown.
+            position: set-point as the message has it [topic units].
+            velocity: its velocity [topic units]; NaN if unknown.
         """
         if math.isfinite(position) and not math.isinf(velocity):
             given_up = self._push(self.reference, stamp_ns, position, velocity)

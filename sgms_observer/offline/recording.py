@@ -145,7 +145,7 @@ def read_recordings(
         axis: the axis that is identified or diagnosed.
         other: another axis of the same recording, or None.
         sample_period: nominal time between two samples [s]; None takes it from the recording.
-        topics: names of the input topics where they differ.
+        topics: names of ``position``, ``control_effort`` and ``reference`` where they differ.
         sha256: hash of the bag.
 
     Raises:

@@ -136,7 +136,9 @@ def refuse_incomplete(arguments: RewrittenArguments, node_name: str) -> None:
         )
     tree = parameter_tree(arguments.settings.source, str(arguments.file))
     if "axes" not in tree:
-        raise ConfigurationError(["axes must be given; name the axes as the messages do, for instance axes: [x]"])
+        raise ConfigurationError(
+            ["axes must be given; check the path of the parameter file, or write for instance axes: [x] into it"]
+        )
     missing = [axis.name for axis in arguments.settings.axes if "mass" not in (tree.get(axis.name) or {})]
     if missing:
         raise ConfigurationError([f"{name}.mass must be given; weigh or identify what moves" for name in missing])
@@ -157,7 +159,7 @@ def _laid_over_each_other(
         sentences += (sentence for _, sentence in repeated_faults(document, value, (full_name,)))
         if our_sections(document, (full_name,)):
             own = _moved(parameter_tree(document, value, (full_name,)), Path(value).parent)
-            name = own.get("save_file", SAVE_FILE)
+            name = own.get("save_file", SAVE_FILE if "axes" in own else None)
             if isinstance(name, str):  # the check has a sentence for anything else
                 own["save_file"] = str(Path(value).resolve().parent / Path(name).expanduser())
             tree = overlaid(tree, own)

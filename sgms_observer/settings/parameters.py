@@ -153,9 +153,13 @@ def tree_from_parameters(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return parameters as the tree that ``settings_from_tree`` takes.
 
     Args:
-        values: full name to value; None, which ROS has for a parameter without a type, counts as not given.
+        values: full name to value; None, which ROS has for a parameter without a type, counts as not given, and so do
+            empty names of the stage's true effects: they are the axis's then, and ``none`` is the word for none.
     """
-    tree: dict[str, Any] = expanded({name: _plain(value) for name, value in values.items() if value is not None})
+    given = {name: _plain(value) for name, value in values.items() if value is not None}
+    tree: dict[str, Any] = expanded(
+        {name: value for name, value in given.items() if value != [] or not name.endswith(".stage.effects.names")}
+    )
     return tree
 
 

@@ -15,7 +15,7 @@ from sgms_observer.settings.tree import at, put, tree_of, updated_tree
 from sgms_observer.settings.yaml_text import text_of
 from sgms_observer.whole_file import write_text
 
-__all__ = ["tree_of", "updated_tree", "write_settings", "write_text", "write_yaml", "yaml_of"]
+__all__ = ["settings_text", "tree_of", "updated_tree", "write_settings", "write_text", "write_yaml", "yaml_of"]
 
 Comments = Mapping[str, str]
 
@@ -108,7 +108,24 @@ def write_settings(
     Raises:
         RecordingError: the file cannot be written.
     """
+    write_text(settings_text(settings, path, changes, comments), path)
+
+
+def settings_text(
+    settings: Settings,
+    path: str | Path,
+    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    comments: Comments | None = None,
+) -> str:
+    """Return the text that ``write_settings`` writes.
+
+    Args:
+        settings: settings with their ``source``.
+        path: the file; relative file names in it are rewritten for its folder.
+        changes: as for ``write_settings``.
+        comments: as for ``write_yaml``.
+    """
     tree: dict[Any, Any] = settings.source or tree_of(settings)
     for axis, own in (changes or {}).items():
         tree = updated_tree(tree, axis, own)
-    write_yaml(tree, path, comments, read_from=settings.folder)
+    return yaml_of(tree, comments, read_from=Path(settings.folder).resolve(), to=Path(path).resolve().parent)

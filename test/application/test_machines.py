@@ -39,12 +39,16 @@ MACHINES = {
     ),
     "kr300": Machine(
         "kr300/trajectory_A.mat",
-        ("time=rec.time_cont", "position=rec.act_pos_mot_deg[2]*pi/180", "control_effort=rec.act_torque_abs_nm[2]*para.u[2]"),
+        (
+            "time=rec.time_cont", "position=rec.act_pos_mot_deg[2]*pi/180",
+            "control_effort=rec.act_torque_abs_nm[2]*para.u[2]",
+        ),
         "revolute", 2501, 250.0, None, frozenset(("identify", "replay")),
     ),
     # published: mass 6.28 kg, encoder 88 um
     "cart": Machine(
-        "cart/rail_0m40.csv", ("time=1", "position=3", "control_effort=2*0.0934/0.028"), "prismatic", 3094, 149.9, 88e-6,
+        "cart/rail_0m40.csv", ("time=1", "position=3", "control_effort=2*0.0934/0.028"), "prismatic", 3094, 149.9,
+        88e-6,
         frozenset(("identify", "diagnose", "replay")), (5.6, 6.9),
     ),
     "electric_cylinder": Machine(
@@ -69,7 +73,9 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict:
 def test_from_raw_file_to_parameter_file(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     machine = MACHINES[name]
     bag, yaml = str(tmp_path / "bag"), str(tmp_path / "start.yaml")
-    converted = run(capsys, "convert", machine_file(machine.file), "--out", bag, "--map", *machine.columns, "--axis", "q")
+    converted = run(
+        capsys, "convert", machine_file(machine.file), "--out", bag, "--map", *machine.columns, "--axis", "q"
+    )
     assert converted["bags"][0]["samples"] == pytest.approx(machine.samples, rel=0.01)
     info = run(capsys, "info", bag, "--joint-type", machine.joint_type)
     axis = info["axes"][0]
@@ -82,7 +88,11 @@ def test_from_raw_file_to_parameter_file(name: str, tmp_path: Path, capsys: pyte
     assert all(use["reason"] for use in axis["uses"] if not use["possible"])
     assert axis["sign"] == (None if name == "pan_tilt" else "as the motion")
     made = run(capsys, "init", bag, "--out", yaml, "--joint-type", machine.joint_type)["axes"][0]
-    for key, bounds in (("mass", machine.mass), ("coulomb_force", machine.coulomb), ("viscous_coefficient", machine.viscous)):
+    for key, bounds in (
+        ("mass", machine.mass),
+        ("coulomb_force", machine.coulomb),
+        ("viscous_coefficient", machine.viscous),
+    ):
         if bounds is not None:
             assert bounds[0] < made[key] < bounds[1], key
     if name == "ur10e":

@@ -35,7 +35,12 @@ HEADS = {
     "numbers": ["1000", "2", "7"],
     "none": [],
 }
-UNITS = {"units": "s;m;N", "brackets": "[s];[mm];[Nm]", "types": "double;double;double", "words": "seconds;metres;newtons"}
+UNITS = {
+    "units": "s;m;N",
+    "brackets": "[s];[mm];[Nm]",
+    "types": "double;double;double",
+    "words": "seconds;metres;newtons",
+}
 
 
 @pytest.mark.parametrize("head", HEADS)
@@ -58,7 +63,10 @@ def test_names_of_several_words_and_quotes(tmp_path: Path) -> None:
 
 
 def test_columns_of_words_and_empty_fields(tmp_path: Path) -> None:
-    lines = ["t;mode;x;u", *(f"{t:.9g};RUN;{x:.9g};{'' if k == 3 else '-' if k == 4 else u}" for k, (t, x, u) in enumerate(ROWS))]
+    lines = [
+        "t;mode;x;u",
+        *(f"{t:.9g};RUN;{x:.9g};{'' if k == 3 else '-' if k == 4 else u}" for k, (t, x, u) in enumerate(ROWS)),
+    ]
     log = read_table(write(tmp_path / "log.csv", lines), MAP)
     assert log.control_effort is not None
     assert np.flatnonzero(np.isnan(log.control_effort)).tolist() == [3, 4]
@@ -71,7 +79,7 @@ def test_more_than_forty_columns(tmp_path: Path) -> None:
     log = read_table(path, {"time": "1", "position": "95-94", "control_effort": "50*2-3/2"})
     np.testing.assert_allclose(log.position, 100.0)
     np.testing.assert_allclose(log.control_effort, [2.0 * row[49] - row[2] / 2.0 for row in wide])
-    with pytest.raises(RecordingError, match="has no column 96; it has 1, 2, .* and 55 more"):
+    with pytest.raises(RecordingError, match=r"has no column 96; it has 1, 2, .* and 55 more"):
         read_table(path, {"time": "1", "position": "96"})
 
 
@@ -79,7 +87,12 @@ def test_more_than_forty_columns(tmp_path: Path) -> None:
     "stamps",
     [
         ["2026-11-22T23:59:59.9", "2026-11-23T00:00:00", "2026-11-23T00:00:00.100", "2026-11-23T00:00:00.2"],
-        ["2026-11-22 23:59:59.9+01:00", "2026-11-23 00:00:00+01:00", "2026-11-22 23:00:00.1Z", "2026-11-22 23:00:00.2Z"],
+        [
+            "2026-11-22 23:59:59.9+01:00",
+            "2026-11-23 00:00:00+01:00",
+            "2026-11-22 23:00:00.1Z",
+            "2026-11-22 23:00:00.2Z",
+        ],
         ["23:59:59.9", "00:00:00.0", "00:00:00.1", "00:00:00.2"],
     ],
 )
@@ -103,7 +116,7 @@ def test_a_log_without_times_takes_a_rate(tmp_path: Path) -> None:
     path = write(tmp_path / "log.txt", ["x", *(str(k) for k in range(20))])
     log = read_table(path, {"position": "x"}, rate=250.0)
     np.testing.assert_array_equal(log.stamp_ns, 1_000_000_000 + 4_000_000 * np.arange(20))
-    with pytest.raises(RecordingError, match="--rate -1.0 Hz must be above 0"):
+    with pytest.raises(RecordingError, match=r"--rate -1.0 Hz must be above 0"):
         read_table(path, {"position": "x"}, rate=-1.0)
 
 
@@ -114,7 +127,9 @@ def test_series_of_matrices(tmp_path: Path, shape: tuple[int, int]) -> None:
     matrix = series if shape == (6, 50) else series.T
     path = tmp_path / "log.mat"
     scipy_io.savemat(path, {"rec": {"t": np.arange(50) * 0.01, "q": matrix}, "gear": [2.0, 4.0, 8.0]})
-    log = read_table(path, {"time": "rec.t", "position": "rec.q[2]/gear[3]", "control_effort": "rec.q[6]-rec.q[1]*gear[1]"})
+    log = read_table(
+        path, {"time": "rec.t", "position": "rec.q[2]/gear[3]", "control_effort": "rec.q[6]-rec.q[1]*gear[1]"}
+    )
     np.testing.assert_array_equal(log.position, series[1] / 8.0)
     np.testing.assert_array_equal(log.control_effort, series[5] - 2.0 * series[0])
     native = "rec.q(2,:)" if shape == (6, 50) else "rec.q(:,2)"
@@ -154,8 +169,10 @@ def test_memory_is_a_few_times_that_of_the_columns(tmp_path: Path) -> None:
     assert peak < 30 * 8 * rows  # of a column's bytes, whatever else the file holds
 
 
-WORDS = st.sampled_from(["t", "x", "0", "1", "2.5", "-3e2", "0,5", "nan", "", "-", ";", ",", "\t", " ", "\n", "\n", '"', "'", "#", "%", "12:30:01",
-                         "2026-11-22T01:02:03", "[mm]", "\u00e4", "\x00", "\r", "1" * 400, "RUN", "2026-13-45", "99:99:99"])  # fmt: skip
+WORDS = st.sampled_from(
+    [*"tx012;,\t \n\"'#%-", "\n", "", "2.5", "-3e2", "0,5", "nan", "12:30:01", "2026-11-22T01:02:03", "[mm]", "\u00e4",
+     "\x00", "\r", "1" * 400, "RUN", "2026-13-45", "99:99:99"]
+)  # fmt: skip
 
 
 @settings(max_examples=1500, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

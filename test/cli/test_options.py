@@ -18,7 +18,19 @@ from sgms_observer.cli import registry
 from sgms_observer.cli.main import main
 from sgms_observer.cli.outcome import EXIT_NOT_USABLE, Outcome, json_value
 
-WRITING = ("demo", "simulate", "replay", "record", "convert", "init", "identify", "diagnose", "paper", "excite", "bench")
+WRITING = (
+    "demo",
+    "simulate",
+    "replay",
+    "record",
+    "convert",
+    "init",
+    "identify",
+    "diagnose",
+    "paper",
+    "excite",
+    "bench",
+)
 WITH_RESULT = ("info", "check", "init", "convert", "identify", "diagnose", "simulate", "replay", "excite")
 WITH_BAG = ("replay", "info", "check", "init", "identify")
 
@@ -130,11 +142,15 @@ def test_json_value_is_plain() -> None:
         (["info", "some_file"], set()),  # the shell's own completion of files follows
     ],
 )
-def test_bash_completes(words: list[str], expected: set[str], capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_bash_completes(
+    words: list[str], expected: set[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     assert main(["completion", "bash"]) == 0
     script = tmp_path / "completion.bash"
     script.write_text(capsys.readouterr().out)
-    line = f"source {script}; COMP_WORDS=(sgms {' '.join(repr(word) for word in words)}); COMP_CWORD={len(words)}; _sgms"
+    line = (
+        f"source {script}; COMP_WORDS=(sgms {' '.join(repr(word) for word in words)}); COMP_CWORD={len(words)}; _sgms"
+    )
     done = subprocess.run(["bash", "-c", f'{line}; printf "%s\\n" "${{COMPREPLY[@]}}"'], capture_output=True, text=True)
     assert done.stderr == ""
     assert set(done.stdout.split()) == expected
@@ -145,5 +161,7 @@ def test_zsh_reads_the_script(capsys: pytest.CaptureFixture[str], tmp_path: Path
     assert main(["completion", "zsh"]) == 0
     script = tmp_path / "completion.zsh"
     script.write_text(capsys.readouterr().out)
-    done = subprocess.run(["zsh", "-fc", f"autoload -U compinit && compinit -u; source {script}"], capture_output=True, text=True)
+    done = subprocess.run(
+        ["zsh", "-fc", f"autoload -U compinit && compinit -u; source {script}"], capture_output=True, text=True
+    )
     assert (done.returncode, done.stderr) == (0, "")

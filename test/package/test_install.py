@@ -75,7 +75,8 @@ def test_colcon_test_runs_the_tests(source: Path, tmp_path: Path) -> None:
     bases = ["--build-base", str(tmp_path / "build"), "--install-base", str(tmp_path / "install")]
     colcon = [sys.executable, "-m", "colcon", "--log-base", str(tmp_path / "log")]
     _run([*colcon, "build", *bases], source)
-    chosen = ["test/package/test_metadata.py::test_versions_agree", "test/cli/test_progress.py::test_terminal_shows_a_bar_and_clears_it"]
+    slow = "test/cli/test_progress.py::test_terminal_shows_a_bar_and_clears_it"
+    chosen = ["test/package/test_metadata.py::test_versions_agree", slow]
     for options, count in (([], 1), ([" --whole"], 2)):
         _run([*colcon, "test", *bases, "--pytest-args", *chosen, *options], source)
         (suite,) = ElementTree.parse(tmp_path / "build" / "sgms_observer" / "pytest.xml").getroot().iter("testsuite")

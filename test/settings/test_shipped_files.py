@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,19 @@ def test_the_papers_file_is_table_i() -> None:
     assert (axis.filter.kind, axis.filter.cutoff, axis.filter.align_effort) == ("lowpass", 500.0, True)
 
 
+def test_the_joint_is_revolute_under_gravity_and_every_value_has_its_comment() -> None:
+    path = ROOT / "config" / "joint.yaml"
+    (axis,) = load_settings(path).axes
+    assert axis.units.is_revolute and not axis.compensation.enabled
+    assert [effect.name for effect in axis.effects] == ["gravity"]
+    lines = path.read_text(encoding="utf-8").splitlines()
+    bare = {line.strip() for line in lines if line.strip() and "#" not in line}
+    groups = {"elbow:", "ros__parameters:", "estimator:", "controller:", "reference:", "encoder:", "friction:"}
+    assert bare <= groups | {"kind: savgol"}
+    prismatic = re.compile(r"# .*(?<![A-Za-z])(N/m|N s/m|(?<!N )m/s|N,|kg,|(?<!N )m,)")
+    assert not [line for line in lines if prismatic.search(line)]
+
+
 def test_the_table_has_two_axes_and_every_line_its_comment() -> None:
     path = ROOT / "config" / "table.yaml"
     settings = load_settings(path)
@@ -54,7 +68,7 @@ def test_emps_holds_the_published_values() -> None:
     assert [(effect.name, effect.values) for effect in axis.effects] == [("offset", (-3.1648,))]
 
 
-@pytest.mark.parametrize("name", ["paper", "table", "emps"])
+@pytest.mark.parametrize("name", ["paper", "table", "emps", "joint"])
 def test_plain_pyyaml_reads_the_shipped_files_alike(name: str) -> None:
     path = ROOT / "config" / f"{name}.yaml"
     tree = yaml.safe_load(path.read_text(encoding="utf-8"))

@@ -8,7 +8,7 @@ import pytest
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.load import settings_from_tree
-from sgms_observer.settings.parameters import flatten
+from sgms_observer.settings.parameters import flatten, tree_from_parameters
 from sgms_observer.settings.units import Units
 
 
@@ -124,3 +124,12 @@ def test_gravity_turns_on_a_revolute_joint_and_stands_on_a_prismatic_axis() -> N
         gravity = {"names": ["gravity"], "gravity": {"amplitude": 56.0, "angle": 0.4}}
         found = settings_from_tree({"axes": ["x"], "x": {"joint_type": joint_type, "effects": gravity}})
         assert found.axes[0].effects[0].values == (56.0, 0.4, expected)
+
+
+def test_a_stage_node_without_effects_of_its_own_has_those_of_the_axis() -> None:
+    """A node hands on an empty list for ``stage.effects.names``, because it has declared the parameter."""
+    values = {"axes": ["x"], "x.effects.names": ["offset"], "x.effects.offset.force": 2.0, "x.stage.effects.names": []}
+    (axis,) = settings_from_tree(tree_from_parameters(values)).axes
+    assert axis.effects and axis.stage_effects is None
+    (axis,) = settings_from_tree(tree_from_parameters({**values, "x.stage.effects.names": ["none"]})).axes
+    assert axis.stage_effects == ()

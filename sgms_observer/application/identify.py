@@ -1,0 +1,232 @@
+"""Identify the axes of a parameter file from bags, and write the file with what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from sgms_observer.errors import ConfigurationError, RecordingError
+from sgms_observer.identification.answer import (
+    Answer,
+    Row,
+    bag_hash,
+    identification_answer,
+    judged_on_held_out,
+    least_squares_answer,
+    provenance,
+)
+from sgms_observer.identification.identify import Identification, IdentifyOptions, identify, unexplained_share
+from sgms_observer.identification.least_squares import fit_inverse_model, is_reversed
+from sgms_observer.offline.band import choose_band
+from sgms_observer.offline.recording import Recordings, read_recordings
+from sgms_observer.settings.axis import AxisSettings, Settings
+from sgms_observer.settings.comments import comments_in, with_comments
+from sgms_observer.settings.load import load_settings
+from sgms_observer.settings.write import settings_text
+from sgms_observer.whole_file import refuse_existing_files, try_folder, write_text
+
+LEAST_SQUARES = "least_squares"
+HIGHEST_LEAST_SQUARES_CUTOFF = 100.0
+"""Highest corner of the inverse dynamic model [Hz]: rigid bodies end there."""
+COUPLING = "cross_axis_coupling"
+_PROVENANCE = "Identified by sgms identify"
+_STALE = ("(95 %)", "not shown")
+
+
+@dataclass(frozen=True)
+class IdentifyJob:
+    """What to identify from what.
+
+    Attributes:
+        bags: recordings to learn from.
+        config: parameter file to start from.
+        out: parameter file to write.
+        axes: names of the axes; empty for all of the file.
+        model: ``sgms``, ``gms`` or ``least_squares``.
+        elements: number of elements; 0 lets the held-out error choose.
+        cutoff: corner of the judging band [Hz]; 0 chooses it.
+        holdout: recordings that the model is judged on and does not learn from.
+        topics: names of the inputs where they differ.
+        is_overwriting: replace a file that is there.
+    """
+
+    bags: tuple[str, ...]
+    config: str
+    out: str
+    axes: tuple[str, ...] = ()
+    model: str = "sgms"
+    elements: int = 0
+    cutoff: float = 0.0
+    holdout: tuple[str, ...] = ()
+    topics: Mapping[str, str] = field(default_factory=dict)
+    is_overwriting: bool = False
+
+
+@dataclass(frozen=True)
+class IdentifiedAxis:
+    """What was found for one axis.
+
+    Attributes:
+        name: the axis.
+        answer: changes, table, sentences.
+        unexplained: rms residual on chunks that did not teach, over the rms effort; None for least squares.
+        held_out: the same on the held-out recordings; None without any.
+        band_hz: upper corner of the judging band [Hz].
+        notes: sentences about the recordings.
+    """
+
+    name: str
+    answer: Answer
+    unexplained: float | None
+    held_out: float | None
+    band_hz: float
+    notes: tuple[str, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the axis's part of what ``--json`` prints."""
+        return {
+            "parameters": {row.name: _row_json(row) for row in self.answer.rows},
+            "unexplained": self.unexplained,
+            "held_out": self.held_out,
+            "band_hz": [0.0, self.band_hz],
+            "usable": self.answer.is_usable,
+        }
+
+
+@dataclass(frozen=True)
+class Identified:
+    """Result of an identification.
+
+    Attributes:
+        path: the parameter file that was written.
+        axes: what was found for each axis.
+    """
+
+    path: str
+    axes: tuple[IdentifiedAxis, ...]
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether all of the file may be used as it is."""
+        return all(axis.answer.is_usable for axis in self.axes)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Return the warnings of all axes."""
+        return tuple(warning for axis in self.axes for warning in axis.answer.warnings)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the result that ``--json`` prints."""
+        axes = {axis.name: axis.as_json() for axis in self.axes}
+        return {"schema": 1, "yaml": self.path, "usable": self.is_usable, "warnings": self.warnings, "axes": axes}
+
+
+def identify_bags(
+    job: IdentifyJob, progress: Callable[[str], AbstractContextManager[Callable[[float], None]]]
+) -> Identified:
+    """Identify the axes and write the parameter file.
+
+    Args:
+        job: what to identify from what.
+        progress: gives, for a title, a context whose value is told how much is done, from 0 to 1.
+
+    Raises:
+        ConfigurationError, RecordingError, DataError: one sentence each.
+    """
+    settings = load_settings(job.config)
+    known = [axis.name for axis in settings.axes]
+    strange = [name for name in job.axes if name not in known]
+    if strange:
+        raise ConfigurationError([f"--axis {strange[0]} is not in {job.config}; it has {', '.join(known)}"])
+    if job.cutoff < 0.0:
+        raise ConfigurationError([f"--cutoff {job.cutoff:g} Hz must be positive; leave it out for the default"])
+    refuse_existing_files([job.out], job.is_overwriting or Path(job.out).resolve() == Path(job.config).resolve())
+    try_folder(Path(job.out).parent)
+    hashes = [bag_hash(bag) for bag in job.bags]
+    found = []
+    for axis in settings.axes:
+        if not job.axes or axis.name in job.axes:
+            other = _other_axis(axis, settings)
+            pieces, unseen = (_read(bags, axis, other, job) for bags in (job.bags, job.holdout))
+            with progress(f"identify {axis.name}") as show:
+                found.append(_identified(pieces, unseen, axis, settings.sample_period, job, show))
+    _write(settings, job, hashes, found)
+    return Identified(job.out, tuple(found))
+
+
+def _other_axis(axis: AxisSettings, settings: Settings) -> AxisSettings | None:
+    """Return the axis whose motion couples into this one, if the file lists that effect."""
+    if all(item.name != COUPLING for item in axis.effects):
+        return None
+    return next((other for other in settings.axes if other.name != axis.name), None)
+
+
+def _read(bags: Sequence[str], axis: AxisSettings, other: AxisSettings | None, job: IdentifyJob) -> Recordings:
+    """Read bags as even pieces."""
+    pieces = Recordings(())
+    for bag in bags:
+        pieces += read_recordings(bag, axis, other, topics=job.topics)
+    return pieces
+
+
+def _identified(
+    pieces: Recordings,
+    unseen: Recordings,
+    axis: AxisSettings,
+    sample_period: float,
+    job: IdentifyJob,
+    show: Callable[[float], None],
+) -> IdentifiedAxis:
+    """Identify one axis with the model the user asked for."""
+    notes = (*pieces.notes, *unseen.notes)
+    if job.model == LEAST_SQUARES:
+        band = choose_band(pieces, axis, job.cutoff)
+        cutoff = job.cutoff or min(HIGHEST_LEAST_SQUARES_CUTOFF, band.corner)
+        answer = _least_squares(pieces, axis, cutoff)
+        return IdentifiedAxis(axis.name, answer, None, None, cutoff, notes)
+    options = IdentifyOptions(model=job.model, cutoff=job.cutoff, count=job.elements)
+    result: Identification = identify(pieces, axis, options, show)
+    answer = identification_answer(result, axis, sample_period)
+    held_out = None
+    if len(unseen):
+        held_out = unexplained_share(unseen, result, axis)
+        word = axis.units.effort_word
+        sentence = f"{axis.name}: {100.0 * held_out:.2f} % of the rms {word} unexplained on held-out bags"
+        answer = judged_on_held_out(replace(answer, summary=(*answer.summary, sentence)), axis, held_out)
+    return IdentifiedAxis(axis.name, answer, result.unexplained, held_out, result.cutoff, notes)
+
+
+def _least_squares(pieces: Recordings, axis: AxisSettings, cutoff: float) -> Answer:
+    """Fit the inverse dynamic model; a reversed effort is turned round and told."""
+    fit = fit_inverse_model(pieces, cutoff=cutoff, is_revolute=axis.units.is_revolute)
+    opposed = is_reversed(fit)
+    if opposed:
+        turned = [replace(piece, effort=-piece.effort) for piece in pieces]
+        fit = fit_inverse_model(turned, cutoff=cutoff, is_revolute=axis.units.is_revolute)
+    return least_squares_answer(fit, axis, opposed)
+
+
+def _write(settings: Settings, job: IdentifyJob, hashes: Sequence[str], found: Sequence[IdentifiedAxis]) -> None:
+    """Write the parameter file, with the comments of the start file, and read it back."""
+    remarks = {f"{axis.name}.{name}": remark for axis in found for name, remark in axis.answer.remarks.items()}
+    sentences = [sentence for axis in found for sentence in (*axis.answer.summary, *axis.answer.warnings)]
+    changes = {axis.name: axis.answer.changes for axis in found}
+    text = settings_text(settings, job.out, changes, remarks)
+    try:
+        kept, last = comments_in(Path(job.config).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{job.config} cannot be read: {error}; check the path") from None
+    if kept and any(line.startswith(_PROVENANCE) for line in kept[0].above):
+        kept = (replace(kept[0], above=()), *kept[1:])
+    text = with_comments(text, kept, last, lambda comment: any(word in comment for word in _STALE))
+    head = provenance(job.bags, hashes, sentences)
+    write_text("\n".join(f"# {line}".rstrip() for line in head.splitlines()) + "\n" + text, job.out)
+    load_settings(job.out)
+
+
+def _row_json(row: Row) -> dict[str, Any]:
+    """Return one parameter as ``--json`` prints it."""
+    return {"value": row.value, "half_width": row.half_width, "unit": row.unit, "shown": row.is_shown}

@@ -1,0 +1,174 @@
+"""Kernels compiled ahead, in processes of their own: whoever needs them then loads them from the cache.
+
+A process that compiles answers nobody meanwhile, and keeps the compiler's memory and threads for as long as it lives.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sgms_observer import jit
+
+
+@dataclass(frozen=True)
+class Part:
+    """Kernels that are compiled together.
+
+    Attributes:
+        module: full name of the module whose kernel calls all others of the part.
+        weight: computing time, measured on one machine [s]; only for telling how far it is.
+        functions: how many functions are compiled; likewise.
+        after: parts whose kernels this one uses, so that they are compiled first and once.
+    """
+
+    module: str
+    weight: float
+    functions: int
+    after: tuple[str, ...] = ()
+
+
+#: Longest first.
+PARTS = {
+    "estimator": Part("sgms_observer.estimators.block", 12.3, 66),
+    "stage": Part("sim_plant.kernel", 7.0, 94),
+    "filter": Part("sgms_observer.filters.kernel", 4.8, 18),
+    "observer": Part("sgms_observer.observer.axis_observer", 8.2, 107, ("estimator", "stage", "filter")),
+}
+OF_OBSERVER = ("estimator", "filter", "stage", "observer")
+OF_STAGE = ("stage",)
+
+_SOONEST = 3.0  # s after which a first estimate of the time that is left is worth telling
+_ALMOST = 0.95  # share of a part that is told at most while it is not finished
+_WATCH = 0.1  # s
+
+
+def missing_parts(names: Sequence[str] = tuple(PARTS)) -> tuple[str, ...]:
+    """Return those parts whose kernels, of exactly this version, are not in the cache.
+
+    Args:
+        names: parts that are needed.
+    """
+    if not jit.HAS_NUMBA:
+        return ()
+    return tuple(name for name in names if not jit.is_complete(name, PARTS[name].module))
+
+
+class Compilation:
+    """Parts being compiled, as many at once as there are cores; ``poll`` it until it is done.
+
+    Args:
+        names: parts, each with those that it uses.
+    """
+
+    def __init__(self, names: Sequence[str] = ()) -> None:
+        self._waiting = [name for name in PARTS if name in names]
+        self._all = tuple(self._waiting)
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._functions: dict[str, int] = {}
+        self._finished: set[str] = set()
+        self._start = time.monotonic()
+        self.failure = ""
+
+    def poll(self) -> bool:
+        """Start what can start, take in what was said, and return whether everything is over."""
+        for name, process in list(self._running.items()):
+            said = process.stdout.read() if process.stdout is not None else None
+            self._functions[name] = self._functions.get(name, 0) + (said or b"").count(b".")
+            if process.poll() is not None:
+                del self._running[name]
+                self._end(name, process.returncode)
+        for name in list(self._waiting):
+            if len(self._running) < max(1, os.cpu_count() or 1) and not self._blockers(name):
+                self._waiting.remove(name)
+                self._running[name] = _started(name)
+        return not self._running and not self._waiting
+
+    def stop(self) -> None:
+        """End every process that still compiles; what is in the cache already stays."""
+        self._waiting.clear()
+        for process in self._running.values():
+            process.kill()
+        for process in self._running.values():
+            process.wait()
+        self._running.clear()
+
+    @property
+    def share(self) -> float:
+        """Return how much is done, from 0 to 1."""
+        total = sum(PARTS[name].weight for name in self._all)
+        done = sum(PARTS[name].weight * self._share_of(name) for name in self._all)
+        return done / total if total > 0.0 else 1.0
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Return how much longer it will take at the pace so far [s]; None while that is not known."""
+        elapsed = time.monotonic() - self._start
+        return elapsed * (1.0 - self.share) / self.share if elapsed > _SOONEST and self.share > 0.0 else None
+
+    def _share_of(self, name: str) -> float:
+        if name in self._finished:
+            return 1.0
+        return min(self._functions.get(name, 0) / PARTS[name].functions, _ALMOST)
+
+    def _blockers(self, name: str) -> list[str]:
+        return [other for other in PARTS[name].after if other in self._all and other not in self._finished]
+
+    def _end(self, name: str, code: int) -> None:
+        """Note that a part is over; one that failed is left to whoever needs it."""
+        self._finished.add(name)
+        if code == 0:
+            jit.note_complete(name, PARTS[name].module)
+        elif not self.failure:
+            self.failure = (
+                f"the kernels of {name} could not be compiled ahead (exit code {code});"
+                f" run python -m sgms_observer.application.kernel_part {name} to see why"
+            )
+
+
+def compile_ahead(names: Sequence[str] = tuple(PARTS), show: Callable[[float], None] = lambda share: None) -> str:
+    """Compile what is not in the cache yet, and wait for it.
+
+    Args:
+        names: parts that are needed.
+        show: told how much is done, from 0 to 1.
+
+    Returns:
+        A sentence about what could not be compiled or kept; empty if all is well.
+    """
+    missing = missing_parts(names)
+    if missing and not jit.can_keep():
+        return f"{jit.cache_folder()} cannot be written, so no kernel can be kept; set XDG_CACHE_HOME to another folder"
+    compilation = Compilation(missing)
+    try:
+        while not compilation.poll():
+            show(compilation.share)
+            time.sleep(_WATCH)
+    finally:
+        compilation.stop()
+    return compilation.failure
+
+
+def _started(name: str) -> subprocess.Popen[bytes]:
+    """Return the process that compiles a part; it ends with this one, and what it says can be read without waiting."""
+    root = str(Path(__file__).resolve().parents[2])
+    paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "sgms_observer.nodes.beside", str(os.getpid())),
+            *("sgms_observer.application.kernel_part", name),
+        ],
+        stdin=subprocess.DEVNULL,
+        bufsize=0,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+    )
+    if process.stdout is not None:
+        os.set_blocking(process.stdout.fileno(), False)
+    return process

@@ -1,0 +1,48 @@
+"""``sgms compile``: the numerical kernels into the cache, so that the first start of a node is as quick as any."""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from sgms_observer.cli.options import add_output_options
+
+NAME = "compile"
+HELP = "compile the numerical kernels ahead, so that the first start of a node or command is as quick as any"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments.
+
+    Args:
+        parser: the command's own parser.
+    """
+    add_output_options(parser, has_result=False)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do the job.
+
+    Args:
+        args: what the user gave.
+
+    Returns:
+        The exit code, 0 only on success.
+    """
+    from sgms_observer import jit
+    from sgms_observer.application.kernels import compile_ahead, missing_parts
+    from sgms_observer.cli.progress import Progress
+    from sgms_observer.errors import DataError
+
+    if not jit.HAS_NUMBA:
+        print("numba is not installed: nothing is compiled, and everything works about a hundred times slower")
+        return 0
+    missing = missing_parts()
+    start = time.monotonic()
+    with Progress("compile", 1.0) as progress:
+        failure = compile_ahead(show=progress.show)
+    if failure:
+        raise DataError(failure)
+    took = f"compiled in {time.monotonic() - start:.0f} s" if missing else "compiled already"
+    print(f"kernels {took}: {jit.cache_folder()}")
+    return 0

@@ -1,0 +1,79 @@
+"""The contact laws by name, and one compiled step for all of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from sgms_observer.jit import njit
+from sim_plant.plants import bouc_wen, elasto_plastic, leuven, lugre, rate_state
+from sim_plant.plants.bouc_wen import step as bouc_wen_step
+from sim_plant.plants.elasto_plastic import step as elasto_plastic_step
+from sim_plant.plants.leuven import step as leuven_step
+from sim_plant.plants.lugre import step as lugre_step
+from sim_plant.plants.rate_state import step as rate_state_step
+
+Floats = NDArray[np.float64]
+LAWS = ("lugre", "elasto_plastic", "bouc_wen", "rate_state", "leuven")
+"""Names of the contact laws; their place here is their number in the compiled step."""
+
+_DRAWS = {
+    "lugre": lugre.draw,
+    "elasto_plastic": elasto_plastic.draw,
+    "bouc_wen": bouc_wen.draw,
+    "rate_state": rate_state.draw,
+    "leuven": leuven.draw,
+}
+
+
+def draw_law(law: str, rng: Generator, curve: Floats, distance: float, mass: float, speed: float) -> Floats:
+    """Return the parameters of one law, columns as named in its module.
+
+    Args:
+        law: one of ``LAWS``.
+        rng: source of chance.
+        curve: sliding curve, see ``stribeck``.
+        distance: static force over stiffness [m].
+        mass: moving mass [kg].
+        speed: top speed of the machine [m/s].
+
+    Raises:
+        ValueError: for an unknown law.
+    """
+    if law not in _DRAWS:
+        raise ValueError(f"contact law {law!r} is unknown; use one of {', '.join(LAWS)}")
+    return _DRAWS[law](rng, curve, distance, mass, speed)
+
+
+def rested_state() -> Floats:
+    """Return the state of an unloaded contact that has rested for a second."""
+    state = np.zeros(leuven.STACK + 2 * leuven.MOST_OPEN)
+    state[rate_state.AGE] = 1.0
+    return state
+
+
+@njit
+def advance(
+    number: int, velocity: float, duration: float, scale: float, curve: Floats, law: Floats, state: Floats
+) -> float:
+    """Advance one contact at constant velocity and return its force [N].
+
+    Args:
+        number: place of the law in ``LAWS``.
+        velocity: sliding velocity [m/s].
+        duration: of the step [s].
+        scale: factor on the sliding force.
+        curve: sliding curve, see ``stribeck``.
+        law: parameters of the law.
+        state: changed.
+    """
+    if number == 0:
+        return lugre_step(velocity, duration, scale, curve, law, state)
+    if number == 1:
+        return elasto_plastic_step(velocity, duration, scale, curve, law, state)
+    if number == 2:
+        return bouc_wen_step(velocity, duration, scale, curve, law, state)
+    if number == 3:
+        return rate_state_step(velocity, duration, scale, curve, law, state)
+    return leuven_step(velocity, duration, scale, curve, law, state)

@@ -1,0 +1,132 @@
+"""The machine in closed loop: sampled controller, effort held over its period, semi-implicit Euler steps between."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.jit import njit
+from sim_plant.plants import slots as s
+from sim_plant.plants.contact import advance
+from sim_plant.plants.hidden_forces import (
+    added_force,
+    arriving_effort,
+    on_map,
+    placed_scale,
+    slack_force,
+    timed_scale,
+)
+from sim_plant.plants.stribeck import relaxed
+
+Floats = NDArray[np.float64]
+
+POSITION, EFFORT, FRICTION, HIDDEN, TRUE_VELOCITY = 0, 1, 2, 3, 4
+"""Columns of what comes out, one row per logged sample."""
+
+PROPORTIONAL, DERIVATIVE, INTEGRAL, FILTER_RATE, FEEDFORWARD = 0, 1, 2, 3, 4
+"""Columns of the controller: N/m, N s/m, N/(m s), corner of the velocity filter [rad/s], mass it assumes [kg]."""
+
+
+@njit
+def run(
+    goal: Floats,
+    goal_v: Floats,
+    goal_a: Floats,
+    period: float,
+    steps: int,
+    every: int,
+    number: int,
+    mass: float,
+    viscous: float,
+    curve: Floats,
+    law: Floats,
+    state: Floats,
+    controller: Floats,
+    resolution: float,
+    p: Floats,
+    force_map: Floats,
+    scale_map: Floats,
+    outside: Floats,
+) -> Floats:
+    """Run the closed loop and return one row per logged sample.
+
+    Args:
+        goal: reference position at each sample of the controller [m].
+        goal_v: its velocity [m/s].
+        goal_a: its acceleration [m/s^2].
+        period: of the controller [s].
+        steps: integration steps per period.
+        every: the log keeps each ``every``-th sample.
+        number: place of the contact law in ``contact.LAWS``.
+        mass: nominal moving mass [kg].
+        viscous: viscous coefficient [N s/m].
+        curve: sliding curve, see ``stribeck``.
+        law: parameters of the contact law.
+        state: of the contact; changed.
+        controller: columns named above.
+        resolution: of the encoder [m].
+        p: hidden parameters, see ``slots``.
+        force_map: hidden force over position [N], evenly spaced from ``p[MAP_START]``; empty for none.
+        scale_map: hidden share of friction over position, in the positive direction only [-]; empty for none.
+        outside: force against positive motion at each sample [N]: noise and hidden alike.
+    """
+    count = goal.shape[0]
+    rows = (count + every - 1) // every
+    out = np.zeros((rows, 5))
+    efforts = np.zeros(count)
+    h = period / steps
+    body = mass + p[s.ADDED_MASS] - p[s.LOAD_MASS]
+    keep = math.exp(-controller[FILTER_RATE] * period)
+    q, v = goal[0], 0.0
+    load_q, load_v = q, 0.0
+    contact, age, slack = 0.0, 0.5, 0.0
+    shown_before = math.floor(q / resolution + 0.5) * resolution
+    speed, integral = 0.0, 0.0
+    for k in range(count):
+        shown = math.floor(q / resolution + 0.5) * resolution
+        speed = keep * speed + (1.0 - keep) * (shown - shown_before) / period
+        shown_before = shown
+        error = goal[k] - shown
+        integral += controller[INTEGRAL] * error * period
+        effort = controller[PROPORTIONAL] * error + controller[DERIVATIVE] * (goal_v[k] - speed) + integral
+        effort += controller[FEEDFORWARD] * goal_a[k]
+        efforts[k] = effort
+        row = k // every
+        if k % every == 0:
+            out[row, POSITION] = shown
+            out[row, EFFORT] = effort
+            out[row, TRUE_VELOCITY] = v
+        weight = 1.0 / (steps * min(every, count - row * every))
+        for j in range(steps):
+            t = (k + j / steps) * period
+            demand = effort
+            if p[s.DELAY] > 0.0:
+                demand = efforts[max(math.floor(k + j / steps - p[s.DELAY] / period), 0)]
+            applied = arriving_effort(demand, p)
+            hidden = added_force(q, v, t, p) + on_map(q, force_map, p)
+            if p[s.SLACK_FORCE] != 0.0:
+                slack = relaxed(slack, v / p[s.SLACK_DISTANCE], abs(v) / p[s.SLACK_DISTANCE], h)
+                hidden += slack_force(q, slack, p)
+            scale = placed_scale(q, v, p) * timed_scale(t, age, p)
+            if v > 0.0:
+                scale *= 1.0 + on_map(q, scale_map, p)
+            if p[s.AGE_SHARE] != 0.0:
+                age = relaxed(age, 1.0, abs(v) / p[s.AGE_LENGTH], h)
+            friction = contact + viscous * v
+            link = 0.0
+            if p[s.LOAD_MASS] > 0.0:
+                link = p[s.LOAD_STIFFNESS] * (q - load_q) + p[s.LOAD_DAMPING] * (v - load_v)
+                load_v += h * link / p[s.LOAD_MASS]
+                load_q += h * load_v
+            acceleration = (applied - friction - hidden - outside[k] - link) / body
+            out[row, FRICTION] += weight * (friction + hidden)
+            missed = hidden + effort - applied + contact * (1.0 - 1.0 / scale) + p[s.ADDED_MASS] * acceleration
+            if p[s.LOAD_MASS] > 0.0:
+                missed += link - p[s.LOAD_MASS] * acceleration
+            out[row, HIDDEN] += weight * missed
+            v += h * acceleration
+            q += h * v
+            contact = advance(number, v, h, scale, curve, law, state)
+    return out

@@ -1,0 +1,72 @@
+"""docs/real_logs.md: its commands lead from raw files to models, and its table is what the benchmark prints."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from machines import MACHINES, needs_machines
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "real_logs.md").read_text(encoding="utf-8")
+PUBLISHED_VISCOUS, PUBLISHED_COULOMB = 20.22, 13.27  # N m s/rad, N m: Mamedov, dynamic_calibration, UR10e joint 2
+REFUSED = {"KR300, axis 1": "reverses once", "Pan-tilt unit": "use a finer encoder"}
+
+
+def _benchmark() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("real_logs", ROOT / "benchmarks" / "real_logs.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["real_logs"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+BENCHMARK = _benchmark()
+BY_NAME = {machine.name: machine for machine in BENCHMARK.machines_of(PAGE)}
+
+
+def _table() -> dict[str, list[str]]:
+    """Return the cells of the page's table by machine."""
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in PAGE.splitlines() if line.startswith("| ")]
+    return {row[0]: row[1:] for row in rows if row[0] in BY_NAME}
+
+
+def test_the_page_has_commands_and_a_line_of_the_table_for_each_machine() -> None:
+    folders = {re.search(r"\$MACHINES/(\w+)/", " ".join(machine.commands[0]))[1] for machine in BY_NAME.values()}  # type: ignore[index]
+    assert folders == {"ur10e", "kr300", "cart", "electric_cylinder", "pan_tilt"}
+    assert set(_table()) == set(BY_NAME)
+
+
+@needs_machines
+@pytest.mark.parametrize("name", [name for name in BY_NAME if name not in REFUSED])
+def test_the_table_is_what_the_commands_give(name: str) -> None:
+    row = BENCHMARK.judged(BY_NAME[name], MACHINES)
+    told = [float(cell) for cell in _table()[name]]
+    found = [row.band, row.this_tool, row.coulomb_viscous, row.stribeck, row.lugre]
+    assert found == pytest.approx(told, abs=0.3)
+    assert row.said in ("exit 0", "exit 3")
+    if name.startswith("UR10e"):
+        assert row.this_tool <= 1.1 * row.coulomb_viscous  # least squares with sin q and cos q
+
+
+@needs_machines
+@pytest.mark.parametrize("name", list(REFUSED))
+def test_what_a_recording_cannot_show_is_refused_with_a_sentence(name: str, tmp_path: Path) -> None:
+    code, out, said = BENCHMARK.run_commands(BY_NAME[name], MACHINES, tmp_path)
+    assert code == 1 and not out
+    assert REFUSED[name] in said
+
+
+@needs_machines
+def test_friction_of_the_ur10e_joint_is_that_published(tmp_path: Path) -> None:
+    code, out, _said = BENCHMARK.run_commands(BY_NAME["UR10e, joint 2"], MACHINES, tmp_path)
+    parameters = json.loads(out)["axes"]["x"]["parameters"]
+    assert code == 0
+    assert parameters["friction.viscous_coefficient"]["value"] == pytest.approx(PUBLISHED_VISCOUS, rel=0.15)
+    assert parameters["friction.coulomb_force"]["value"] == pytest.approx(PUBLISHED_COULOMB, rel=0.15)

@@ -1,0 +1,176 @@
+"""Rotary joints, gravity and other effects of the start file, reversed efforts and models that must not be used."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sgms_observer.bags.writer import BagWriter
+from sgms_observer.cli.main import main
+from sgms_observer.identification.answer import identification_answer
+from sgms_observer.identification.identify import Identification, IdentifyOptions, identify, unexplained_share
+from sgms_observer.identification.problem import DELAY, MASS, VISCOUS
+from sgms_observer.offline.recording import Recording
+from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.load import load_settings, settings_from_tree
+
+PERIOD = 5.0e-3
+TIME = PERIOD * np.arange(6000)
+INERTIA, VISCOUS_FRICTION, COULOMB, AMPLITUDE, ANGLE, OFFSET = 14.0, 20.0, 13.0, 110.0, 0.4, -0.8
+QUICK = IdentifyOptions(count=1)
+
+
+def _turning(amplitude: float = AMPLITUDE, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Return angle [rad] and torque [N m] of a joint under gravity."""
+    angle = -0.3 + 0.9 * np.sin(0.9 * TIME) + 0.25 * np.sin(2.3 * TIME) + 0.1 * np.sin(5.1 * TIME)
+    velocity = np.gradient(angle, PERIOD)
+    torque = INERTIA * np.gradient(velocity, PERIOD) + VISCOUS_FRICTION * velocity
+    torque += COULOMB * np.tanh(velocity / 1e-3)
+    torque += amplitude * np.sin(angle + ANGLE) + OFFSET
+    return angle, torque + np.random.default_rng(seed).normal(0.0, 1.0, len(TIME))
+
+
+def _axis(**own: object) -> AxisSettings:
+    friction = {"static_force": 9.0, "coulomb_force": 8.0, "stribeck_velocity": 1.0e-2}
+    tree = {"joint_type": "revolute", "mass": 5.0, "friction": friction, **own}
+    return settings_from_tree({"axes": ["x"], "x": tree}).axes[0]
+
+
+def _gravity(result: Identification) -> tuple[float, float]:
+    names = result.terms.names
+    values = result.parameters.effects.values
+    return values[names.index("gravity.amplitude")], values[names.index("gravity.angle")]
+
+
+def test_a_joint_gets_gravity_although_its_file_has_none() -> None:
+    angle, torque = _turning()
+    axis = _axis()
+    result = identify([Recording("joint", PERIOD, angle, torque)], axis, QUICK)
+    amplitude, phase = _gravity(result)
+    assert amplitude == pytest.approx(AMPLITUDE, rel=0.02)
+    assert phase == pytest.approx(ANGLE, abs=0.02)
+    assert result.parameters.scalars[MASS] == pytest.approx(INERTIA, rel=0.05)
+    assert result.parameters.scalars[VISCOUS] == pytest.approx(VISCOUS_FRICTION, rel=0.1)
+    assert float(result.parameters.level.sum()) == pytest.approx(COULOMB, rel=0.1)
+    changes = identification_answer(result, axis, PERIOD).changes
+    assert changes["effects.names"] == ["offset", "gravity"]
+    assert changes["effects.gravity.ratio"] == 1.0
+    unseen = Recording("again", PERIOD, *_turning(seed=2))
+    assert unexplained_share([unseen], result, axis) < 0.05
+
+
+def test_a_joint_without_gravity_gets_none() -> None:
+    angle, torque = _turning(amplitude=0.0)
+    axis = _axis()
+    result = identify([Recording("joint", PERIOD, angle, torque)], axis, QUICK)
+    assert "effects.gravity.amplitude" not in identification_answer(result, axis, PERIOD).changes
+
+
+def test_effects_of_the_file_are_fitted_with_intervals_shapes_included() -> None:
+    angle, torque = _turning()
+    torque = torque + 6.0 * np.sin(2.0 * np.pi * angle / 0.2 + 0.5)
+    listed = {"names": ["cogging", "gravity"], "cogging": {"amplitude": 1.0, "pitch": 0.199, "phase": 0.0},
+              "gravity": {"amplitude": 50.0, "angle": 0.0}}  # fmt: skip
+    axis = _axis(effects=listed)
+    result = identify([Recording("joint", PERIOD, angle, torque)], axis, QUICK)
+    values = dict(zip(result.terms.names, result.parameters.effects.values, strict=True))
+    first = result.parameters.first_effect
+    width = dict(zip(result.terms.names, result.confidence.half_width[first:], strict=True))
+    for name, true in (("cogging.amplitude", 6.0), ("cogging.pitch", 0.2), ("gravity.amplitude", AMPLITUDE)):
+        assert values[name] == pytest.approx(true, rel=0.05), name
+        assert abs(values[name] - true) <= max(width[name], 0.01 * true), name
+    assert math.isinf(width["gravity.ratio"]) and values["gravity.ratio"] == 1.0
+
+
+def test_what_the_motion_cannot_tell_apart_stays_with_a_warning() -> None:
+    angle, torque = _turning(amplitude=0.0)
+    listed = {"names": ["gravity"], "gravity": {"amplitude": 3.0}}
+    axis = _axis(joint_type="prismatic", effects=listed)  # gravity of a sliding axis is a constant, as the offset is
+    answer = identification_answer(identify([Recording("axis", PERIOD, angle, torque)], axis, QUICK), axis, PERIOD)
+    assert "effects.gravity.amplitude" not in answer.changes
+    warning = next(one for one in answer.warnings if "gravity.amplitude" in one)
+    assert warning.startswith("Warning: x.effects.gravity.amplitude is not identifiable from this recording; 3 N of the")
+
+
+def test_a_reversed_effort_is_turned_round_and_told() -> None:
+    angle, torque = _turning()
+    axis = _axis()
+    result = identify([Recording("joint", PERIOD, angle, -torque)], axis, QUICK)
+    assert result.is_opposed and not result.is_usable
+    answer = identification_answer(result, axis, PERIOD)
+    assert answer.changes["effort_scale"] == -1.0
+    assert answer.changes["mass"] == pytest.approx(INERTIA, rel=0.05)
+    assert "effort_scale: -1" in answer.warnings[0]
+
+
+def test_a_negative_delay_is_never_identified() -> None:
+    angle, torque = _turning()
+    late = np.concatenate((np.full(6, torque[0]), torque[:-6]))  # stamped 30 ms too late
+    axis = _axis()
+    result = identify([Recording("joint", PERIOD, angle, late)], axis, QUICK)
+    assert result.parameters.scalars[DELAY] == 0.0
+    answer = identification_answer(result, axis, PERIOD)
+    assert "compensation.look_ahead" not in answer.changes
+    assert any("negative delay, which is impossible" in one for one in answer.warnings)
+
+
+@pytest.fixture
+def bags(tmp_path: Path) -> Path:
+    """Return a folder with the same joint in radians and in degrees, and an effort that is noise."""
+    angle, torque = _turning()
+    noise = np.random.default_rng(5).normal(0.0, 10.0, len(TIME)) + torque * 0.1
+    stamp = 1_000_000_000 + np.rint(TIME * 1e9).astype(np.int64)
+    for name, position, effort in (("rad", angle, torque), ("deg", np.rad2deg(angle), torque), ("noise", angle, noise)):
+        with BagWriter(tmp_path / name) as writer:
+            writer.write_joint_states("position", stamp, ("x",), position=position)
+            writer.write_joint_states("control_effort", stamp, ("x",), effort=effort)
+    for name, scale in (("rad", 1.0), ("deg", math.pi / 180.0)):
+        (tmp_path / f"{name}.yaml").write_text(
+            "# the owner's head line\n/**:\n  ros__parameters:\n    axes: [x]\n    x:\n"
+            "      # measured on a scale\n      mass: 5.0  # kg m^2, weighed\n"
+            f"      joint_type: revolute\n      position_scale: {scale!r}\n"
+            "      friction: {static_force: 9.0, coulomb_force: 8.0, stribeck_velocity: 0.01}\n"
+        )
+    return tmp_path
+
+
+def _identify(folder: Path, bag: str, config: str, *more: str) -> int:
+    given = ["identify", str(folder / bag), "--config", str(folder / f"{config}.yaml"), "--elements", "1"]
+    return main([*given, "--out", str(folder / f"{bag}_out.yaml"), *more])
+
+
+def test_degrees_give_the_answer_of_radians(bags: Path) -> None:
+    assert _identify(bags, "rad", "rad") == 0
+    assert _identify(bags, "deg", "deg") == 0
+    one, other = (load_settings(bags / f"{name}_out.yaml").axes[0] for name in ("rad", "deg"))
+    assert other.mass == pytest.approx(one.mass, rel=1e-4)
+    assert other.friction.coulomb_force == pytest.approx(one.friction.coulomb_force, rel=1e-4)
+    assert other.friction.element_stiffness == pytest.approx(one.friction.element_stiffness, rel=1e-3)
+
+
+def test_json_comments_and_no_overwriting(bags: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _identify(bags, "rad", "rad", "--json", "--holdout", str(bags / "rad")) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["usable"] and result["axes"]["x"]["held_out"] < 0.05
+    assert result["axes"]["x"]["parameters"]["mass"]["value"] == pytest.approx(INERTIA, rel=0.05)
+    text = (bags / "rad_out.yaml").read_text()
+    assert "# the owner's head line" in text and "# measured on a scale" in text and "# kg m^2, weighed" in text
+    assert _identify(bags, "rad", "rad") == 1
+    assert "--overwrite" in capsys.readouterr().err
+    assert _identify(bags, "rad", "rad", "--overwrite") == 0
+
+
+def test_a_model_that_explains_little_warns_and_ends_with_3(bags: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _identify(bags, "noise", "rad") == 3
+    said = capsys.readouterr().err
+    assert "Warning: x: the model is unusable" in said and "unexplained" in said
+
+
+def test_one_reversal_is_refused(tmp_path: Path) -> None:
+    angle = np.where(TIME < 15.0, 0.05 * TIME, 1.5 - 0.05 * TIME)
+    with pytest.raises(Exception, match="reverses once"):
+        identify([Recording("once", PERIOD, angle, np.sign(np.gradient(angle)))], _axis(), QUICK)
