@@ -16,7 +16,7 @@ from sgms_observer.settings.load import load_settings
 from sim_plant.blind.case import CasePaths, make_case
 
 SCHEMA = {
-    "schema", "verdict", "usable", "warnings", "gap", "effects", "learnt", "changed", "remainder", "tests", "located",
+    "schema", "verdict", "usable", "warnings", "gap", "effects", "learnt", "changed", "remainder", "tests", "located", "feedforward",
     "detectable", "next_experiment",
 }  # fmt: skip
 GAP = {

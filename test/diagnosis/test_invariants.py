@@ -15,6 +15,7 @@ from workflow_case import AXIS, record
 
 from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
+from sgms_observer.diagnosis.closing import Closing
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.result import result_of
 from sgms_observer.diagnosis.workflow import Options, diagnose
@@ -58,7 +59,7 @@ def check(answer: Answer, learn: Recording) -> None:
         answer: of a diagnosis.
         learn: the recording it learnt from.
     """
-    result = result_of(answer)
+    result = result_of(answer, (Closing(1.0, 1.0), Closing(1.0, 1.0)), AXIS.units)
     json.loads(json.dumps(result, allow_nan=False))  # numbers that every reader of JSON knows
     gap = answer.gap
     named = [item for item in answer.effects if item.settings.name != "quantisation"]

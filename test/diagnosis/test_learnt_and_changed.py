@@ -10,12 +10,12 @@ from workflow_case import AXIS, record
 from sgms_observer.application.diagnose import refuse_learnt_from
 from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
+from sgms_observer.diagnosis.closing import Closing
 from sgms_observer.diagnosis.gap import residuals, rms
 from sgms_observer.diagnosis.learnt import learn
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
-from sgms_observer.diagnosis.result import result_of
-from sgms_observer.diagnosis.result import write as write_answer
+from sgms_observer.diagnosis.result import result_of, write_augmented
 from sgms_observer.diagnosis.workflow import Options, diagnose
 from sgms_observer.effects.learnt_map import LearntMap
 from sgms_observer.errors import ConfigurationError
@@ -113,7 +113,7 @@ def test_diagnose_learns_the_rail_and_takes_the_map_of_its_own_file_for_granted(
     first = answered(rail, load_settings(config).axes[0])
     assert first.learnt and first.remainder == "learnt"
     assert first.gap_with_learnt < 0.7 * first.gap.after
-    write_answer(first, load_settings(config), "x", tmp_path / "out")
+    write_augmented(first, load_settings(config), "x", tmp_path / "out")
     axis = load_settings(tmp_path / "out" / "augmented.yaml").axes[0]
     assert first.learnt[0].map.name in [item.name for item in axis.effects]
     second = answered(rail, axis)
@@ -135,7 +135,7 @@ def test_a_coulomb_force_that_moved_is_listed_with_its_old_and_new_value() -> No
     assert moved.before == 5.6
     assert moved.after == pytest.approx(4.0, rel=0.05)
     assert moved.closes > 0.5
-    entry = next(item for item in result_of(answer)["changed"] if item["name"] == "friction.coulomb_force")
+    entry = next(item for item in result_of(answer, (Closing(1.0, 1.0), Closing(1.0, 1.0)), AXIS.units)["changed"] if item["name"] == "friction.coulomb_force")
     assert set(entry) == {"name", "from", "to", "std_error", "closes"} and entry["std_error"] > 0.0
 
 

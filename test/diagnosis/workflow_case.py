@@ -7,7 +7,7 @@ import numpy as np
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.decision import Court, held_judged
 from sgms_observer.diagnosis.fit import judged_with
-from sgms_observer.diagnosis.gap import noise_floor
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.offline.recording import Recording
@@ -67,7 +67,7 @@ def record(
 
 
 def court_of(learn: Sequence[Motion], truth: Model, held: Sequence[Motion] = (), floor: float | None = None) -> Court:
-    """Return a court whose noise is what the truth leaves.
+    """Return a court whose noise is what the truth leaves, and whose first gap is what the nominal model leaves.
 
     Args:
         learn: recordings to learn from.
@@ -78,4 +78,5 @@ def court_of(learn: Sequence[Motion], truth: Model, held: Sequence[Motion] = (),
     judged = judged_with(learn, truth)
     judge = tuple(held) or tuple(learn)
     lowest = noise_floor(judge, truth, judged.noise, 1) if floor is None else floor
-    return Court(tuple(learn), judge, judged, held_judged(held, judged, truth), lowest, Criteria(), 1)
+    first = rms(residuals(Model.of(AXIS), judge))
+    return Court(tuple(learn), judge, judged, held_judged(held, judged, truth), lowest, first, Criteria(), 1)

@@ -13,6 +13,7 @@ import pytest
 
 from sgms_observer.diagnosis.advice import Named
 from sgms_observer.diagnosis.changed import Changed
+from sgms_observer.diagnosis.closing import Closing
 from sgms_observer.diagnosis.criteria import Criteria, at_least
 from sgms_observer.diagnosis.evidence import Improvement
 from sgms_observer.diagnosis.gap import Gap
@@ -21,6 +22,7 @@ from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.result import result_of
 from sgms_observer.effects.learnt_map import LearntMap
 from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.settings.units import Units
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "diagnosis.md").read_text(encoding="utf-8")
@@ -60,7 +62,7 @@ def test_every_key_of_result_json_is_in_the_glossary_and_no_other() -> None:
     section = GLOSSARY.partition("## Keys of result.json")[2]
     explained = re.findall(r"^\| `([\w.]+)` \| \S.*\. \| .+ \|$", section, re.MULTILINE)
     assert len(explained) == len(set(explained))
-    assert set(explained) == keys_of(result_of(full_answer()))
+    assert set(explained) == keys_of(result_of(full_answer(), (Closing(1.0, 2.0), Closing(0.5, 1.0)), Units()))
 
 
 @pytest.mark.parametrize("field", [field.name for field in fields(Criteria)])
@@ -81,5 +83,5 @@ def test_thresholds_are_those_of_the_code() -> None:
 
 def test_every_test_of_the_code_is_on_the_page_and_no_other() -> None:
     named = {title.removesuffix(" over ") for title in re.findall(r"\bat_(?:least|most)\(\s*[\w.\"]+,\s*\"([^\"]+)\"", SOURCE)}
-    named |= {title.partition(" over {")[0] for title in re.findall(r"title = f\"([^\"]+)\"", SOURCE)}
+    named |= {title.partition(" over {")[0] for title in re.findall(r"title = f?\"([^\"]+)\"", SOURCE)}
     assert named and {row[0].strip() for row in ROWS} == named
