@@ -59,7 +59,7 @@ def test_an_improvement_counts_chance_and_nothing_else() -> None:
     gain = improvement(with_it, noise)
     assert gain.fall == pytest.approx(sum(float(a @ a - b @ b) for a, b in zip(with_it, noise, strict=True)))
     assert gain.z_score > 5.0
-    assert improvement(noise, with_it).z_score < -5.0
+    assert improvement(noise, with_it).z_score < -2.0  # what the worse model leaves is part of the chance
     assert improvement(noise, noise).z_score == 0.0
     chance = [improvement([one + 0.01 * rng.normal(size=50) for one in noise], noise).z_score for _ in range(200)]
     assert np.mean(np.abs(chance) > 3.0) < 0.05
@@ -83,7 +83,7 @@ def test_a_test_says_value_threshold_and_outcome() -> None:
 
 
 @pytest.mark.parametrize("has_held_out", [False, True])
-def test_nothing_predicts_noise_and_the_ceiling_sees_what_lies_at_places(has_held_out: bool) -> None:
+def test_nothing_predicts_noise_and_the_ceiling_sees_what_hangs_on_the_speed(has_held_out: bool) -> None:
     learn, held = moved(), moved(seed=2)
     judge = held if has_held_out else learn
     rng = np.random.default_rng(2)
@@ -92,7 +92,8 @@ def test_nothing_predicts_noise_and_the_ceiling_sees_what_lies_at_places(has_hel
         return rng.normal(size=len(motion.thinned(motion.time)))
 
     def wave(motion: Motion) -> np.ndarray:
-        return np.sin(2.0 * np.pi * motion.thinned(motion.position) / 0.01) + 0.3 * noise(motion)
+        speed = motion.thinned(motion.velocity)
+        return np.cos(2.0 * speed / np.std(speed)) + 0.2 * noise(motion)
 
     for make, is_seen in ((noise, False), (wave, True)):
         known = make(learn)

@@ -45,9 +45,9 @@ def test_closure_is_null_where_there_is_nothing_to_close() -> None:
         ("actuator_dead_zone", (100.0,)),
         ("actuator_saturation", (1.0e-6,)),
         ("actuator_saturation", (0.5,)),
-        ("actuator_gain", (1.0e-3,)),
-        ("actuator_gain", (1.0e3,)),
-        ("actuator_delay", (0.5,)),
+        ("actuator_gain", (0.1,)),
+        ("actuator_gain", (10.0,)),
+        ("actuator_delay", (0.02,)),
     ],
 )
 @pytest.mark.parametrize("mass", [5.0, 3.0])
