@@ -31,10 +31,9 @@ from sgms_observer.bags.estimate_topics import write_estimates
 from sgms_observer.bags.reader import read_joint_states, read_samples
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main as sgms
-from sgms_observer.discrepancy.homing import moved, pitch_of, place_of
-from sgms_observer.discrepancy.model import Model, predict
-from sgms_observer.discrepancy.motion import Motion, motion_of
-from sgms_observer.discrepancy.record import read_records
+from sgms_observer.diagnosis.homing import moved, pitch_of, place_of
+from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.errors import SgmsError
 from sgms_observer.identification.least_squares import (
     ASYMMETRIC,
@@ -46,7 +45,7 @@ from sgms_observer.identification.least_squares import (
 from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates, Samples
-from sgms_observer.offline.recording import Recording, join_samples, recordings_from_samples
+from sgms_observer.offline.recording import Recording, join_samples, read_recordings, recordings_from_samples
 from sgms_observer.settings.load import load_settings
 
 Floats = NDArray[np.float64]
@@ -198,7 +197,7 @@ def diagnose(out: Path) -> list[str]:
     lines = [f"diagnosed on the train record alone: {effects}"]
     axes = [load_settings(config).axes[0] for config in (START, augmented)]
     models = [Model.of(axis) for axis in axes]
-    motions = {name: motion_of(read_records(out / name, axes[0])[0]) for name in FILES}
+    motions = {name: motion_of(read_recordings(out / name, axes[0])[0]) for name in FILES}
     for name, motion in motions.items():
         before, after = (force_error(predict(model, motion).residual, motion) for model in models)
         lines.append(f"  relative force error, {name}: {before:.2f} % -> {after:.2f} %")

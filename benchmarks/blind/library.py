@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.signal import butter, lfilter, lfiltic, sosfiltfilt
 
 from sgms_observer.bags.reader import read_joint_states
-from sgms_observer.discrepancy.model import Model, predict
-from sgms_observer.discrepancy.motion import motion_of
-from sgms_observer.discrepancy.record import Record
+from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.load import load_settings
 
 Floats = NDArray[np.float64]
@@ -53,7 +53,7 @@ def read_signals(bag: Path, config: Path) -> Signals:
     effort = read_joint_states(bag, "/control_effort")
     period = float(np.median(np.diff(position.stamp_ns))) * 1.0e-9
     other = np.asarray(position.position)[:, 1] if len(position.names) > 1 else None
-    record = Record(bag.name, period, np.asarray(position.position)[:, 0], np.asarray(effort.effort)[:, 0], other)
+    record = Recording(bag.name, period, np.asarray(position.position)[:, 0], np.asarray(effort.effort)[:, 0], other_position=other)
     motion = motion_of(record)
     prediction = predict(Model.of(axis), motion)
     return Signals(

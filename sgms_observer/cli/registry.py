@@ -25,7 +25,7 @@ COMMANDS = {
     "check": "it comes with recordings",
     "init": "it comes with recordings",
     "identify": "it comes with identification",
-    "diagnose": "it comes with the discrepancy workflow",
+    "diagnose": "it comes with the diagnosis",
     "paper": "it comes with the reproduction of the paper",
     "excite": "it comes with identification",
     "export": "it comes with export",

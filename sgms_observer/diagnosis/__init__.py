@@ -1,1 +1,1 @@
-"""The discrepancy workflow: where model and recording disagree, which effect is missing, and what it closes."""
+"""The diagnosis: where model and recording disagree, which effect is missing, and what it closes."""

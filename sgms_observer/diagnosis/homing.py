@@ -26,7 +26,7 @@ def pitch_of(effects: Sequence[EffectSettings]) -> float | None:
     pitches = [
         value
         for item in effects
-        for parameter, value in zip(effect(item.name).parameters, item.values, strict=True)
+        for parameter, value in zip(effect(item.name).parameters, item.values, strict=False)  # a table has more values
         if parameter.name == PITCH
     ]
     return max(pitches, default=None)

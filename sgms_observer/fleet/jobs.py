@@ -37,7 +37,7 @@ class ReplayJob:
 
 @dataclass(frozen=True)
 class DiagnoseJob:
-    """The discrepancy workflow on one recording.
+    """The diagnosis of one recording.
 
     Attributes:
         name: name of the job in the summary, and of its folder.

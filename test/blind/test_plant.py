@@ -21,7 +21,7 @@ from sim_plant.blind.sizing import measured_size
 from sim_plant.blind.stage import draw_stage
 
 needs_numba = pytest.mark.skipif(not HAS_NUMBA, reason="millions of steps in plain Python")
-FORBIDDEN = ("formulas", "effects", "friction", "discrepancy", "observer", "estimators")
+FORBIDDEN = ("formulas", "effects", "friction", "diagnosis", "observer", "estimators")
 
 
 def contact_path(travel: np.ndarray, seed: int = 1, speed: float = 1.0e-3) -> tuple[np.ndarray, float]:

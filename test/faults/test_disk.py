@@ -52,7 +52,7 @@ except SgmsError as error:
 KERNEL = LIMITED.format(
     body="""
 import numpy as np
-from sgms_observer.discrepancy.motion import without_flicker
+from sgms_observer.diagnosis.motion import without_flicker
 print(without_flicker(np.array([0.0, 1.0, 0.5, 2.0]), 0.25).tolist())
 """
 )

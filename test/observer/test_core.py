@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CORE = (
     "formulas", "settings.load", "friction.sgms", "friction.gms", "friction.symbolic", "effects.compiled",
     "filters.differentiator", "estimators.estimator", "estimators.reference", "compensation.feedforward",
-    "observer.axis_observer", "observer.pairing", "identification.identify", "discrepancy.workflow", "bags.reader",
+    "observer.axis_observer", "observer.pairing", "identification.identify", "diagnosis.workflow", "bags.reader",
     "bags.writer", "report.page",
 )  # fmt: skip
 

@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 from typing import Any
 
-from sgms_observer.discrepancy.report import sentence
+from sgms_observer.diagnosis.report import sentence
 from sgms_observer.settings.axis import EffectSettings
 
 

@@ -5,21 +5,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from workflow_case import AXIS, PERIOD, record
+from workflow_case import AXIS, PERIOD, court_of, record
 
-from sgms_observer.discrepancy.decide import Round, is_kin, power
-from sgms_observer.discrepancy.fit import Refits, judged_with, refit
-from sgms_observer.discrepancy.gate import SURE, Gate, floor_of, sureness
-from sgms_observer.discrepancy.level import told_start
-from sgms_observer.discrepancy.model import COULOMB, STATIC, Model, predict
-from sgms_observer.discrepancy.motion import HELD, motion_of
-from sgms_observer.discrepancy.name import Candidate, fitted
-from sgms_observer.discrepancy.prune import pruned
-from sgms_observer.discrepancy.record import Record
-from sgms_observer.discrepancy.screen import Screen
-from sgms_observer.discrepancy.sharp import sharpened
-from sgms_observer.discrepancy.timing import timing
-from sgms_observer.discrepancy.uncertainty import between_deviation, between_variance, deviations, in_time, left_out
+from sgms_observer.diagnosis.candidates import Candidate, fitted, to_the_end
+from sgms_observer.diagnosis.decision import CHANGED, Court, Decision, decide, evidence_of
+from sgms_observer.diagnosis.evidence import force_residuals, improvement
+from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_with, refit
+from sgms_observer.diagnosis.level import told_start
+from sgms_observer.diagnosis.model import COULOMB, STATIC, Model, predict
+from sgms_observer.diagnosis.motion import HELD, Motion, motion_of
+from sgms_observer.diagnosis.screen import Screen
+from sgms_observer.diagnosis.timing import timing
+from sgms_observer.diagnosis.uncertainty import between_deviation, between_variance, deviations, in_time, left_out
+from sgms_observer.diagnosis.workflow import Options, Recordings, Round, State, _pruned, changed_candidate
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 from sim_plant.blind.comparison import NINETY_PERCENT
 
@@ -31,10 +30,17 @@ OFFSET = EffectSettings("offset", (0.6,))
 @pytest.mark.parametrize("effects", [(), (OFFSET,)])
 def test_the_contact_is_read_off_the_recording_with_what_was_found_in_the_model(is_sharp: bool, effects: Any) -> None:
     motion = motion_of(record(effects, is_sharp=is_sharp))
-    judged = judged_with((motion,), MODEL)
-    found = refit(judged, MODEL, 0.05, effects, iterations=4)
-    sharp = sharpened(Refits(judged, MODEL, 0.05), found, ())
-    assert (sharp is not None) == is_sharp
+    court = court_of((motion,), MODEL.with_effects(effects))
+    refits = Refits(court.judged, MODEL, 0.05)
+    found = refits.of(effects, None, 6)
+    unsmoothed = changed_candidate(refits, found, CHANGED[2])
+    is_better = unsmoothed.refit.cost < found.cost
+    assert (is_better and decide(unsmoothed, found, evidence_of(found, court), court).passed) == is_sharp
+
+
+def gained(before: Model, after: Model, motion: Motion) -> float:
+    """Return the z-score of what the later model predicts better."""
+    return improvement(*(force_residuals(model, (motion,), 0.5) for model in (before, after))).z_score
 
 
 def test_an_effect_at_few_moments_is_sure_and_a_change_that_means_nothing_is_not() -> None:
@@ -44,11 +50,12 @@ def test_an_effect_at_few_moments_is_sure_and_a_change_that_means_nothing_is_not
     motion = motion_of(rare)
     late = EffectSettings("wear_step", (0.0, 1.0, 0.01))
     with_it = MODEL.with_effects([OFFSET])
-    assert sureness(MODEL, with_it, (motion,)) < 0.0  # an offset all the time is wrong nearly all the time
+    least = 3.0
+    assert gained(MODEL, with_it, motion) < 0.0  # an offset all the time is wrong nearly all the time
     held = replace(rare, effort=noise.effort + np.where(t > 6.0, 0.6, 0.0))
-    assert sureness(MODEL, with_it, (motion_of(held),)) < SURE
-    assert sureness(MODEL, with_it, (motion_of(record((OFFSET,), duration=10.0)),)) > 3.0 * SURE
-    assert sureness(MODEL, MODEL.with_effects([late]), (motion,)) == pytest.approx(0.0)
+    assert gained(MODEL, with_it, motion_of(held)) < least
+    assert gained(MODEL, with_it, motion_of(record((OFFSET,), duration=10.0))) > 3.0 * least
+    assert gained(MODEL, MODEL.with_effects([late]), motion) == pytest.approx(0.0)
 
 
 def test_a_missing_element_starts_with_the_level_as_it_is() -> None:
@@ -62,9 +69,9 @@ def test_a_fit_from_far_too_strong_a_start_does_not_end_worse_than_without_the_e
     motion = motion_of(record(duration=8.0))
     judged = judged_with((motion,), MODEL)
     before = refit(judged, MODEL, 0.05, iterations=4)
-    columns = Screen(judged, before, 0.05, ()).nominal_columns
+    columns = Screen(judged, before, 0.05, Freedom(), ()).nominal_columns
     far = fitted(Refits(judged, MODEL, 0.05), before, EffectSettings("stribeck", (2.9, 8e-3)), columns)
-    assert far.refit.cost < 1.05 * before.cost
+    assert far.cost < 1.05 * before.cost
 
 
 def test_an_effort_taken_for_early_goes_back_to_what_the_settings_say() -> None:
@@ -80,7 +87,7 @@ def test_a_mass_on_a_spring_answers_in_phase_with_the_acceleration_it_feels() ->
     rate, own, damping, mass = 30.0, 40.0, 0.05, 0.5
     t = np.arange(8000) * PERIOD
     omega, natural = 2.0 * np.pi * rate, 2.0 * np.pi * own
-    motion = motion_of(Record("test", PERIOD, 1e-4 * np.sin(omega * t), np.zeros(len(t))))
+    motion = motion_of(Recording("test", PERIOD, 1e-4 * np.sin(omega * t), np.zeros(len(t))))
     hung = MODEL.with_effects([EffectSettings("flexible_mode", (mass, own, damping))])
     force = predict(MODEL, motion).residual - predict(hung, motion).residual
     turn = np.exp(-1j * omega * t[4000:7000])
@@ -89,21 +96,34 @@ def test_a_mass_on_a_spring_answers_in_phase_with_the_acceleration_it_feels() ->
     assert answer == pytest.approx(expected, rel=0.02)  # half a step's lead would be 9 % here
 
 
-def test_an_effect_that_a_later_one_made_needless_is_taken_out() -> None:
-    motion = motion_of(record((OFFSET,)))
-    judged = judged_with((motion,), MODEL.with_effects([OFFSET]))
-    gate = Gate((motion,), floor_of((motion,), MODEL, judged.noise, 1))
-    effects = (EffectSettings("spring", (0.1, 0.0)), OFFSET)
-    current = refit(judged, MODEL, 0.05, effects, iterations=4)
-    some = refit(judged, MODEL, 0.05, (), iterations=0)
-    nothing = np.zeros(4)
-    screen: Any = None
-    rounds = [
-        Round(screen, {}, (Candidate(item.name, some, 1000.0, ()),), nothing, nothing, True, ()) for item in effects
-    ]
-    after, left = pruned(Refits(judged, MODEL, 0.05, None), current, rounds, gate)
-    assert [item.name for item in after.effects] == ["offset"]
-    assert [item.accepted for item in left] == [False, True]
+def accepted(refits: Refits, found: Refit, without: Refit, name: str, court: Court) -> Round:
+    """Return a round that added an effect, whatever its tests say."""
+    item = Candidate(name, refits, found, 1)
+    later = evidence_of(found, court)
+    gain = improvement(evidence_of(without, court).all, later.all)
+    decision = Decision(item, later, gain, ())
+    return Round({}, (decision,), decision, ())
+
+
+@pytest.mark.parametrize(("stiffness", "kept"), [(0.0, False), (30.0, True)])
+def test_an_effect_that_a_later_one_made_needless_is_taken_out(stiffness: float, kept: bool) -> None:
+    hidden = (EffectSettings("spring", (stiffness, 0.0)), OFFSET)
+    source = record(hidden)
+    motion = motion_of(source)
+    effects = (EffectSettings("spring", (stiffness or 0.1, 0.0)), OFFSET)
+    court = court_of((motion,), MODEL.with_effects(hidden))
+    refits = Refits(court.judged, MODEL, 0.05)
+    current = to_the_end(refits, refits.of(effects, None, 6))
+    nothing = refits.of((), None, 6)
+    first = refits.of(effects[:1], None, 6)
+    rounds = [accepted(refits, first, nothing, "spring", court), accepted(refits, current, first, "offset", court)]
+    state = State(Recordings((source,), (), HELD, HELD, 100.0), (motion,), (), refits, current)
+    after, left = _pruned(state, rounds, Options())
+    assert [item.name for item in after.current.effects] == (["spring", "offset"] if kept else ["offset"])
+    assert [item.accepted is not None for item in left] == [kept, True]
+    (test,) = (left[0].accepted or left[0].decisions[0]).tests
+    assert test.name == "z-score beside the other effects"
+    assert test.passed == kept and (test.value >= test.threshold) == kept
 
 
 def test_errors_grow_with_what_comes_back_in_every_block_and_hold_for_plain_noise() -> None:
@@ -155,17 +175,10 @@ def test_an_interval_from_three_recordings_that_differ_holds_the_truth() -> None
     assert held_without < 0.85 * draws < held < 0.95 * draws
 
 
-def test_what_the_catalogue_confuses_is_kin_and_hidden_pairs_are_not() -> None:
-    assert is_kin("offset", "asymmetric_coulomb")
-    assert is_kin("stribeck", "quadratic_drag")  # both are taken for a nonlinear viscous friction
-    assert not is_kin("offset", "presliding")
-    assert not is_kin("cogging", "actuator_delay")
-
-
-def test_the_power_of_an_effect_is_the_square_of_its_strength_over_its_error() -> None:
+def test_what_an_effect_improves_is_the_square_of_its_strength_over_its_error() -> None:
     motion = motion_of(record((OFFSET,), duration=8.0))
     judged = judged_with((motion,), MODEL.with_effects([OFFSET]))
     found = refit(judged, MODEL, 0.05, (OFFSET,), iterations=3)
     without = refit(judged, MODEL, 0.05, (), iterations=6)
-    assert power(found, "offset") == pytest.approx(2.0 * (without.cost - found.cost), rel=0.2)
-    assert power(found, "spring") == 0.0
+    power = (found.effects[0].values[0] / found.deviations()[0]) ** 2
+    assert power == pytest.approx(2.0 * (without.cost - found.cost), rel=0.2)

@@ -1,10 +1,16 @@
 """A small simulated recording for tests: the model's own friction along a rich motion, with an effect put in."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from sgms_observer.discrepancy.model import Model, predict
-from sgms_observer.discrepancy.motion import motion_of
-from sgms_observer.discrepancy.record import Record
+from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.decision import Court, held_judged
+from sgms_observer.diagnosis.fit import judged_with
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms
+from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.motion import Motion, motion_of
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.stage import EncoderSettings, StageSettings
@@ -22,16 +28,16 @@ FRICTION = FrictionSettings(
 AXIS = AxisSettings(mass=5.0, friction=FRICTION, stage=StageSettings(encoder=EncoderSettings(resolution=1.0e-8)))
 
 
-def rich_position(duration: float, seed: int) -> np.ndarray:
+def rich_position(duration: float, seed: int, period: float = PERIOD) -> np.ndarray:
     """Return a motion with tones, slow and fast traverses and rests [m]."""
     rng = np.random.default_rng(seed)
-    t = np.arange(round(duration / PERIOD)) * PERIOD
+    t = np.arange(round(duration / period)) * period
     q = np.zeros(len(t))
     for frequency, amplitude in ((0.23, 0.02), (0.61, 0.008), (1.7, 0.002), (4.3, 4e-4), (9.1, 8e-5)):
         q += amplitude * np.sin(2 * np.pi * frequency * t + rng.uniform(0, 6.28))
     gate = np.clip(np.minimum((t % 6.0) * 5.0, (5.2 - t % 6.0) * 5.0), 0.0, 1.0)
-    velocity = np.gradient(q, PERIOD) * gate
-    return np.cumsum(velocity) * PERIOD
+    velocity = np.gradient(q, period) * gate
+    return np.cumsum(velocity) * period
 
 
 def record(
@@ -40,9 +46,10 @@ def record(
     duration: float = 20.0,
     mass: float = 5.0,
     is_sharp: bool = False,
-) -> Record:
+    period: float = PERIOD,
+) -> Recording:
     """Return a recording of a stage with ``effects`` and force noise of 1 % of the Coulomb force."""
-    raw = np.round(rich_position(duration, seed) / 1e-8) * 1e-8
+    raw = np.round(rich_position(duration, seed, period) / 1e-8) * 1e-8
     rng = np.random.default_rng([seed, 5])
     white = rng.standard_normal(len(raw))
     noise = np.empty(len(raw))
@@ -50,10 +57,26 @@ def record(
     for k in range(1, len(raw)):
         noise[k] = 0.85 * noise[k - 1] + 0.527 * white[k]
     truth = Model(mass, FRICTION, is_sharp=is_sharp).with_effects(effects)
-    motion = motion_of(Record("test", PERIOD, raw, np.zeros(len(raw))))
+    motion = motion_of(Recording("test", period, raw, np.zeros(len(raw))))
     needed = -predict(truth, motion).residual + 0.04 * noise
     held = np.empty(len(raw))
     held[0] = needed[0]
     for k in range(1, len(raw)):  # the effort whose mean over the samples before and after is what is needed, damped
         held[k] = needed[k] + 0.9 * (needed[k] - held[k - 1])
-    return Record("test", PERIOD, raw, held)
+    return Recording("test", period, raw, held)
+
+
+def court_of(learn: Sequence[Motion], truth: Model, held: Sequence[Motion] = (), floor: float | None = None) -> Court:
+    """Return a court whose noise is what the truth leaves, and whose first gap is what the nominal model leaves.
+
+    Args:
+        learn: recordings to learn from.
+        truth: model with what is hidden.
+        held: held-out recordings.
+        floor: rms residual of a perfect model [N]; from replicates if None.
+    """
+    judged = judged_with(learn, truth)
+    judge = tuple(held) or tuple(learn)
+    lowest = noise_floor(judge, truth, judged.noise, 1) if floor is None else floor
+    first = rms(residuals(Model.of(AXIS), judge))
+    return Court(tuple(learn), judge, judged, held_judged(held, judged, truth), lowest, first, Criteria(), 1)

@@ -1,8 +1,8 @@
 """The plainest check of ``sgms diagnose``: hide one catalogue effect in the simulated stage, excite, diagnose.
 
-    python benchmarks/discrepancy.py --out out/discrepancy        # every effect on config/table.yaml, S-GMS
-    python benchmarks/discrepancy.py --model gms --only cogging,offset
-    python benchmarks/discrepancy.py --motion multi_sine          # a poor motion: no wrong name allowed
+    python benchmarks/diagnosis.py --out out/diagnosis        # every effect on config/table.yaml, S-GMS
+    python benchmarks/diagnosis.py --model gms --only cogging,offset
+    python benchmarks/diagnosis.py --motion multi_sine          # a poor motion: no wrong name allowed
 
 Everything goes through the commands a user has: ``excite``, ``simulate``, ``diagnose`` with a point-to-point recording
 held out. The truth's friction is the model's own: the effect is all that is missing. Sizes are about 15 % of the
@@ -211,7 +211,7 @@ def main() -> int:
     parser.add_argument("--motion", choices=("excite", "sine", "multi_sine", "point_to_point"), default="excite")
     parser.add_argument("--only", default="", help="these effects only (comma-separated)")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=Path("out/discrepancy"))
+    parser.add_argument("--out", type=Path, default=Path("out/diagnosis"))
     args = parser.parse_args()
     names = args.only.split(",") if args.only else list(HIDDEN)
     if args.base == "default":

@@ -9,11 +9,20 @@ from looks import check_report
 from workflow_case import AXIS, record
 
 from sgms_observer.cli.main import main
-from sgms_observer.discrepancy.workflow import Options, diagnose
+from sgms_observer.diagnosis.answer import answer_of
+from sgms_observer.diagnosis.workflow import Options, diagnose
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.load import load_settings
 from sim_plant.blind.case import CasePaths, make_case
 
-SCHEMA = {"schema", "verdict", "gap", "effects", "located", "detectable", "next_experiment"}
+SCHEMA = {
+    "schema", "verdict", "usable", "warnings", "gap", "effects", "learnt", "changed", "remainder", "tests", "located", "feedforward",
+    "detectable", "next_experiment",
+}  # fmt: skip
+GAP = {
+    "given", "before", "after", "named", "predictable", "floor", "unit", "on", "band_hz", "closure", "interval_before",
+    "interval_after",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +39,8 @@ def test_result_names_the_hidden_effect_and_closes_the_gap(case: tuple[CasePaths
     paths, out = case
     result = json.loads((out / "result.json").read_text())
     truth = json.loads(paths.truth_file.read_text())
-    assert set(result) >= SCHEMA and result["schema"] == 1
+    assert set(result) >= SCHEMA and result["schema"] == 2
+    assert set(result["gap"]) == GAP
     assert result["verdict"] == "effect_found"
     assert [item["name"] for item in result["effects"]] == truth["effects"]
     found, hidden = result["effects"][0]["parameters"], truth["parameters"]["cogging"]
@@ -56,15 +66,20 @@ def test_report_reads_well_in_a_browser(case: tuple[CasePaths, Path], browser: B
     check_report(browser, case[1] / "report.html", 3)
 
 
+def verdict_of(learn: Recording) -> str:
+    """Return the verdict on one recording."""
+    options = Options(workers=2)
+    return answer_of(diagnose([learn], [], AXIS, options), AXIS, options).verdict
+
+
 def test_nothing_hidden_is_no_effect() -> None:
-    found = diagnose([record(duration=15.0)], [], AXIS, Options(workers=2))
-    assert found.verdict == "no_effect"
+    assert verdict_of(record(duration=15.0)) == "no_effect"
 
 
 def test_a_stage_that_hardly_moves_cannot_tell() -> None:
     full = record(duration=8.0)
     still = type(full)("still", full.period, full.position[:8000] * 1e-6, full.effort[:8000] * 0.0 + 0.01)
-    assert diagnose([still], [], AXIS, Options(workers=2)).verdict == "cannot_tell"
+    assert verdict_of(still) == "cannot_tell"
 
 
 def test_an_unknown_axis_is_one_sentence(case: tuple[CasePaths, Path], capsys: pytest.CaptureFixture[str]) -> None:

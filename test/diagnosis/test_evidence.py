@@ -1,0 +1,152 @@
+"""Predictive evidence: blocks left out, improvements with their chance, free-form terms, the ceiling."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from workflow_case import AXIS, court_of, record
+
+from sgms_observer.diagnosis.candidates import Candidate
+from sgms_observer.diagnosis.ceiling import ALL, free_form
+from sgms_observer.diagnosis.criteria import Criteria, at_least, at_most
+from sgms_observer.diagnosis.decision import bounds, decide, earned, evidence_of, physical, term
+from sgms_observer.diagnosis.evidence import blocks_of, improvement, left_out_residuals
+from sgms_observer.diagnosis.fit import Judged, Refit, Refits, judged_with
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import Motion, motion_of
+from sgms_observer.diagnosis.uncertainty import in_time
+from sgms_observer.settings.axis import EffectSettings
+
+MODEL = Model.of(AXIS)
+COGGING = EffectSettings("cogging", (0.6, 0.01, 0.3, 0.0, 0.0))
+CRITERIA = Criteria()
+
+
+def moved(effects: tuple[EffectSettings, ...] = (), seed: int = 1, duration: float = 12.0) -> Motion:
+    """Return a short motion at a low rate."""
+    return motion_of(record(effects, seed=seed, duration=duration, period=1.0 / 250.0), band=25.0)
+
+
+@pytest.fixture(scope="module")
+def judged() -> Judged:
+    """Two recordings with their noise."""
+    return judged_with((moved(duration=5.0), moved(seed=2, duration=4.0)), MODEL)
+
+
+def test_a_block_is_predicted_as_by_the_fit_without_it(judged: Judged) -> None:
+    rng = np.random.default_rng(3)
+    columns, target = rng.normal(size=(judged.count, 4)), rng.normal(size=judged.count)
+    prior = 3.0 * np.eye(4)
+    rows, wanted = np.vstack([columns, prior]), np.concatenate([target, np.zeros(4)])
+    solution = np.linalg.lstsq(rows, wanted)[0]
+    found = Refit(MODEL, np.zeros(4), (), columns @ solution - target, 0.0, rows, np.zeros(0), ())
+    left = left_out_residuals(found, judged, CRITERIA.block)
+    pieces: list[np.ndarray] = []
+    for motion, series in zip(judged.motions, in_time(np.column_stack([columns, target]), judged), strict=True):
+        pieces += blocks_of(series, len(motion.time) * motion.period / len(series), CRITERIA.block)
+    assert len(left) == len(pieces) > 15
+    for place, piece in enumerate(pieces):
+        others = np.vstack([*(one for i, one in enumerate(pieces) if i != place), np.column_stack([prior, np.zeros(4)])])
+        again = np.linalg.lstsq(others[:, :-1], others[:, -1])[0]
+        assert left[place] == pytest.approx(piece[:, :-1] @ again - piece[:, -1], rel=1e-6, abs=1e-9)
+
+
+def test_an_improvement_counts_chance_and_nothing_else() -> None:
+    rng = np.random.default_rng(1)
+    noise = [rng.normal(size=50) for _ in range(40)]
+    shape = [np.sin(np.arange(50.0)) for _ in noise]
+    with_it = [one + 0.5 * other for one, other in zip(noise, shape, strict=True)]
+    gain = improvement(with_it, noise)
+    assert gain.fall == pytest.approx(sum(float(a @ a - b @ b) for a, b in zip(with_it, noise, strict=True)))
+    assert gain.z_score > 5.0
+    assert improvement(noise, with_it).z_score < -2.0  # what the worse model leaves is part of the chance
+    assert improvement(noise, noise).z_score == 0.0
+    chance = [improvement([one + 0.01 * rng.normal(size=50) for one in noise], noise).z_score for _ in range(200)]
+    assert np.mean(np.abs(chance) > 3.0) < 0.05
+
+
+def test_what_the_best_of_many_needs_keeps_the_chance_of_all_together() -> None:
+    from scipy import stats
+
+    for trials in (1, 7, 300):
+        needed = CRITERIA.z_score_of(trials)
+        assert trials * stats.norm.sf(needed) == pytest.approx(stats.norm.sf(CRITERIA.min_z_score), rel=1e-6)
+    assert CRITERIA.z_score_of(0) == pytest.approx(CRITERIA.min_z_score)
+    assert np.isfinite(CRITERIA.z_score_of(10**9))
+
+
+def test_a_test_says_value_threshold_and_outcome() -> None:
+    assert at_least("cogging", "z", 3.0, 3.0).passed and not at_least("cogging", "z", 2.9, 3.0).passed
+    assert at_most("cogging", "z", 3.0, 3.0).passed and not at_most("cogging", "z", 3.1, 3.0).passed
+    assert not at_least("cogging", "z", float("nan"), 3.0).passed
+    assert not at_most("cogging", "z", float("nan"), 3.0).passed
+
+
+@pytest.mark.parametrize("has_held_out", [False, True])
+def test_nothing_predicts_noise_and_the_ceiling_sees_what_hangs_on_the_speed(has_held_out: bool) -> None:
+    learn, held = moved(), moved(seed=2)
+    judge = held if has_held_out else learn
+    rng = np.random.default_rng(2)
+
+    def noise(motion: Motion) -> np.ndarray:
+        return rng.normal(size=len(motion.thinned(motion.time)))
+
+    def wave(motion: Motion) -> np.ndarray:
+        speed = motion.thinned(motion.velocity)
+        return np.cos(2.0 * speed / np.std(speed)) + 0.2 * noise(motion)
+
+    for make, is_seen in ((noise, False), (wave, True)):
+        known = make(learn)
+        judged_on = make(held) if has_held_out else known
+        found = free_form(ALL, [learn], [known], [judge], [judged_on], CRITERIA, 1)
+        surely = found.share if found.improvement.z_score > CRITERIA.min_z_score else 0.0
+        assert (surely > 0.6) == is_seen
+        assert is_seen or surely == 0.0
+
+
+def test_a_name_is_earned_where_a_free_form_term_over_its_coordinates_does_no_better() -> None:
+    motion = moved((COGGING,))
+    court = court_of((motion,), MODEL.with_effects([COGGING]))
+    refits = Refits(court.judged, MODEL, 0.05)
+    plain = refits.of((), None, 6)
+    assert term(("position",), plain.model, court).share > 0.6
+    assert term(("dwell",), plain.model, court).share < 0.3
+    for start, is_earned in ((COGGING, True), (EffectSettings("spring", (10.0, 0.0)), False)):
+        found = refits.of((start,), None, 8)
+        item = Candidate(start.name, refits, found, 1)
+        (test,) = earned(item, plain, evidence_of(found, court), court)
+        assert test.passed == is_earned, (start.name, test.value)
+        assert test.name == "z-score of a free-form term over position"
+
+
+def test_a_hypothesis_that_fails_says_which_test_with_its_value() -> None:
+    motion = moved((COGGING,))
+    court = court_of((motion,), MODEL.with_effects([COGGING]))
+    refits = Refits(court.judged, MODEL, 0.05)
+    plain = refits.of((), None, 6)
+    fast = refits.of((EffectSettings("periodic_disturbance", (0.01, 11.0, 0.0)),), None, 2)
+    decision = decide(Candidate("periodic_disturbance", refits, fast, 50), plain, evidence_of(plain, court), court)
+    failed = [test for test in decision.tests if not test.passed]
+    assert failed and not decision.passed
+    assert all(test.of == "periodic_disturbance" and np.isfinite([test.value, test.threshold]).all() for test in failed)
+
+
+def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
+    motion = moved()
+    court = court_of((motion,), MODEL)
+    refits = Refits(court.judged, MODEL, 0.05)
+    plain = refits.of((), None, 2)
+    rate = motion.step / motion.period
+    most = float(np.max(np.abs(motion.effort)))
+
+    def item(name: str, *values: float) -> Candidate:
+        effects = (EffectSettings(name, values),)
+        return Candidate(name, refits, replace(plain, effects=effects), 1)
+
+    assert all(test.passed for test in physical(item("periodic_disturbance", 0.1, 0.39 * rate, 0.0), court))
+    assert not all(test.passed for test in physical(item("periodic_disturbance", 0.1, 0.41 * rate, 0.0), court))
+    assert not all(test.passed for test in physical(item("actuator_saturation", 1e-3 * most), court))
+    assert not all(test.passed for test in bounds(item("actuator_saturation", most), court))
+    stroke = float(np.ptp(motion.position))
+    assert not all(test.passed for test in bounds(item("cogging", 0.5, 0.7 * stroke, 0.1, 0.0, 0.0), court))
+    assert all(test.passed for test in bounds(item("cogging", 0.5, 0.2 * stroke, 0.1, 0.0, 0.0), court))

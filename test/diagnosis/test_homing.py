@@ -1,0 +1,47 @@
+"""Recordings of an axis that was not homed: the ripple goes with the machine, the position does not."""
+
+from dataclasses import replace
+
+import pytest
+from workflow_case import AXIS, court_of, record
+
+from sgms_observer.diagnosis.decision import Court
+from sgms_observer.diagnosis.homing import PLACES, pitch_of, place_of, unhomed
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.settings.axis import EffectSettings
+
+PITCH = 0.01
+COGGING = EffectSettings("cogging", (0.6, PITCH, 0.3, 0.0, 0.0))
+OFFSET = EffectSettings("offset", (0.6,))
+RIPPLED = Model.of(AXIS).with_effects([COGGING])
+LACKS = 3.7e-3
+
+
+def court(lacks: float, is_unseen: bool = True) -> Court:
+    """Return a court with one recording whose positions lack so much [m]."""
+    homed = record((COGGING,), seed=3, duration=12.0)
+    motion = motion_of(replace(homed, position=homed.position - lacks))
+    return court_of((motion_of(homed),) if is_unseen else (motion,), RIPPLED, (motion,) if is_unseen else ())
+
+
+def test_the_ripple_tells_where_a_recording_counts_from() -> None:
+    motion = court(LACKS).judge[0]
+    for seconds in (None, 4.0):
+        assert place_of(RIPPLED, motion, seconds) == pytest.approx(LACKS, abs=0.6 * PITCH / PLACES)
+    with pytest.raises(ValueError, match="nothing tells the place"):
+        place_of(Model.of(AXIS), motion)
+
+
+def test_a_recording_that_counts_from_elsewhere_is_told_and_a_homed_one_is_not() -> None:
+    (sentence,) = unhomed([RIPPLED], court(LACKS))
+    assert "0.003667 further along: home the axis" in sentence
+    assert unhomed([RIPPLED], court(0.0)) == []
+    assert unhomed([Model.of(AXIS).with_effects([OFFSET])], court(LACKS)) == []
+    assert unhomed([RIPPLED], court(LACKS, is_unseen=False)) == []
+
+
+def test_the_longest_pitch_counts() -> None:
+    fine = EffectSettings("encoder_interpolation_error", (1e-8, 2.0e-5, 0.0))
+    assert pitch_of([COGGING, fine]) == PITCH
+    assert pitch_of([OFFSET]) is None

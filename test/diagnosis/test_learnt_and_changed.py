@@ -1,0 +1,162 @@
+"""What has no name is learnt, what the file says and no longer holds is listed, and both end up in files that load."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from workflow_case import AXIS, record
+
+from sgms_observer.application.diagnose import refuse_learnt_from
+from sgms_observer.diagnosis import workflow
+from sgms_observer.diagnosis.answer import Answer, answer_of
+from sgms_observer.diagnosis.closing import Closing
+from sgms_observer.diagnosis.gap import residuals, rms
+from sgms_observer.diagnosis.learnt import learn
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.diagnosis.result import result_of, write_augmented
+from sgms_observer.diagnosis.workflow import Options, diagnose
+from sgms_observer.effects.learnt_map import LearntMap
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.offline.recording import Recording
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
+from sgms_observer.settings.load import load_settings
+from sgms_observer.settings.write import write_settings
+
+PERIOD = 1.0 / 250.0
+OPTIONS = Options(workers=1, band=25.0)
+SEARCHED = ("spring", "offset", "asymmetric_coulomb", "quadratic_drag")
+OFFSET = EffectSettings("offset", (0.3,))
+
+
+@pytest.fixture(autouse=True)
+def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Look for a few effects, so that a run takes seconds."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: SEARCHED)
+
+
+def made(effects: tuple[EffectSettings, ...], seed: int, axis: AxisSettings = AXIS) -> Recording:
+    """Return a short recording at a low rate."""
+    return record(effects, seed=seed, duration=12.0, period=PERIOD)
+
+
+def hidden_map(level: np.ndarray) -> LearntMap:
+    """Return a friction level that varies along the position, the same both ways."""
+    span = float(np.max(np.abs(made((), 1).position)))
+    grid = tuple(np.linspace(-1.5 * span, 1.5 * span, len(level)).tolist())
+    return LearntMap(("position", "direction"), (grid, ()), tuple(np.column_stack([-level, level]).ravel()))
+
+
+LEVEL = np.array([0.0, 0.9, -0.6, 1.2, 0.1, 1.4, -0.8, 0.7, 1.1, -0.5, 0.6])
+
+
+@pytest.fixture(scope="module")
+def rail() -> tuple[Recording, Recording]:
+    """Two recordings of one rail whose friction varies along it."""
+    effects = (hidden_map(LEVEL).settings(),)
+    return made(effects, 1), made(effects, 2)
+
+
+def file_of(tmp_path: Path) -> Path:
+    """Return a parameter file of the axis."""
+    path = tmp_path / "axis.yaml"
+    friction = AXIS.friction
+    path.write_text(
+        "/**:\n  ros__parameters:\n    axes: [x]\n    sample_period: 0.004\n    x:\n"
+        f"      mass: {AXIS.mass}\n      stage: {{encoder: {{resolution: 1.0e-8}}}}\n      friction:\n"
+        f"        element_stiffness: {[float(x) for x in friction.element_stiffness]}\n"
+        f"        element_fraction: {[float(x) for x in friction.element_fraction]}\n"
+        f"        element_damping: {[0.0] * 3}\n        viscous_coefficient: {friction.viscous_coefficient}\n"
+        f"        static_force: {friction.static_force}\n        coulomb_force: {friction.coulomb_force}\n"
+        f"        stribeck_velocity: {friction.stribeck_velocity}\n",
+        encoding="utf-8",
+    )
+    return path
+
+
+def test_a_friction_level_along_the_rail_is_learnt_and_its_file_loads_and_closes_the_gap(
+    rail: tuple[Recording, Recording], tmp_path: Path
+) -> None:
+    one, other = (motion_of(record, band=25.0) for record in rail)
+    model = Model.of(AXIS)
+    left, held = residuals(model, [one]), residuals(model, [other])
+    found = learn([one], left, [other], held, True, "learnt_map", AXIS.units, OPTIONS.criteria)
+    assert found is not None and found.coordinates == ("position", "direction")
+    assert found.share > 0.7
+    assert "friction level that varies along the position" in found.sentence
+    table = found.map.table()
+    places = np.asarray(found.map.grids[0])
+    level = np.interp(places, np.asarray(hidden_map(LEVEL).grids[0]), LEVEL)
+    assert np.corrcoef(0.5 * (table[:, 1] - table[:, 0]), level)[0, 1] > 0.9
+    config = file_of(tmp_path)
+    settings = found.settings
+    from sgms_observer.effects.catalogue import effect
+    from sgms_observer.settings.effects import named_values
+
+    changes: dict[str, object] = {"effects.names": [settings.name]}
+    for key, value in (named_values(effect(settings.name), settings.values) or {}).items():
+        changes[f"effects.{settings.name}.{key}"] = list(value) if isinstance(value, tuple) else value
+    write_settings(load_settings(config), tmp_path / "with_map.yaml", {"x": changes}, {"": "learnt"})
+    axis = load_settings(tmp_path / "with_map.yaml").axes[0]
+    after = residuals(Model.of(axis), [other])
+    assert rms(after) < 0.6 * rms(held)
+    assert rms(after) == pytest.approx(
+        rms(residuals(model.with_effects([settings]), [other])), rel=1e-3
+    )  # the file says what was learnt
+
+
+def test_diagnose_learns_the_rail_and_takes_the_map_of_its_own_file_for_granted(
+    rail: tuple[Recording, Recording], tmp_path: Path
+) -> None:
+    config = file_of(tmp_path)
+    first = answered(rail, load_settings(config).axes[0])
+    assert first.learnt and first.remainder == "learnt"
+    assert first.gap_with_learnt < 0.7 * first.gap.after
+    write_augmented(first, load_settings(config), "x", tmp_path / "out")
+    axis = load_settings(tmp_path / "out" / "augmented.yaml").axes[0]
+    assert first.learnt[0].map.name in [item.name for item in axis.effects]
+    second = answered(rail, axis)
+    assert second.gap.given < 0.7 * first.gap.given
+    assert second.gap.given == pytest.approx(first.gap_with_learnt, rel=0.1)
+
+
+def answered(pair: tuple[Recording, Recording], axis: AxisSettings) -> Answer:
+    """Return the answer on two recordings, the second held out."""
+    return answer_of(diagnose(pair[:1], pair[1:], axis, OPTIONS), axis, OPTIONS)
+
+
+def test_a_coulomb_force_that_moved_is_listed_with_its_old_and_new_value() -> None:
+    friction = replace(AXIS.friction, coulomb_force=5.6, static_force=7.0)
+    axis = replace(AXIS, friction=friction)
+    answer = answered((made((), 1), made((), 2)), axis)
+    listed = {item.name: item for item in answer.changed}
+    moved = listed["friction.coulomb_force"]
+    assert moved.before == 5.6
+    assert moved.after == pytest.approx(4.0, rel=0.05)
+    assert moved.closes > 0.5
+    entry = next(item for item in result_of(answer, (Closing(1.0, 1.0), Closing(1.0, 1.0)), AXIS.units)["changed"] if item["name"] == "friction.coulomb_force")
+    assert set(entry) == {"name", "from", "to", "std_error", "closes"} and entry["std_error"] > 0.0
+
+
+def test_a_listed_offset_that_moved_is_listed() -> None:
+    axis = replace(AXIS, effects=(OFFSET,))
+    hidden = (EffectSettings("offset", (0.9,)),)
+    answer = answered((made(hidden, 1), made(hidden, 2)), axis)
+    listed = {item.name: item for item in answer.changed}
+    assert listed["effects.offset.force"].before == pytest.approx(0.3)
+    assert listed["effects.offset.force"].after == pytest.approx(0.9, rel=0.05)
+
+
+def test_a_file_that_holds_has_no_changed_values() -> None:
+    hidden = (OFFSET,)
+    assert answered((made(hidden, 1), made(hidden, 2)), replace(AXIS, effects=hidden)).changed == ()
+
+
+def test_a_recording_that_was_learnt_from_does_not_judge(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    refuse_learnt_from([str(bag)], [str(tmp_path / "other")])
+    for same in (str(bag), str(tmp_path / "." / "bag") + "/", str(tmp_path / "x" / ".." / "bag")):
+        with pytest.raises(ConfigurationError, match="also a recording to learn from"):
+            refuse_learnt_from([str(bag)], [same])

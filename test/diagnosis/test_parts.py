@@ -1,0 +1,150 @@
+"""Parts of the workflow by themselves."""
+
+import numpy as np
+import pytest
+from workflow_case import AXIS, FRICTION, PERIOD, record
+
+from types import SimpleNamespace
+from typing import Any
+
+from sgms_observer.diagnosis.candidates import Candidate, effect_candidates
+from sgms_observer.diagnosis.contact import element_friction
+from sgms_observer.diagnosis.criteria import Criteria, at_least
+from sgms_observer.diagnosis.decision import Decision, Evidence, alternatives
+from sgms_observer.diagnosis.evidence import improvement
+from sgms_observer.diagnosis.fit import Freedom, Refits, judged_with, refit
+from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, grid_of, motion_of, without_flicker
+from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, fit_noise
+from sgms_observer.offline.recording import Recording
+from sgms_observer.diagnosis.replicates import coloured, replicate_of
+from sgms_observer.diagnosis.screen import Screen
+from sgms_observer.errors import DataError
+from sgms_observer.settings.axis import EffectSettings
+
+
+def test_grid_is_read_off_the_position() -> None:
+    smooth = 1e-3 * np.sin(np.linspace(0.0, 20.0, 5000))
+    assert grid_of(smooth) == 0.0
+    assert grid_of(np.round(smooth / 2.5e-8) * 2.5e-8) == pytest.approx(2.5e-8, rel=1e-3)
+
+
+def test_play_takes_flicker_off_and_nothing_else() -> None:
+    flicker = np.tile([0.0, 1e-8], 50)
+    assert np.ptp(without_flicker(flicker, 0.6e-8)[1:]) == 0.0  # settled after the first step
+    travel = np.linspace(0.0, 1e-3, 1000)
+    assert np.ptp(without_flicker(travel, 0.6e-8)) == pytest.approx(1e-3, rel=1e-4)
+
+
+def test_a_short_record_is_one_sentence_and_a_slow_one_is_judged_below_its_own_rate() -> None:
+    with pytest.raises(DataError, match="record at least 3 s"):
+        motion_of(Recording("tiny", PERIOD, np.zeros(1000), np.zeros(1000)))
+    slow = motion_of(Recording("slow", 0.05, 1e-3 * np.sin(np.arange(1000) * 0.1), np.zeros(1000)))
+    assert slow.band == pytest.approx(MAX_BAND_SHARE / 0.05)
+
+
+def test_element_friction_slides_at_its_level() -> None:
+    n = 2000
+    step = np.full(n, 2e-6)
+    level = np.full(n, 4.0)
+    friction, stiffness = element_friction(FRICTION, np.zeros(n), step, PERIOD, level)
+    assert friction[-1] == pytest.approx(4.0, rel=0.03)
+    assert stiffness[0] > 0.0 and stiffness[-1] == 0.0
+
+
+def test_noise_is_found_again_and_whitens() -> None:
+    truth = Noise(0.004, 1e-4, 25.0, 1e-5, 0.0, 100.0)
+    rng = np.random.default_rng(4)
+    series = coloured(truth, 15000, 0.004, rng)
+    found = fit_noise(series, np.zeros(len(series)), 0.004, 100.0)
+    assert found.rms == pytest.approx(truth.rms, rel=0.1)
+    white = found.whitened(series, np.ones(len(series)))
+    assert float(white @ white) / len(white) == pytest.approx(1.0, abs=0.15)
+    assert found.corner >= LOWEST_CORNER * 100.0
+
+
+def test_refit_finds_parameters_within_tolerance() -> None:
+    motion = motion_of(record())
+    model = Model(5.0 * 1.04, FRICTION)
+    judged = judged_with((motion,), model)
+    found = refit(judged, model, 0.05, iterations=5)
+    assert found.model.mass == pytest.approx(5.0, rel=0.01)
+    assert found.model.friction.coulomb_force == pytest.approx(4.0, rel=0.01)
+
+
+def test_first_look_ranks_the_true_effect_first_and_replicates_do_not_alarm() -> None:
+    hidden = EffectSettings("spring", (20.0, 0.0))
+    motion = motion_of(record((hidden,)))
+    model = Model.of(AXIS)
+    names = ("spring", "quadratic_drag", "stribeck", "thermal_drift")
+    judged = judged_with((motion,), model)
+    found = refit(judged, model, 0.05, iterations=4)
+    looks = Screen(judged, found, 0.05, Freedom(), names, 2).looks
+    assert max(looks, key=lambda name: looks[name].gain) == "spring"
+    judged = judged_with((motion,), model.with_effects([hidden]))
+    empty = replicate_of(motion, model, judged.noise[0], np.random.default_rng(2))
+    judged = judged_with((empty,), model)
+    found = refit(judged, model, 0.05, iterations=4)
+    by_chance = Screen(judged, found, 0.05, Freedom(), names, 1).looks
+    assert max(look.gain for look in by_chance.values()) < 0.05 * looks["spring"].gain
+
+
+def test_a_replicate_has_the_noise_and_nothing_else() -> None:
+    motion = motion_of(record((EffectSettings("offset", (0.6,)),), duration=10.0))
+    model = Model.of(AXIS)
+    noise = Noise(0.004, 1e-3, 25.0, 1e-5, 0.0, 100.0)
+    twin = replicate_of(motion, model, noise, np.random.default_rng(3))
+    left = twin.low_pass(predict(model, twin).residual)
+    hidden = motion.low_pass(predict(model, motion).residual)
+    assert abs(float(np.mean(hidden))) > 0.5
+    assert abs(float(np.mean(left))) < 0.05
+    assert float(np.std(left)) < 2.0 * noise.rms + 0.02
+
+
+@pytest.mark.parametrize(("name", "known"), [("mass_error", 4.4), ("actuator_gain", 5.0)])
+def test_mass_and_gain_are_effects_where_the_tolerance_does_not_reach_them(name: str, known: float) -> None:
+    source = record()
+    if name == "actuator_gain":
+        source = Recording(source.name, source.period, source.position, source.effort / 0.85)
+    motion = motion_of(source)
+    model = Model(known, FRICTION)
+    judged = judged_with((motion,), model)
+    plain = refit(judged, model, 0.05, iterations=5)
+    assert plain.model.mass <= 1.05 * known * (1.0 + 1e-9)  # the tolerance is its owner's word
+    refits = Refits(judged, model, 0.05)
+    screen = Screen(judged, plain, 0.05, Freedom(), (name,), 1)
+    (found,) = effect_candidates(refits, screen, plain, 1, 1)
+    assert found.settings is not None and found.name == name
+    if name == "mass_error":
+        assert found.refit.model.mass + found.settings.values[0] == pytest.approx(5.0, rel=0.01)
+    else:
+        assert found.settings.values[0] == pytest.approx(0.85, abs=0.03)
+    assert found.refit.cost < 0.5 * plain.cost
+
+
+def decision(name: str, scale: float, chance: float = 0.0, is_passed: bool = True) -> Decision:
+    """Return a decision whose fit leaves ``scale`` of one and the same pattern in every block, and some chance."""
+    series = scale * np.sin(np.arange(400.0)) + chance * np.random.default_rng(1).normal(size=400)
+    blocks = np.array_split(series, 20)
+    found: Any = SimpleNamespace(effects=(EffectSettings(name),))
+    none: Any = None
+    evidence = Evidence(blocks, [], blocks)
+    test = at_least(name, "any", 1.0 if is_passed else 0.0, 0.5)
+    return Decision(Candidate(name, none, found, 1), evidence, improvement(blocks, blocks), (test,))
+
+
+def test_alternatives_are_what_left_out_data_do_not_tell_from_the_best() -> None:
+    best = decision("offset", 1.0)
+    others = [
+        best,
+        decision("cogging", 1.0, chance=0.01),
+        decision("quadratic_drag", 4.0),
+        decision("asymmetric_coulomb", 1.0, chance=0.01, is_passed=False),
+    ]
+    assert alternatives(best, others, Criteria()) == ("cogging",)
+
+
+def test_residual_of_the_truth_is_noise() -> None:
+    motion = motion_of(record())
+    residual = motion.low_pass(predict(Model.of(AXIS), motion).residual)
+    assert float(np.std(residual)) < 0.02 * FRICTION.coulomb_force

@@ -1,0 +1,87 @@
+"""docs/diagnosis.md states the criteria as the code has them, and docs/glossary.md explains every key of result.json."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sgms_observer.diagnosis.advice import Named
+from sgms_observer.diagnosis.changed import Changed
+from sgms_observer.diagnosis.closing import Closing
+from sgms_observer.diagnosis.criteria import Criteria, at_least
+from sgms_observer.diagnosis.evidence import Improvement
+from sgms_observer.diagnosis.gap import Gap
+from sgms_observer.diagnosis.learnt import Learnt
+from sgms_observer.diagnosis.locate import Located
+from sgms_observer.diagnosis.result import result_of
+from sgms_observer.effects.learnt_map import LearntMap
+from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.settings.units import Units
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "diagnosis.md").read_text(encoding="utf-8")
+GLOSSARY = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+SOURCE = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "sgms_observer" / "diagnosis").glob("*.py"))
+ROWS = re.findall(r"^\| ([^|]+) \| [^|]+ \| (`\w+`|-) \| ([\d.]+) \|$", PAGE, re.MULTILINE)
+BY_PARAMETER = {"effects.parameters", "effects.std_error", "detectable"}
+"""Keys whose own keys are names of the catalogue."""
+
+
+def full_answer() -> Any:
+    """Return an answer with one of everything."""
+    none = np.zeros(1)
+    gap = Gap(5.0, 4.0, 2.0, 1.0, (3.9, 4.1), (1.9, 2.1), "held-out", 100.0, 1.1)
+    named = Named(EffectSettings("offset", (0.6,)), (0.01,), 0.9, ("cogging",), 4.0, 2.0)
+    table = LearntMap(("position",), ((0.0, 1.0),), (0.0, 1.0))
+    learnt = Learnt(table, ("position",), Improvement(1.0, 4.0, 2.0), 0.5, "a force")
+    return SimpleNamespace(
+        verdict="effect_found", usable=True, warnings=(), gap=gap, effects=(named,), learnt=(learnt,),
+        changed=(Changed("friction.coulomb_force", 4.0, 5.0, 0.1, 0.5),), remainder="none",
+        tests=(at_least("offset", "any", 1.0, 0.0),),
+        located=(Located("position", "m", none, none, none, 0.5, 0.01, 0.0, 1.0),), detectable={"offset": 0.1},
+        next_experiment=None, gap_with_learnt=1.5, diagnosis=SimpleNamespace(notes=()),
+    )  # fmt: skip
+
+
+def keys_of(tree: Any, above: str = "") -> set[str]:
+    """Return the dotted keys of a result."""
+    if isinstance(tree, list):
+        return {key for item in tree for key in keys_of(item, above)}
+    if not isinstance(tree, dict) or above.rstrip(".") in BY_PARAMETER:
+        return set()
+    return {above + key for key in tree} | {key for name, item in tree.items() for key in keys_of(item, f"{above}{name}.")}
+
+
+def test_every_key_of_result_json_is_in_the_glossary_and_no_other() -> None:
+    section = GLOSSARY.partition("## Keys of result.json")[2]
+    explained = re.findall(r"^\| `([\w.]+)` \| \S.*\. \| .+ \|$", section, re.MULTILINE)
+    assert len(explained) == len(set(explained))
+    assert set(explained) == keys_of(result_of(full_answer(), (Closing(1.0, 2.0), Closing(0.5, 1.0)), Units()))
+
+
+@pytest.mark.parametrize("field", [field.name for field in fields(Criteria)])
+def test_every_criterion_is_on_the_page(field: str) -> None:
+    assert f"`{field}`" in PAGE
+
+
+def test_thresholds_are_those_of_the_code() -> None:
+    criteria = Criteria()
+    assert len(ROWS) >= 10
+    for _name, field, value in ROWS:
+        expected = 0.0 if field == "-" else getattr(criteria, field.strip("`"))
+        assert float(value) == pytest.approx(expected, abs=5e-4)
+    for field in ("block", "min_gap_over_floor", "max_effects"):
+        said = re.search(rf"`{field}`, ([\d.]+)", PAGE)
+        assert said is not None and float(said.group(1)) == getattr(criteria, field)
+
+
+def test_every_test_of_the_code_is_on_the_page_and_no_other() -> None:
+    named = {title.removesuffix(" over ") for title in re.findall(r"\bat_(?:least|most)\(\s*[\w.\"]+,\s*\"([^\"]+)\"", SOURCE)}
+    named |= {title.partition(" over {")[0] for title in re.findall(r"title = f?\"([^\"]+)\"", SOURCE)}
+    assert named and {row[0].strip() for row in ROWS} == named
