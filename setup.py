@@ -75,7 +75,9 @@ setup(
     maintainer_email="maintainers@users.noreply.github.com",
     python_requires=">=3.11",
     packages=find_packages(include=["sgms_observer", "sgms_observer.*", "sim_plant", "sim_plant.*"]),
-    package_data={"": ["*.html", "*.css", "*.json", "*.yaml", "*.j2", "templates/*.j2", "templates/*/*.j2", "py.typed"]},
+    package_data={
+        "": ["*.html", "*.css", "*.json", "*.yaml", "*.j2", "templates/*.j2", "templates/*/*.j2", "py.typed"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
