@@ -78,7 +78,8 @@ def call_inside(compiled: Any, function: Callable[..., Any], **options: Any) -> 
         function: what it compiles.
         options: of ``numba.njit``, the same as for ``compiled``.
     """
-    inner: Any = numba.njit(
+    compile_kernel: Any = numba.njit  # its stubs leave out the options that numba itself passes on
+    inner = compile_kernel(
         function, pipeline_class=_InnerCompiler, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options
     )
     compiled.get_call_template = inner.get_call_template
