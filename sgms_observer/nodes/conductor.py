@@ -44,7 +44,7 @@ def prepare_graph() -> int:
     if "ROS_DOMAIN_ID" not in os.environ:
         os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
     use_shipped_transport()
-    compile_ahead()  # a node that compiles is slower for the rest of its life
+    compile_ahead()  # two processes that each compile the same kernels would share the cores that they need
     return int(os.environ["ROS_DOMAIN_ID"])
 
 

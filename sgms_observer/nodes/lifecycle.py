@@ -69,8 +69,7 @@ class ManagedNode(LifecycleNode):
     def prepare(self) -> bool:
         """Have missing kernels compiled in processes of their own, while this one answers; return whether all is ready.
 
-        To be called again and again. A process that compiled would be slower for the rest of its life, and deaf until
-        it is done.
+        To be called again and again. A process that compiled by itself would answer no service until it is done.
         """
         if self._compilation is None:
             missing = missing_parts(self.parts) if jit.can_keep() else ()
