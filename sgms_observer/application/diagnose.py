@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.closing import Closing, closing
+from sgms_observer.diagnosis.criteria import at_most
 from sgms_observer.diagnosis.report import write_report
 from sgms_observer.diagnosis.result import write_augmented, write_result
 from sgms_observer.diagnosis.workflow import Options, diagnose
@@ -93,11 +94,21 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
     with threadpool_limits(limits=1):  # threads of our own; those of the libraries would only wait for each other
         found = diagnose(learn, judge, axis, options, lambda _text, share: show(share))
         answer = answer_of(found, axis, options)
-    folder = Path(request.out)
-    write_augmented(answer, settings, axis.name, folder)
-    after = next(one for one in load_settings(folder / "augmented.yaml").axes if one.name == axis.name)
-    record = (judge or learn)[0]
-    closings = tuple(closing(record, one, record.period, band.corner) for one in (axis, after))
+        folder, record = Path(request.out), (judge or learn)[0]
+        before = closing(record, axis, record.period, band.corner)
+
+        def after() -> Closing:
+            write_augmented(answer, settings, axis.name, folder)
+            written = next(one for one in load_settings(folder / FILES[1]).axes if one.name == axis.name)
+            return closing(record, written, record.period, band.corner)
+
+        later = after()
+        ratio = later.compensation / before.compensation if before.compensation > 0.0 else 1.0
+        test = at_most("model", "friction not cancelled by the feedforward, after over before", ratio, 1.0)
+        if not test.passed and (answer.effects or answer.learnt):
+            answer = answer_of(found, axis, options, test)
+            later = after()
+        closings = (before, later)
     write_result(answer, closings, axis.units, folder)
     write_report(answer, axis, closings, options, folder, [*request.bags, *request.holdout], notes)
     return DiagnoseResult(answer, closings, tuple(notes))

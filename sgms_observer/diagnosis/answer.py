@@ -119,13 +119,14 @@ class _Bench:
         return tuple(parts)
 
 
-def answer_of(found: Diagnosis, axis: AxisSettings, options: Options) -> Answer:
+def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradiction: Test | None = None) -> Answer:
     """Turn a diagnosis into an answer, judged on data that nothing was fitted to.
 
     Args:
         found: the diagnosis.
         axis: settings as they are given.
         options: as it was run.
+        contradiction: a test of the whole that what was found did not pass; then nothing of it is named or learnt.
     """
     criteria = options.criteria
     has_held_out = bool(found.state.held)
@@ -143,12 +144,12 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options) -> Answer:
         names = ", ".join(item.accepted.candidate.name for item in found.rounds if item.accepted)
         test = at_least(names, "gap as reported: z-score", shrinks.z_score, criteria.interval_z_score)
         tests.append(test)
-        if not test.passed:  # the model as it is written does not bear the names out
+        if contradiction is not None or not test.passed:  # the model as it is written does not bear the names out
             accepted, model, fit, after = [], found.before.model, found.before, before
     learnt: tuple[Learnt, ...] = ()
     free = _ceiling(found, model, motions, after, has_held_out, options)
     surely = free.share if free.improvement.z_score > criteria.min_z_score else 0.0
-    if surely > criteria.min_predictable_share and not found.is_poor:
+    if surely > criteria.min_predictable_share and not found.is_poor and contradiction is None:
         map_found = learn(
             found.state.learn, residuals(model, found.state.learn), motions, after, has_held_out,
             _free_name(fit.effects), axis.units, criteria,
@@ -169,7 +170,7 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options) -> Answer:
     )  # fmt: skip
     whole = at_most("model", "share of the effort that is unexplained", 0.01 * gap.after, criteria.max_unexplained)
     rest = at_most("model", "surely predictable share of the rest", surely, criteria.min_predictable_share)
-    tests += [whole, rest]
+    tests += [whole, rest, *([] if contradiction is None else [contradiction])]
     warnings = list(found.warnings)
     warnings += unhomed([d.candidate.refit.model for item in found.rounds for d in item.decisions], found.court)
     if not whole.passed:

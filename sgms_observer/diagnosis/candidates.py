@@ -32,6 +32,8 @@ MOST_COMPARED = 5
 """and that are fitted to the end."""
 MIN_GAIN_SHARE = 0.1
 """An effect is fitted when the first look gives it this share of the largest gain."""
+LIKE_NOMINAL = ("mass_error", "actuator_gain")
+"""Effects that the nominal parameters can take in whole: only their tolerance tells, which the first look cannot."""
 WEAK = 0.1
 """Share of its strength at which an effect starts again whose full strength leads nowhere."""
 FIXED_SHAPES = {"cogging": (3, 4), **UNITS}
@@ -147,6 +149,7 @@ def effect_candidates(refits: Refits, screen: Screen, before: Refit, workers: in
     largest = max((look.gain for look in looks.values()), default=0.0)
     ranked = sorted(looks, key=lambda name: -looks[name].gain)
     chosen = [name for name in ranked if looks[name].gain > max(MIN_GAIN_SHARE * largest, 1.0)][:MOST_FITTED]
+    chosen += [name for name in LIKE_NOMINAL if name in looks and name not in chosen]
     jobs = [start for name in chosen for start in screen.starts(name)]
 
     def first(start: EffectSettings) -> Refit:
@@ -158,7 +161,8 @@ def effect_candidates(refits: Refits, screen: Screen, before: Refit, workers: in
     for start, found in zip(jobs, done, strict=True):
         if found.cost < before.cost and (start.name not in best or found.cost < best[start.name].cost):
             best[start.name] = found
-    names = sorted(best, key=lambda name: best[name].cost)[:most]
+    ranked = sorted(best, key=lambda name: best[name].cost)
+    names = ranked[:most] + [name for name in ranked[most:] if name in LIKE_NOMINAL]
 
     def last(name: str) -> Candidate:
         own = let_go(refits, name)

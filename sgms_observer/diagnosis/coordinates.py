@@ -17,9 +17,8 @@ REST_SHARE = 2.0e-3
 CONTACT = ("velocity", "acceleration", "direction", "distance since reversal", "time since reversal", "dwell")
 """Coordinates of whatever the contact law may be: an effect on them has to predict better than any function of them."""
 CONTACT_EFFECTS = (
-    "asymmetric_viscous", "nonlinear_viscous", "quadratic_drag", "eddy_current", "stribeck", "mass_error",
-    "load_dependent_friction", "dwell_breakaway", "presliding", "backlash", "frictional_lag", "flexible_mode",
-    "actuator_delay", "actuator_dead_zone",
+    "asymmetric_viscous", "nonlinear_viscous", "quadratic_drag", "eddy_current", "stribeck", "load_dependent_friction",
+    "dwell_breakaway", "presliding", "backlash", "frictional_lag",
 )  # fmt: skip
 """Effects that a contact law other than the file's may look like."""
 FREE_FORM = {
@@ -31,7 +30,7 @@ FREE_FORM = {
     "asymmetric_coulomb": ("direction",),
     "thermal_drift": ("time", "direction"),
     "wear_step": ("time", "direction"),
-    **dict.fromkeys(CONTACT_EFFECTS, CONTACT),
+    **dict.fromkeys((*CONTACT_EFFECTS, "mass_error", "flexible_mode", "actuator_delay", "actuator_dead_zone"), CONTACT),
 }
 """Coordinates of the free-form term that an effect has to match; effects periodic in time have none."""
 

@@ -31,7 +31,7 @@ class Criteria:
     min_z_score: float = 3.0
     interval_z_score: float = 1.645
     min_closed_share: float = 0.05
-    min_returning: float = 0.75
+    min_returning: float = 0.5
     max_unexplained: float = 1.0 / 3.0
     max_rate_share: float = 0.4
     min_gap_over_floor: float = 1.1

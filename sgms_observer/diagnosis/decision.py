@@ -38,7 +38,7 @@ AT_END = 1.0e-6
 """A parameter lies at the end of its range when it is this near, relative to the end."""
 WHOLE_RANGE = ("motion_share", "attraction_rate", "stop")
 """Parameters that may well lie at an end of their range."""
-CHANGED = ("changed friction", "changed elements", "unsmoothed contact", "element damping", "changed contact law")
+CHANGED = ("changed friction", "changed elements", "unsmoothed contact", "changed contact law")
 """Hypotheses on values of the file, in the order of how much they let go."""
 
 
@@ -334,8 +334,6 @@ def changed_refits(refits: Refits, name: str) -> Refits:
         return replace(refits, nominal=model, freedom=replace(refits.freedom, friction=True, elements=True))
     if name == CHANGED[2]:
         return replace(refits, nominal=replace(refits.nominal, is_sharp=True))
-    if name == CHANGED[3]:
-        return with_damping(refits)
     whole = with_damping(changed_refits(refits, CHANGED[1]))
     friction = whole.nominal.friction
     if friction.model == "gms":

@@ -297,7 +297,8 @@ def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None
     """Return the hypothesis to add: what predicts best of those that pass every test.
 
     An effect that a contact law may look like is added only where it predicts surely better than every change of the
-    contact that passes; else that change is added.
+    contact that passes; else that change is added. Any other effect goes before a change of the contact that moves more
+    values and does not surely predict better.
 
     Args:
         decisions: the best predicting first.
@@ -312,6 +313,12 @@ def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None
             apart = improvement(item.evidence.all, best.evidence.all).z_score
             if item.candidate.settings is None and apart < criteria.min_z_score:
                 return item
+    if best.candidate.settings is None:
+        for item in passed[1:]:
+            apart = improvement(item.evidence.all, best.evidence.all).z_score
+            is_simpler = item.candidate.parameter_count < best.candidate.parameter_count
+            if item.candidate.name not in CONTACT_EFFECTS and is_simpler and apart < criteria.min_z_score:
+                return item
     return best
 
 
@@ -322,8 +329,6 @@ def is_possible(refits: Refits, name: str) -> bool:
     if name == CHANGED[1]:
         return not refits.freedom.elements
     if name == CHANGED[3]:
-        return refits.nominal.relaxation == 0.0
-    if name == CHANGED[4]:
         return not refits.freedom.elements or refits.nominal.relaxation == 0.0
     return refits.nominal.friction.model != "gms" and not refits.nominal.is_sharp
 
