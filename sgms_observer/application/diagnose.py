@@ -9,7 +9,7 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.closing import Closing, closing
+from sgms_observer.diagnosis.closing import Closing, closing, has_reference
 from sgms_observer.diagnosis.criteria import at_most
 from sgms_observer.diagnosis.report import write_report
 from sgms_observer.diagnosis.result import write_augmented, write_result
@@ -105,7 +105,7 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
         later = after()
         ratio = later.compensation / before.compensation if before.compensation > 0.0 else 1.0
         test = at_most("model", "friction not cancelled by the feedforward, after over before", ratio, 1.0)
-        if not test.passed and (answer.effects or answer.learnt):
+        if has_reference(record) and not test.passed and (answer.effects or answer.learnt):
             answer = answer_of(found, axis, options, test)
             later = after()
         closings = (before, later)

@@ -30,7 +30,7 @@ class Closing:
 
 
 def closing(record: Recording, axis: AxisSettings, period: float, band: float) -> Closing:
-    """Run observer and compensation over a recording.
+    """Run observer and compensation over a recording, along its reference where it has one.
 
     Args:
         record: position and effort.
@@ -42,8 +42,10 @@ def closing(record: Recording, axis: AxisSettings, period: float, band: float) -
     observer = AxisObserver(replace(axis, compensation=tuned), period)
     n = len(record.position)
     stamp = np.round(np.arange(n) * record.period * 1e9).astype(np.int64)
-    nothing = np.full(n, np.nan)
-    estimates = observer.step(Samples(stamp, record.position, record.effort, nothing, nothing))
+    reference = np.full(n, np.nan) if record.reference_position is None else record.reference_position
+    estimates = observer.step(
+        Samples(stamp, record.position, record.effort, reference, np.gradient(reference, record.period))
+    )
     good = np.arange(n) * record.period > SKIPPED
     innovation = estimates.innovation[good & np.isfinite(estimates.innovation)]
     motion = motion_of(record, HELD if axis.filter.effort_is_held else 0.0, band)
@@ -52,3 +54,8 @@ def closing(record: Recording, axis: AxisSettings, period: float, band: float) -
     left = motion.low_pass(motion.effort - mass * motion.acceleration - feedforward)
     left = left[motion.thinned(motion.time) > SKIPPED]
     return Closing(float(np.sqrt(np.mean(innovation**2))), float(np.sqrt(np.mean(left**2))))
+
+
+def has_reference(record: Recording) -> bool:
+    """Return whether a recording holds its reference throughout, which a feedforward acts along."""
+    return record.reference_position is not None and bool(np.all(np.isfinite(record.reference_position)))
