@@ -1,11 +1,11 @@
 """Parts of the workflow by themselves."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from workflow_case import AXIS, FRICTION, PERIOD, record
-
-from types import SimpleNamespace
-from typing import Any
 
 from sgms_observer.diagnosis.candidates import Candidate, effect_candidates
 from sgms_observer.diagnosis.contact import element_friction
@@ -16,10 +16,10 @@ from sgms_observer.diagnosis.fit import Freedom, Refits, judged_with, refit
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, grid_of, motion_of, without_flicker
 from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, fit_noise
-from sgms_observer.offline.recording import Recording
 from sgms_observer.diagnosis.replicates import coloured, replicate_of
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.errors import DataError
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 
 
