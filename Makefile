@@ -33,4 +33,4 @@ pictures: demo
 	cp $(OUT)/x_without_friction.png docs/images/friction.png
 
 clean:
-	rm -rf .venv .venv-ros build install log out *.egg-info
+	rm -rf .venv .venv-ros .venv-noble build install log out *.egg-info

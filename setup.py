@@ -49,6 +49,7 @@ DEVELOPMENT = [
     *SYMBOLIC,
     *TEST,
     "colcon-common-extensions>=0.3,<1",
+    "fmpy>=0.3.20,<0.4",
     "mypy>=1.10,<3",
     "ruff>=0.6,<1",
     "setuptools>=65",
@@ -74,7 +75,9 @@ setup(
     maintainer_email="maintainers@users.noreply.github.com",
     python_requires=">=3.11",
     packages=find_packages(include=["sgms_observer", "sgms_observer.*", "sim_plant", "sim_plant.*"]),
-    package_data={"": ["*.html", "*.css", "*.json", "*.yaml", "py.typed"]},
+    package_data={
+        "": ["*.html", "*.css", "*.json", "*.yaml", "*.j2", "templates/*.j2", "templates/*/*.j2", "py.typed"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +15,28 @@ from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.axis import AxisSettings
 from sim_plant import kernel
 from sim_plant.buffer import RecordBuffer
-from sim_plant.controller import controller_gains
+from sim_plant.controller import ControllerGains, controller_gains
 from sim_plant.integration import EffectArrays
 from sim_plant.plan import SAMPLES_PER_PLAN, Plan
 from sim_plant.record import StageRecord
 from sim_plant.reference import make_reference
-from sim_plant.true_friction import true_friction
+from sim_plant.true_friction import TrueFriction, true_friction
 
 Floats = NDArray[np.float64]
 
 CONTROL_PERIOD = 1.0e-4
 """Longest time between two runs of the controller [s]; a longer sample period holds several."""
+
+
+class StageParts(NamedTuple):
+    """What the kernel of a stage takes."""
+
+    constants: kernel.StageConstants
+    friction: TrueFriction
+    effects: EffectArrays
+    gains: ControllerGains
+    memory: kernel.StageMemory
+    compiled_effects: CompiledEffects
 
 
 class SimulatedStage:
@@ -51,6 +63,7 @@ class SimulatedStage:
         self._friction = true_friction(axis.stage_friction or axis.friction)
         self._effects = EffectArrays(effects.kinds, effects.p_at, effects.s_at, effects.parameters)
         self._user = effects.user
+        self._compiled = effects
         self._gains = controller_gains(settings.controller, axis.mass, tick)
         substeps = max(1, math.ceil(settings.substeps * tick / CONTROL_PERIOD - 1e-9))
         delay = round(settings.actuation_delay / tick * substeps)
@@ -99,6 +112,11 @@ class SimulatedStage:
             scratch=np.zeros(SCRATCH),
             efforts=np.zeros(ring),
         )
+
+    @property
+    def parts(self) -> StageParts:
+        """Return what the kernel takes, for what runs it elsewhere."""
+        return StageParts(self._constants, self._friction, self._effects, self._gains, self._memory, self._compiled)
 
     @property
     def samples_done(self) -> int:

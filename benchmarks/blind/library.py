@@ -53,7 +53,7 @@ def read_signals(bag: Path, config: Path) -> Signals:
     effort = read_joint_states(bag, "/control_effort")
     period = float(np.median(np.diff(position.stamp_ns))) * 1.0e-9
     other = np.asarray(position.position)[:, 1] if len(position.names) > 1 else None
-    columns = (np.asarray(position.position)[:, 0], np.asarray(effort.effort)[:, 0])
+    columns = np.asarray(position.position)[:, 0], np.asarray(effort.effort)[:, 0]
     record = Recording(bag.name, period, *columns, other_position=other)
     motion = motion_of(record)
     prediction = predict(Model.of(axis), motion)

@@ -260,6 +260,16 @@ class Compensator:
         )
 
     @property
+    def path(self) -> ActuatorPath:
+        """Return what lies between command and force."""
+        return self._path
+
+    @property
+    def state(self) -> Floats:
+        """Return a copy of what evolves, the settings, and what each status means, as the kernel takes them."""
+        return self._state.copy()
+
+    @property
     def output(self) -> float:
         """Return the latest force [N], from which the slew limit counts."""
         return float(self._state[OUTPUT])

@@ -115,5 +115,5 @@ def is_reversed(motions: Sequence[Motion]) -> bool:
     # neighbouring samples are one: as many independent ones as the band lets pass
     share = 2.0 * motions[0].band * motions[0].residual_period
     error = np.sqrt(np.diag(np.linalg.pinv(rows.T @ rows)) * float(left @ left) / max(len(left) * share, 1.0))
-    friction, mass = solution[0] / error[0], solution[1] / error[1]
+    friction, mass = solution[:2] / np.maximum(error[:2], 1e-300)
     return bool(friction < -REVERSED_Z and mass < 0.0)

@@ -61,7 +61,10 @@ def changed_values(found: Diagnosis, fit: Refit, options: Options) -> tuple[Chan
     if freedom.elements:
         one, other = float(sum(old.element_stiffness)), float(sum(new.element_stiffness))
         listed.append(Changed("friction.element_stiffness (sum)", one, other, 0.0, closes))
-    if fit.model.is_sharp and not found.nominal.is_sharp:
+    if fit.model.relaxation > 0.0 and found.nominal.relaxation == 0.0:
+        total = fit.model.relaxation * float(sum(new.element_stiffness))
+        listed.append(Changed("friction.element_damping (sum)", 0.0, total, 0.0, closes))
+    if (fit.model.is_sharp or new.model == "gms") and not (found.nominal.is_sharp or old.model == "gms"):
         listed.append(Changed("friction.model", old.model, "gms", 0.0, closes))
     for item in found.own:
         now = next((one for one in fit.effects if one.name == item.name), item)

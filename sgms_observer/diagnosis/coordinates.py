@@ -14,6 +14,14 @@ Floats = NDArray[np.float64]
 
 REST_SHARE = 2.0e-3
 """Slower than this share of the fast speed (99.5 %) the stage counts as resting."""
+CONTACT = ("velocity", "acceleration", "direction", "distance since reversal", "time since reversal", "dwell")
+"""Coordinates of whatever the contact law may be: an effect on them has to predict better than any function of them."""
+CONTACT_EFFECTS = (
+    "asymmetric_viscous", "nonlinear_viscous", "quadratic_drag", "eddy_current", "stribeck", "mass_error",
+    "load_dependent_friction", "dwell_breakaway", "presliding", "backlash", "frictional_lag", "flexible_mode",
+    "actuator_delay", "actuator_dead_zone",
+)  # fmt: skip
+"""Effects that a contact law other than the file's may look like."""
 FREE_FORM = {
     "cogging": ("position",),
     "spring": ("position",),
@@ -21,21 +29,11 @@ FREE_FORM = {
     "position_periodic_friction": ("position", "direction"),
     "position_dependent_friction": ("position", "direction"),
     "asymmetric_coulomb": ("direction",),
-    "asymmetric_viscous": ("velocity",),
-    "nonlinear_viscous": ("velocity",),
-    "quadratic_drag": ("velocity",),
-    "eddy_current": ("velocity",),
-    "stribeck": ("velocity",),
-    "mass_error": ("acceleration",),
-    "load_dependent_friction": ("acceleration", "direction"),
     "thermal_drift": ("time", "direction"),
     "wear_step": ("time", "direction"),
-    "dwell_breakaway": ("dwell", "distance since reversal", "direction"),
-    "presliding": ("distance since reversal", "direction"),
-    "backlash": ("distance since reversal", "direction"),
-    "frictional_lag": ("velocity", "acceleration"),
+    **dict.fromkeys(CONTACT_EFFECTS, CONTACT),
 }
-"""Coordinates of the free-form term that an effect has to match; effects in time and of the effort have none."""
+"""Coordinates of the free-form term that an effect has to match; effects periodic in time have none."""
 
 
 @njit

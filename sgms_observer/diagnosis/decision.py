@@ -30,13 +30,15 @@ from sgms_observer.effects.catalogue import effect
 
 Floats = NDArray[np.float64]
 
+START_LAG = 0.01
+"""Start of the time in which sliding elements follow the Stribeck curve, where the file's contact has none [s]."""
 SLACK_OF_CONTACT = 10.0
 """Factor by which the slip deflections of a contact may differ from the file's."""
 AT_END = 1.0e-6
 """A parameter lies at the end of its range when it is this near, relative to the end."""
 WHOLE_RANGE = ("motion_share", "attraction_rate", "stop")
 """Parameters that may well lie at an end of their range."""
-CHANGED = ("changed friction", "changed elements", "unsmoothed contact")
+CHANGED = ("changed friction", "changed elements", "unsmoothed contact", "element damping", "changed contact law")
 """Hypotheses on values of the file, in the order of how much they let go."""
 
 
@@ -160,12 +162,29 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> D
         tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
     share = gap.fall / court.closable_square if court.closable_square > 0.0 else 0.0
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
+    if court.has_held_out:
+        value = returning_strength(earlier.force, later.force)
+        agreement = min(value, 1.0 / value) if value > 0.0 else value
+        title = "strength in held-out recordings against the fit, smaller over larger"
+        tests.append(at_least(item.name, title, agreement, criteria.min_returning))
     tests += bounds(item, court)
     if item.settings is not None:
         tests += physical(item, court)
         if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
             tests += earned(item, before, later, court)
     return Decision(item, later, gain, tuple(tests))
+
+
+def returning_strength(before: Sequence[Floats], after: Sequence[Floats]) -> float:
+    """Return the factor on a hypothesis that would fit recordings best which it was not fitted to; 1 for what returns.
+
+    Args:
+        before: residual of the model without it in each block [N].
+        after: residual of the model with it in the same blocks [N].
+    """
+    change = np.concatenate(list(before)) - np.concatenate(list(after))
+    size = float(change @ change)
+    return 1.0 + float(np.concatenate(list(after)) @ change) / size if size > 0.0 else 0.0
 
 
 def _predictive(
@@ -252,7 +271,7 @@ def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> lis
         replaced[k] = part - guess[start : start + len(part)]
         start += len(part)
     better = improvement(later.force, replaced)
-    title = f"z-score of a free-form term over {' and '.join(names)}"
+    title = f"z-score of a free-form term over {', '.join(names)}"
     return [at_most(item.name, title, better.z_score, criteria.min_z_score)]
 
 
@@ -313,7 +332,26 @@ def changed_refits(refits: Refits, name: str) -> Refits:
     if name == CHANGED[1]:
         model = refits.nominal.spread(*deflections(refits))
         return replace(refits, nominal=model, freedom=replace(refits.freedom, friction=True, elements=True))
-    return replace(refits, nominal=replace(refits.nominal, is_sharp=True))
+    if name == CHANGED[2]:
+        return replace(refits, nominal=replace(refits.nominal, is_sharp=True))
+    if name == CHANGED[3]:
+        return with_damping(refits)
+    whole = with_damping(changed_refits(refits, CHANGED[1]))
+    friction = whole.nominal.friction
+    if friction.model == "gms":
+        return whole
+    attraction = friction.coulomb_force / START_LAG
+    return replace(
+        whole, nominal=replace(whole.nominal, friction=replace(friction, model="gms", attraction_rate=attraction))
+    )
+
+
+def with_damping(refits: Refits) -> Refits:
+    """Return refits in which the elements have a damping of their own, from one sample of relaxation time on."""
+    if refits.nominal.relaxation > 0.0:
+        return refits
+    period = min(motion.period for motion in refits.judged.motions)
+    return replace(refits, nominal=replace(refits.nominal, relaxation=period))
 
 
 def deflections(refits: Refits) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.level import PARTS_OF_THE_LEVEL, told
-from sgms_observer.diagnosis.model import COULOMB, STATIC, Model, predict
+from sgms_observer.diagnosis.model import COULOMB, DAMPING, STATIC, Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.noise import Noise, fit_noise
 from sgms_observer.diagnosis.ranges import believable, unit_of
@@ -22,6 +22,8 @@ ELEMENT_SLACK = 15.0
 """How much further than the tolerance elements may be off: few of them stand for a continuous contact."""
 FREED_FRICTION = np.log(2.0)
 """Standard deviation of the logarithm of a friction value that its owner's file no longer holds: a factor of two."""
+FREED_DAMPING = np.log(10.0)
+"""The same of the damping of the elements, which files seldom know: a factor of ten."""
 FREED_ELEMENTS = np.log(3.0)
 """The same of an element's stiffness and share: a factor of three."""
 STEP = 1.0e-4
@@ -110,7 +112,9 @@ def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -
     one = tolerance / np.sqrt(3.0)
     widths = []
     for name in model.parameter_names():
-        if name.startswith("element"):
+        if name == DAMPING:
+            widths.append(FREED_DAMPING)
+        elif name.startswith("element"):
             widths.append(FREED_ELEMENTS if freedom.elements else ELEMENT_SLACK * one)
         else:
             widths.append(FREED_FRICTION if freedom.friction and name != "mass" else one)

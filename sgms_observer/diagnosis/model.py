@@ -30,6 +30,8 @@ SIDED = "asymmetric_coulomb"
 BY_LEVEL = ("frictional_lag", "backlash")
 """Effects that depend on the level."""
 
+DAMPING = "element_damping"
+"""Name of the parameter that scales the damping of all elements."""
 SPREAD_COUNT = 8
 """Elements that stand for an unknown contact: two a decade over four decades."""
 
@@ -46,6 +48,7 @@ class Model:
         friction: friction settings.
         effects: effects in it.
         is_sharp: whether S-GMS elements stick and slip without smoothing, as GMS elements with a fast attraction do.
+        relaxation: damping of the elements over their stiffness, the same for all [s]; 0 for none.
         file_reach: largest slip deflection of the file's elements where the model has others [m]; None for its own.
         joint_period: period in position that the joint implies (2 pi on a revolute one), or None.
     """
@@ -54,6 +57,7 @@ class Model:
     friction: FrictionSettings
     effects: tuple[EffectSettings, ...] = ()
     is_sharp: bool = False
+    relaxation: float = 0.0
     joint_period: float | None = None
     file_reach: float | None = None
 
@@ -61,7 +65,9 @@ class Model:
     def of(axis: AxisSettings) -> Model:
         """Return the model of an axis."""
         period = 2.0 * np.pi if axis.joint_type == "revolute" else None
-        return Model(axis.mass, axis.friction, axis.effects, joint_period=period)
+        friction = axis.friction
+        relaxation = sum(friction.element_damping) / sum(friction.element_stiffness)
+        return Model(axis.mass, friction, axis.effects, relaxation=relaxation, joint_period=period)
 
     def parameter_names(self) -> tuple[str, ...]:
         """Return the names of the nominal parameters in the order of ``shifted``."""
@@ -69,6 +75,8 @@ class Model:
         names = list(SHARED)
         if self.friction.model == "gms":
             names.append("attraction_rate")
+        if self.relaxation > 0.0:
+            names.append(DAMPING)
         names += [f"element_stiffness[{i + 1}]" for i in range(n_z)]
         names += [f"element_fraction[{i + 1}]" for i in range(n_z)]
         return tuple(names)
@@ -76,20 +84,23 @@ class Model:
     def shifted(self, logs: Floats) -> Model:
         """Return the model with each nominal parameter times ``exp(logs)``; shares still sum to 1."""
         old, scale = self.friction, np.exp(logs)
+        names = self.parameter_names()
         n_z = len(old.element_stiffness)
         fraction = np.array(old.element_fraction) * scale[-n_z:]
         coulomb = old.coulomb_force * scale[COULOMB]
+        rate = scale[names.index("attraction_rate")] if old.model == "gms" else 1.0
         friction = replace(
             old,
             viscous_coefficient=float(old.viscous_coefficient * scale[VISCOUS]),
             coulomb_force=float(coulomb),
             static_force=float(max(old.static_force * scale[STATIC], coulomb)),
             stribeck_velocity=float(old.stribeck_velocity * scale[KNEE]),
-            attraction_rate=float(old.attraction_rate * (scale[5] if old.model == "gms" else 1.0)),
+            attraction_rate=float(old.attraction_rate * rate),
             element_stiffness=tuple((np.array(old.element_stiffness) * scale[-2 * n_z : -n_z]).tolist()),
             element_fraction=tuple((fraction / fraction.sum()).tolist()),
         )
-        return replace(self, mass=float(self.mass * scale[MASS]), friction=friction)
+        relaxation = self.relaxation * (float(scale[names.index(DAMPING)]) if DAMPING in names else 1.0)
+        return replace(self, mass=float(self.mass * scale[MASS]), friction=friction, relaxation=relaxation)
 
     def refined(self) -> Model:
         """Return the model with each element split in two of the same stiffness together, one slipping early, one late.
@@ -188,6 +199,8 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         level = stribeck(friction, seen.position, motion.period)
         elements = fixed_friction * _factor(at_level, level, seen, motion) * np.where(seen.velocity > 0.0, *sides)
         doubt = np.zeros(0)
+    if model.relaxation > 0.0:  # sum of sigma_i dz_i/dt with sigma_i over kappa_i the same for all
+        elements = elements + model.relaxation * np.gradient(elements, motion.period)
     mass = model.mass + seen.added_mass
     needed = mass * seen.acceleration + friction.viscous_coefficient * seen.velocity + elements + seen.force
     command = needed_command(on_path, needed, motion)

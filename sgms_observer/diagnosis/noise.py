@@ -2,8 +2,8 @@
 
 The force noise of a drive is taken as first-order noise plus white noise, its corner no lower than
 ``LOWEST_CORNER`` times the band: whatever moves more slowly than that has a cause. The spectrum is fitted to medians
-over bands, so that lines and slow effects do not count as noise. Where the contact sticks, the encoder's noise (and what a few
-elements cannot follow) comes through its stiffness; residuals there weigh less.
+over bands, so that lines and slow effects do not count as noise. Where the contact sticks, the encoder's noise (and
+what a few elements cannot follow) comes through its stiffness; residuals there weigh less.
 """
 
 from __future__ import annotations

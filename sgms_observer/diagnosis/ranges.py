@@ -46,6 +46,8 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
         return 0.0, MODE_RATE * min(motion.step / motion.period for motion in motions)
     if name == "mass_error":
         return (LEAST_MASS - 1.0) * nominal.mass, np.inf
+    if name == "flexible_mode" and parameter == "damping_ratio":  # above it nothing resonates
+        return 0.0, 0.5**0.5
     if name == "actuator_saturation":  # a limit beyond the recorded effort limits nothing
         return 0.0, max(float(np.max(np.abs(motion.effort))) for motion in motions)
     if name == "actuator_dead_zone":

@@ -75,7 +75,8 @@ def sentence(answer: Answer) -> str:
             return f"The model misses something like {names}, but these recordings cannot tell {doubts}; {shrink}."
         case "unknown_effect":
             where = f", most visibly over {answer.located[0].coordinate}" if answer.located else ""
-            learnt = f" It looks like {answer.learnt[0].sentence}; a learnt map of it was added." if answer.learnt else ""
+            maps = [f" It looks like {item.sentence}; a learnt map of it was added." for item in answer.learnt]
+            learnt = "".join(maps)
             return f"The model misses something that has no name in the catalogue{where}.{learnt}"
         case "cannot_tell":
             return "These recordings cannot show whether the model misses anything."
@@ -95,14 +96,14 @@ def _gap(answer: Answer) -> Section:
     gap = answer.gap
     low, high = gap.interval_before
     text = [
-        f"Gap: measured minus predicted effort below {gap.band:.4g} Hz on {gap.held_out} data, rms, in % of the rms measured"
-        f" effort. As the file was given {gap.given:.3g} %; refitted within its tolerance {gap.before:.3g} % (90 % interval"
-        f" {low:.3g} to {high:.3g} %).",
+        f"Gap: measured minus predicted effort below {gap.band:.4g} Hz on {gap.held_out} data, rms, in % of the rms"
+        f" measured effort. As the file was given {gap.given:.3g} %; refitted within its tolerance {gap.before:.3g} %"
+        f" (90 % interval {low:.3g} to {high:.3g} %).",
     ]
     closure = "nothing to close" if gap.closure is None else f"{100.0 * gap.closure:.0f} %"
     rows = [
         ("named", f"{gap.named:.3g} %", "closed by the effects and changed values below"),
-        ("predictable, without a name", f"{gap.predictable:.3g} %", "a free-form regression predicts it on the same data"),
+        ("predictable, without a name", f"{gap.predictable:.3g} %", "a free-form regression predicts it"),
         ("not predictable", f"{gap.floor:.3g} %", "noise, encoder, and what nothing recorded here predicts"),
         ("closure", closure, "(before - after) / (before - not predictable)"),
     ]
@@ -131,7 +132,8 @@ def _bars(answer: Answer) -> Picture:
         steps.append(("with changed values", gap.after))
     if answer.learnt:
         steps.append(("with learnt map", answer.gap_with_learnt))
-    with sheet("gap", "Gap after each step; the line is what nothing recorded here predicts.", height=0.5 + 0.4 * len(steps)) as drawn:
+    caption = "Gap after each step; the line is what nothing recorded here predicts."
+    with sheet("gap", caption, height=0.5 + 0.4 * len(steps)) as drawn:
         axes = drawn.axes[0]
         names, sizes = [name for name, _ in steps][::-1], [size for _, size in steps][::-1]
         axes.barh(names, sizes, color=ESTIMATE)
@@ -168,7 +170,8 @@ def _what(answer: Answer, units: Units) -> Section:
 def _learnt(learnt: Learnt, units: Units) -> Picture:
     """Draw a learnt map."""
     table = learnt.map.table()
-    gridded = [(key, grid) for key, grid in zip(learnt.map.coordinates, learnt.map.grids, strict=True) if key != "direction"]
+    both = zip(learnt.map.coordinates, learnt.map.grids, strict=True)
+    gridded = [(key, grid) for key, grid in both if key != "direction"]
     key, grid = gridded[0]
     with sheet(learnt.map.name, f"Learnt map: {learnt.sentence}.", height=2.6) as drawn:
         axes = drawn.axes[0]
@@ -225,7 +228,8 @@ def _tests(answer: Answer) -> list[Table]:
 def _where(answer: Answer, units: Units) -> Section:
     """Return the section on where the nominal model disagrees."""
     if not answer.located:
-        return Section("Where", ["The nominal model's residual depends on nothing beyond chance."], [], [_map(answer, units)])
+        text = "The nominal model's residual depends on nothing beyond chance."
+        return Section("Where", [text], [], [_map(answer, units)])
     rows = [
         (
             item.coordinate,
@@ -236,9 +240,8 @@ def _where(answer: Answer, units: Units) -> Section:
         for item in answer.located
     ]
     header = ("coordinate", "largest between", "share of the slow residual", "p")
-    return Section(
-        "Where", ["Residual of the nominal model, its parameters refitted."], [Table(header, rows)], [_map(answer, units)]
-    )
+    text = "Residual of the nominal model, its parameters refitted."
+    return Section("Where", [text], [Table(header, rows)], [_map(answer, units)])
 
 
 def _map(answer: Answer, units: Units) -> Picture:
@@ -338,7 +341,8 @@ def _not_shown(answer: Answer) -> Section:
 
 def _next(answer: Answer) -> Section:
     """Return the section on the next experiment."""
-    return Section("What to run next", [answer.next_experiment or "Nothing: load augmented.yaml into the nodes." if answer.usable else "Identify the axis first."])
+    nothing = "Nothing: load augmented.yaml into the nodes." if answer.usable else "Identify the axis first."
+    return Section("What to run next", [answer.next_experiment or nothing])
 
 
 def _decisions(answer: Answer, options: Options, notes: Sequence[str]) -> Section:

@@ -142,12 +142,14 @@ def changes_of(answer: Answer) -> dict[str, Any]:
         "friction.element_stiffness": list(friction.element_stiffness),
         "friction.element_fraction": list(friction.element_fraction),
     }
-    if count != len(answer.diagnosis.nominal.friction.element_stiffness):
-        changes["friction.element_damping"] = [0.0] * count
+    changes["friction.element_damping"] = [model.relaxation * kappa for kappa in friction.element_stiffness]
+    if model.relaxation == 0.0 and count == len(answer.diagnosis.nominal.friction.element_stiffness):
+        del changes["friction.element_damping"]
     if model.is_sharp and friction.model != "gms":
         changes["friction.model"] = "gms"
         changes["friction.attraction_rate"] = friction.coulomb_force / SETTLE
     elif friction.model == "gms":
+        changes["friction.model"] = "gms"
         changes["friction.attraction_rate"] = friction.attraction_rate
     if effects:
         changes["effects.names"] = [item.name for item in effects]

@@ -187,7 +187,7 @@ class Screen:
         return best
 
     def starts(self, name: str) -> list[EffectSettings]:
-        """Return where a fit of an effect starts: the best shape, and a clearly different one that is nearly as good."""
+        """Return where a fit starts: the best shape, and a clearly different one that is nearly as good."""
         listed = self.looks[name].best
         if not listed:
             return []

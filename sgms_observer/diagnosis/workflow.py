@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import LAST_STEPS, MOST_COMPARED, Candidate, effect_candidates, to_the_end
+from sgms_observer.diagnosis.coordinates import CONTACT_EFFECTS
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.decision import (
     CHANGED,
@@ -295,8 +296,8 @@ def _search(
 def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None:
     """Return the hypothesis to add: what predicts best of those that pass every test.
 
-    Where the data do not tell it from a hypothesis that moves fewer values, that one is added: an effect by name before
-    values of the file that are let go.
+    An effect that a contact law may look like is added only where it predicts surely better than every change of the
+    contact that passes; else that change is added.
 
     Args:
         decisions: the best predicting first.
@@ -306,12 +307,11 @@ def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None
     if not passed:
         return None
     best = passed[0]
-    if best.candidate.settings is not None:
-        return best
-    for item in passed[1:]:
-        apart = improvement(item.evidence.all, best.evidence.all).z_score
-        if item.candidate.parameter_count < best.candidate.parameter_count and apart < criteria.min_z_score:
-            return item
+    if best.candidate.name in CONTACT_EFFECTS:
+        for item in passed[1:]:
+            apart = improvement(item.evidence.all, best.evidence.all).z_score
+            if item.candidate.settings is None and apart < criteria.min_z_score:
+                return item
     return best
 
 
@@ -321,6 +321,10 @@ def is_possible(refits: Refits, name: str) -> bool:
         return not refits.freedom.friction
     if name == CHANGED[1]:
         return not refits.freedom.elements
+    if name == CHANGED[3]:
+        return refits.nominal.relaxation == 0.0
+    if name == CHANGED[4]:
+        return not refits.freedom.elements or refits.nominal.relaxation == 0.0
     return refits.nominal.friction.model != "gms" and not refits.nominal.is_sharp
 
 
@@ -333,7 +337,7 @@ def changed_candidate(refits: Refits, current: Refit, name: str) -> Candidate:
         name: one of ``CHANGED``.
     """
     free = changed_refits(refits, name)
-    is_same = len(free.nominal.parameter_names()) == len(current.logs) and not free.freedom.elements
+    is_same = free.nominal.parameter_names() == refits.nominal.parameter_names() and not free.freedom.elements
     found = free.of(current.effects, current.logs if is_same else None, LAST_STEPS)
     return Candidate(name, free, found, 1)
 
@@ -385,11 +389,13 @@ def _as_written(found: State, state: State, nominal: Model) -> tuple[Refit, Refi
     before = first.of(found.current.effects, None, LAST_STEPS)
     if state is found:
         return before, before, first
-    later = replace(nominal, is_sharp=state.refits.nominal.is_sharp)
+    fine = state.refits.nominal
+    later = replace(nominal, is_sharp=fine.is_sharp, relaxation=fine.relaxation)
     if state.refits.freedom.elements:
-        later = state.refits.nominal
+        later = fine
     last = replace(state.refits, nominal=later)
-    starts = [None] if state.refits.freedom.elements else [None, before.logs]
+    is_same = len(later.parameter_names()) == len(before.logs)
+    starts = [None, before.logs] if is_same else [None]
     tried = [last.of(state.current.effects, start, LAST_STEPS) for start in starts]
     return before, min(tried, key=lambda fit: fit.cost), last
 

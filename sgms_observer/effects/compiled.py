@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.effects import kernels
 from sgms_observer.effects.catalogue import effect, is_built_in
-from sgms_observer.effects.effect import Place
+from sgms_observer.effects.effect import Effect, Place
 from sgms_observer.effects.user_kernels import compile_user_effects
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import EffectSettings
@@ -57,23 +57,20 @@ class CompiledEffects:
         )
         self.parameters = np.array([value for group in values for value in group], dtype=np.float64)
         self.p_at = np.concatenate([[0], np.cumsum([len(group) for group in values])]).astype(np.int64)
-        states = [
-            self._initial(entry.name, entry.initial_state, value) for entry, value in zip(entries, values, strict=True)
-        ]
+        states = [self._initial(entry, value) for entry, value in zip(entries, values, strict=True)]
         self._initial_state = np.array([value for group in states for value in group], dtype=np.float64)
         self.s_at = np.concatenate([[0], np.cumsum([len(group) for group in states])]).astype(np.int64)
         self.user = compile_user_effects(users)
         places = {entry.place for entry in entries}
-        self.has_force_or_level = (
-            bool(places & {Place.ADDED_FORCE, Place.LEVEL_FACTOR}) or "flexible_mode" in self.names
-        )
+        has_moving_mass = any(entry.place is Place.PLANT and entry.advance is not None for entry in entries)
+        self.has_force_or_level = bool(places & {Place.ADDED_FORCE, Place.LEVEL_FACTOR}) or has_moving_mass
         self.has_effort_path = Place.EFFORT_PATH in places
         self.has_position = Place.MEASURED_POSITION in places
 
-    def _initial(self, name: str, initial: tuple[float, ...], values: Sequence[float]) -> tuple[float, ...]:
+    def _initial(self, entry: Effect, values: Sequence[float]) -> tuple[float, ...]:
         """Return an effect's state at the start; a delay's ring is as long as its delay needs."""
-        if name != "actuator_delay":
-            return initial
+        if not entry.is_delay:
+            return entry.initial_state
         samples = values[0] / self.sample_period
         whole = math.floor(samples)
         return (float(whole), samples - whole, 0.0, 0.0) + (0.0,) * (whole + 2)
@@ -83,10 +80,8 @@ class CompiledEffects:
         """Mass to add to the model's own [kg]; the force of ``evaluate`` does not contain it."""
         total = 0.0
         for name, start in zip(self.names, self.p_at, strict=False):
-            if name == "mass_error":
-                total += float(self.parameters[start])
-            elif name == "flexible_mode":
-                total -= float(self.parameters[start])
+            if effect(name).added_mass != 0.0:
+                total += effect(name).added_mass * float(self.parameters[start])
         return total
 
     def initial_state(self) -> Floats:
@@ -171,7 +166,7 @@ class CompiledEffects:
     def delay(self) -> float:
         """Time from the commanded effort to the force [s]."""
         starts = zip(self.names, self.p_at, strict=False)
-        return sum(float(self.parameters[start]) for name, start in starts if name == "actuator_delay")
+        return sum(float(self.parameters[start]) for name, start in starts if effect(name).is_delay)
 
     def measured_position(self, position: Floats) -> Floats:
         """Return what the encoder shows [m].

@@ -16,6 +16,23 @@ INPUTS = ("q", "v", "a", "t", "u", "h", "level", "v2", "a2")
 effort [N], time step [s], Stribeck level [N], velocity and acceleration of the other axis."""
 
 
+COORDINATES = (
+    "position",
+    "direction",
+    "velocity",
+    "acceleration",
+    "time",
+    "effort",
+    "time since reversal",
+    "distance since reversal",
+    "dwell",
+)
+"""Coordinates over which a term of no particular form could say the same as an effect."""
+
+QUANTITIES = ("position", "velocity", "acceleration", "effort", "time", "travel", "rate")
+"""Recorded quantities that bound a parameter; ``travel`` is the distance covered, ``rate`` the sampling rate."""
+
+
 class Place(Enum):
     """Where an effect acts; the values are the words a user reads."""
 
@@ -38,7 +55,9 @@ class EffectParameter:
         maximum: largest physical value [``unit``].
         description: one sentence for people.
         is_strength: whether the effect vanishes with this parameter (otherwise it shapes the effect).
-        prismatic_default: value on a prismatic axis when the YAML is silent; None where it is ``default``.
+        prismatic_default: value on a prismatic axis when the YAML is silent [``unit``]; None where it is ``default``.
+        acts_on: recorded quantity out of ``QUANTITIES`` whose range bounds a value that a recording can show: a pitch
+            is not longer than the stroke, a limit not above the effort. Empty where none does.
     """
 
     name: str
@@ -49,13 +68,18 @@ class EffectParameter:
     description: str
     is_strength: bool = False
     prismatic_default: float | None = None
+    acts_on: str = ""
 
     def __post_init__(self) -> None:
         """Check the range.
 
         Raises:
-            ConfigurationError: when the default is outside of it.
+            ConfigurationError: when the default is outside of it, or ``acts_on`` is no recorded quantity.
         """
+        if self.acts_on not in ("", *QUANTITIES):
+            raise ConfigurationError(
+                [f"effect parameter {self.name}: acts_on = {self.acts_on!r} must be one of {', '.join(QUANTITIES)}"]
+            )
         if not self.minimum <= self.default <= self.maximum:
             raise ConfigurationError(
                 [
@@ -107,6 +131,11 @@ class Effect:
         lists: parameters that are lists. They follow the others in ``p``, each as its length and then its entries.
         list_faults: returns one sentence per fault that the lists have together, or None where there is no rule; gets
             the lists by name, and the effect's path in the YAML.
+        coordinates: some of ``COORDINATES``, over which a term of no particular form could say the same; empty where
+            none could, as for effects of the other axis, in the frequency or on the effort.
+        inverse: formula of the command that lets a force arrive, or of the true position behind a measured one.
+        added_mass: mass that it adds to the model's own, as a multiple of its first parameter [-].
+        is_delay: whether it delays the effort by its first parameter [s].
     """
 
     name: str
@@ -122,6 +151,10 @@ class Effect:
     initial_state: tuple[float, ...] = ()
     lists: tuple[EffectList, ...] = ()
     list_faults: Callable[[Mapping[str, tuple[Any, ...]], str], list[str]] | None = None
+    coordinates: tuple[str, ...] = ()
+    inverse: Callable[..., Any] | None = None
+    added_mass: float = 0.0
+    is_delay: bool = False
 
     def __post_init__(self) -> None:
         """Check names and formula arguments.
@@ -144,6 +177,11 @@ class Effect:
                     f"effect {self.name}: formula argument {strange[0]!r} is unknown;"
                     f" use some of {', '.join(INPUTS)}, s, p"
                 )
+        unknown = [name for name in self.coordinates if name not in COORDINATES]
+        if unknown:
+            faults.append(
+                f"effect {self.name}: coordinate {unknown[0]!r} is unknown; use some of {', '.join(COORDINATES)}"
+            )
         if (self.advance is None) != (not self.initial_state):
             faults.append(f"effect {self.name}: give both advance and initial_state, or neither")
         if faults:

@@ -16,7 +16,13 @@ FORCE_EFFECTS = (
         (
             EffectParameter("amplitude", "N", 0.0, -1.0e4, 1.0e4, "amplitude of the first harmonic", is_strength=True),
             EffectParameter(
-                "pitch", "m", 0.01, 1.0e-6, 10.0, "period in position, for instance the magnet or screw pitch"
+                "pitch",
+                "m",
+                0.01,
+                1.0e-6,
+                10.0,
+                "period in position, for instance the magnet or screw pitch",
+                acts_on="position",
             ),
             _PHASE,
             EffectParameter(
@@ -30,13 +36,14 @@ FORCE_EFFECTS = (
         ("position_periodic_friction", "spring", "gravity", "periodic_disturbance"),
         "Otten et al. 1997, Linear motor motion control using a learning feedforward controller, T. Mechatronics 2(3)",
         formula.cogging,
+        coordinates=("position",),
     ),
     Effect(
         "spring",
         Place.ADDED_FORCE,
         (
             EffectParameter("stiffness", "N/m", 0.0, -1.0e7, 1.0e7, "force per displacement", is_strength=True),
-            EffectParameter("rest_position", "m", 0.0, -100.0, 100.0, "position without force"),
+            EffectParameter("rest_position", "m", 0.0, -100.0, 100.0, "position without force", acts_on="position"),
         ),
         "F = k (q - q0)",
         "a slope over position, the same in both directions",
@@ -44,6 +51,7 @@ FORCE_EFFECTS = (
         ("position_dependent_friction", "offset", "gravity", "cogging"),
         "Tjahjowidodo et al. 2006, for cable chains; any text on servo axes",
         formula.spring,
+        coordinates=("position",),
     ),
     Effect(
         "offset",
@@ -99,6 +107,7 @@ FORCE_EFFECTS = (
         ("offset", "spring", "cogging"),
         "Craig 2005, Introduction to Robotics, 3rd ed., section 6.7 (gravity terms)",
         formula.gravity,
+        coordinates=("position",),
     ),
     Effect(
         "asymmetric_viscous",
@@ -120,6 +129,7 @@ FORCE_EFFECTS = (
         ("asymmetric_coulomb", "offset"),
         "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)",
         formula.asymmetric_viscous,
+        coordinates=("velocity",),
     ),
     Effect(
         "nonlinear_viscous",
@@ -127,7 +137,9 @@ FORCE_EFFECTS = (
         (
             EffectParameter("force", "N", 0.0, -1.0e4, 1.0e4, "force at the reference velocity", is_strength=True),
             EffectParameter("exponent", "-", 0.5, 0.1, 4.0, "power of the speed; below 1 for shear-thinning"),
-            EffectParameter("reference_velocity", "m/s", 0.1, 1.0e-5, 100.0, "speed the force is given at"),
+            EffectParameter(
+                "reference_velocity", "m/s", 0.1, 1.0e-5, 100.0, "speed the force is given at", acts_on="velocity"
+            ),
         ),
         "F = F_r sgn(v) |v / v_r|^n",
         "odd in velocity, curved",
@@ -135,6 +147,7 @@ FORCE_EFFECTS = (
         ("quadratic_drag", "eddy_current", "stribeck"),
         "Waiboer, Aarts, Jonker 2005 (shear-thinning grease); Bair 2007, High Pressure Rheology",
         formula.nonlinear_viscous,
+        coordinates=("velocity",),
     ),
     Effect(
         "quadratic_drag",
@@ -150,13 +163,16 @@ FORCE_EFFECTS = (
         ("nonlinear_viscous", "eddy_current"),
         "Hoerner 1965, Fluid-Dynamic Drag",
         formula.quadratic_drag,
+        coordinates=("velocity",),
     ),
     Effect(
         "eddy_current",
         Place.ADDED_FORCE,
         (
             EffectParameter("peak_force", "N", 0.0, 0.0, 1.0e4, "largest drag", is_strength=True),
-            EffectParameter("peak_velocity", "m/s", 1.0, 1.0e-4, 1.0e3, "speed of the largest drag"),
+            EffectParameter(
+                "peak_velocity", "m/s", 1.0, 1.0e-4, 1.0e3, "speed of the largest drag", acts_on="velocity"
+            ),
             EffectParameter("breadth", "-", 0.0, -1.5, 10.0, "broader peak above 0, sharper below"),
         ),
         "F = F_p (2 + b) r / (1 + b |r| + r^2), r = v / v_p",
@@ -165,13 +181,14 @@ FORCE_EFFECTS = (
         ("nonlinear_viscous", "quadratic_drag", "stribeck"),
         "Kloss 1929; Wouterse 1991, Critical torque and speed of eddy current brake, IEE Proc. B 138(4)",
         formula.eddy_current,
+        coordinates=("velocity",),
     ),
     Effect(
         "periodic_disturbance",
         Place.ADDED_FORCE,
         (
             EffectParameter("amplitude", "N", 0.0, -1.0e4, 1.0e4, "amplitude", is_strength=True),
-            EffectParameter("frequency", "Hz", 50.0, 1.0e-3, 5.0e3, "frequency in time"),
+            EffectParameter("frequency", "Hz", 50.0, 1.0e-3, 5.0e3, "frequency in time", acts_on="rate"),
             _PHASE,
         ),
         "F = A sin(2 pi f t + phase)",
@@ -204,7 +221,9 @@ FORCE_EFFECTS = (
         Place.ADDED_FORCE,
         (
             EffectParameter("force", "N", 0.0, -1.0e4, 1.0e4, "sliding force of what is missing", is_strength=True),
-            EffectParameter("distance", "m", 1.0e-5, 1.0e-9, 1.0, "mean distance over which it builds up"),
+            EffectParameter(
+                "distance", "m", 1.0e-5, 1.0e-9, 1.0, "mean distance over which it builds up", acts_on="position"
+            ),
         ),
         "F = F_e (z1 + z2) / 2, z_i in -1..1 follows x / d_i, d_1 = d / 2, d_2 = 3 d / 2",
         "hysteresis after each reversal, over a distance the model's elements do not cover",
@@ -214,14 +233,23 @@ FORCE_EFFECTS = (
         formula.presliding,
         formula.presliding_next,
         (0.0, 0.0),
+        coordinates=("distance since reversal", "direction"),
     ),
     Effect(
         "backlash",
         Place.ADDED_FORCE,
         (
-            EffectParameter("gap", "m", 1.0e-5, 1.0e-9, 1.0, "play between motor and load"),
+            EffectParameter("gap", "m", 1.0e-5, 1.0e-9, 1.0, "play between motor and load", acts_on="position"),
             EffectParameter("share", "-", 0.0, 0.0, 0.9, "share of the friction that is the load's", is_strength=True),
-            EffectParameter("stop", "m", 1.0e-6, 1.0e-9, 1.0e-3, "by how much a wall gives before the load slides"),
+            EffectParameter(
+                "stop",
+                "m",
+                1.0e-6,
+                1.0e-9,
+                1.0e-3,
+                "by how much a wall gives before the load slides",
+                acts_on="position",
+            ),
         ),
         "F = A / (1 - A) s(v) d(x), x = stretch, d = 0 in the play, +-1 where a wall has given by its stop",
         "too little friction over a fixed distance after each reversal, whatever the rest before",
@@ -231,6 +259,7 @@ FORCE_EFFECTS = (
         formula.backlash,
         formula.backlash_next,
         (0.0,),
+        coordinates=("distance since reversal", "direction"),
     ),
     Effect(
         "mass_error",
@@ -242,6 +271,8 @@ FORCE_EFFECTS = (
         ("actuator_gain", "actuator_delay", "flexible_mode"),
         "Janot, Gautier, Brunot 2019, EMPS benchmark",
         formula.mass_error,
+        added_mass=1.0,
+        coordinates=("acceleration",),
     ),
     Effect(
         "flexible_mode",
@@ -250,7 +281,9 @@ FORCE_EFFECTS = (
             EffectParameter(
                 "mass", "kg", 0.0, 0.0, 1.0e4, "share of the moving mass behind the spring", is_strength=True
             ),
-            EffectParameter("frequency", "Hz", 50.0, 0.1, 5.0e3, "frequency of that mass with the carriage held"),
+            EffectParameter(
+                "frequency", "Hz", 50.0, 0.1, 5.0e3, "frequency of that mass with the carriage held", acts_on="rate"
+            ),
             EffectParameter("damping_ratio", "-", 0.02, 1.0e-4, 0.99, "its damping"),
         ),
         "F = m2 x'', x'' = -a - 2 zeta omega x' - omega^2 x",
@@ -261,5 +294,6 @@ FORCE_EFFECTS = (
         formula.flexible_mode,
         formula.flexible_mode_next,
         (0.0, 0.0),
+        added_mass=-1.0,
     ),
 )

@@ -20,7 +20,13 @@ LEVEL_EFFECTS = (
         (
             _share("amplitude as a share of the level", -0.95, 0.95),
             EffectParameter(
-                "pitch", "m", 0.01, 1.0e-6, 10.0, "period in position, for instance of the balls or the screw"
+                "pitch",
+                "m",
+                0.01,
+                1.0e-6,
+                10.0,
+                "period in position, for instance of the balls or the screw",
+                acts_on="position",
             ),
             EffectParameter("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, "angle at position zero"),
         ),
@@ -30,14 +36,23 @@ LEVEL_EFFECTS = (
         ("cogging",),
         "Popovic, Goldenberg 1998, Modeling of friction using spectral analysis, IEEE T. Robotics and Automation 14(1)",
         formula.position_periodic_friction,
+        coordinates=("position", "direction"),
     ),
     Effect(
         "position_dependent_friction",
         Place.LEVEL_FACTOR,
         (
             _share("rise at the tightest place"),
-            EffectParameter("center", "m", 0.0, -100.0, 100.0, "the tightest place"),
-            EffectParameter("width", "m", 0.01, 1.0e-6, 100.0, "half width of the tight spot (one standard deviation)"),
+            EffectParameter("center", "m", 0.0, -100.0, 100.0, "the tightest place", acts_on="position"),
+            EffectParameter(
+                "width",
+                "m",
+                0.01,
+                1.0e-6,
+                100.0,
+                "half width of the tight spot (one standard deviation)",
+                acts_on="position",
+            ),
         ),
         "s -> s (1 + A exp(-((q - q0) / w)^2 / 2))",
         "more friction at one place, flipping its sign with the direction",
@@ -45,6 +60,7 @@ LEVEL_EFFECTS = (
         ("spring", "position_periodic_friction"),
         "Huo, Poo 2013 (feed drives, friction over the stroke); Armstrong-Helouvry 1991",
         formula.position_dependent_friction,
+        coordinates=("position", "direction"),
     ),
     Effect(
         "asymmetric_coulomb",
@@ -56,13 +72,14 @@ LEVEL_EFFECTS = (
         ("offset", "asymmetric_viscous"),
         "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)",
         formula.asymmetric_coulomb,
+        coordinates=("direction",),
     ),
     Effect(
         "stribeck",
         Place.LEVEL_FACTOR,
         (
             _share("rise toward zero speed"),
-            EffectParameter("velocity", "m/s", 0.01, 1.0e-6, 10.0, "speed over which it fades"),
+            EffectParameter("velocity", "m/s", 0.01, 1.0e-6, 10.0, "speed over which it fades", acts_on="velocity"),
         ),
         "s -> s (1 + A exp(-(v / v1)^2))",
         "more (or less) friction at low speed than the model's Stribeck curve",
@@ -70,6 +87,7 @@ LEVEL_EFFECTS = (
         ("dwell_breakaway", "nonlinear_viscous", "frictional_lag"),
         "Stribeck 1902; Bo, Pavelescu 1982, Wear 82(3)",
         formula.stribeck,
+        coordinates=("velocity",),
     ),
     Effect(
         "load_dependent_friction",
@@ -85,18 +103,25 @@ LEVEL_EFFECTS = (
         ("mass_error", "nonlinear_viscous"),
         "Waiboer, Aarts, Jonker 2005; Hamon et al. 2010 (load-dependent friction), IEEE/RSJ IROS",
         formula.load_dependent_friction,
+        coordinates=("acceleration", "direction"),
     ),
     Effect(
         "thermal_drift",
         Place.LEVEL_FACTOR,
         (
             _share("level when warm over level at the start, minus 1"),
-            EffectParameter("time_constant", "s", 600.0, 0.1, 1.0e6, "time constant of the warm-up"),
+            EffectParameter("time_constant", "s", 600.0, 0.1, 1.0e6, "time constant of the warm-up", acts_on="time"),
             EffectParameter(
                 "motion_share", "-", 0.0, 0.0, 1.0, "share of the heat that sliding brings; 0: warms by the clock"
             ),
             EffectParameter(
-                "reference_velocity", "m/s", 0.1, 1.0e-5, 100.0, "mean speed at which that share warms in full"
+                "reference_velocity",
+                "m/s",
+                0.1,
+                1.0e-5,
+                100.0,
+                "mean speed at which that share warms in full",
+                acts_on="velocity",
             ),
         ),
         "s -> s (1 + A x), dx/dt = (1 - m + m |v| / v_r - x) / tau",
@@ -107,14 +132,19 @@ LEVEL_EFFECTS = (
         formula.thermal_drift,
         formula.thermal_drift_next,
         (0.0,),
+        coordinates=("time", "direction"),
     ),
     Effect(
         "wear_step",
         Place.LEVEL_FACTOR,
         (
             _share("change of the level"),
-            EffectParameter("travel", "m", 1.0, 0.0, 1.0e7, "travelled distance at the middle of the change"),
-            EffectParameter("width", "m", 0.01, 1.0e-6, 1.0e7, "travelled distance over which it happens"),
+            EffectParameter(
+                "travel", "m", 1.0, 0.0, 1.0e7, "travelled distance at the middle of the change", acts_on="travel"
+            ),
+            EffectParameter(
+                "width", "m", 0.01, 1.0e-6, 1.0e7, "travelled distance over which it happens", acts_on="travel"
+            ),
         ),
         "s -> s (1 + A (1 + tanh((S - S0) / w)) / 2), S = int |v| dt",
         "a step or slope of the friction over the travelled distance",
@@ -124,14 +154,17 @@ LEVEL_EFFECTS = (
         formula.wear_step,
         formula.wear_step_next,
         (0.0,),
+        coordinates=("time", "direction"),
     ),
     Effect(
         "dwell_breakaway",
         Place.LEVEL_FACTOR,
         (
             _share("rise of the static friction after a long rest"),
-            EffectParameter("dwell_time", "s", 1.0, 1.0e-3, 1.0e5, "time constant of its rise at rest"),
-            EffectParameter("memory_distance", "m", 1.0e-4, 1.0e-8, 1.0, "travel over which it is forgotten"),
+            EffectParameter("dwell_time", "s", 1.0, 1.0e-3, 1.0e5, "time constant of its rise at rest", acts_on="time"),
+            EffectParameter(
+                "memory_distance", "m", 1.0e-4, 1.0e-8, 1.0, "travel over which it is forgotten", acts_on="position"
+            ),
         ),
         "s -> s (1 + A x), dx/dt = (1 - x) / tau at rest, dx/dt = -|v| x / d in motion",
         "a peak at break-away that grows with the rest before it",
@@ -141,6 +174,7 @@ LEVEL_EFFECTS = (
         formula.dwell_breakaway,
         formula.dwell_breakaway_next,
         (0.0,),
+        coordinates=("dwell", "distance since reversal", "direction"),
     ),
     Effect(
         "frictional_lag",
@@ -156,7 +190,13 @@ LEVEL_EFFECTS = (
                 is_strength=True,
             ),
             EffectParameter(
-                "distance", "m", 1.0e-5, 1.0e-9, 1.0, "travel after a reversal over which the contact still sticks"
+                "distance",
+                "m",
+                1.0e-5,
+                1.0e-9,
+                1.0,
+                "travel after a reversal over which the contact still sticks",
+                acts_on="position",
             ),
         ),
         "s -> L, dL/dt = C (1 - L / s) while sliding",
@@ -167,5 +207,6 @@ LEVEL_EFFECTS = (
         formula.frictional_lag,
         formula.frictional_lag_next,
         (0.0, 0.0, 0.0),
+        coordinates=("velocity", "acceleration"),
     ),
 )

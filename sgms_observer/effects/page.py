@@ -68,9 +68,7 @@ def _row(parameter: EffectParameter) -> str:
     default = f"{parameter.default:g}"
     if parameter.prismatic_default is not None:
         default += f"; {parameter.prismatic_default:g} on a prismatic axis"
-    return (
-        f"| `{parameter.name}` | {parameter.unit} | {default} | {bounds} | {parameter.description}{kind} |"
-    )
+    return f"| `{parameter.name}` | {parameter.unit} | {default} | {bounds} | {parameter.description}{kind} |"
 
 
 def _list_row(item: EffectList) -> str:
@@ -83,10 +81,12 @@ def _list_row(item: EffectList) -> str:
 def _section(entry: Effect) -> str:
     """Return the section of one effect."""
     rows = "\n".join([*map(_row, entry.parameters), *map(_list_row, entry.lists)])
+    over = f" Lies over: {', '.join(entry.coordinates)}." if entry.coordinates else ""
     confused = ", ".join(entry.confusable_with) or "nothing in particular"
     return (
         f"### {entry.name}\n\n`{entry.equation}`\n\n"
-        f"Shows as: {entry.signature}. Needs: {entry.excitation}. Easily taken for: {confused}.\n\n"
+        f"Shows as: {entry.signature}. Needs: {entry.excitation}. Easily taken for: {confused}."
+        f"{over}\n\n"
         "| parameter | unit | default | bounds | meaning |\n|---|---|---|---|---|\n"
         f"{rows}\n\nSource: {entry.reference}.\n"
     )

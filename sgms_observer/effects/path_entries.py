@@ -18,35 +18,53 @@ PATH_EFFECTS = (
         ("mass_error",),
         "Gautier, Briot 2014, Global identification of joint drive gains, J. Dynamic Systems 136(5)",
         formula.actuator_gain,
+        inverse=formula.actuator_gain_command,
     ),
     Effect(
         "actuator_saturation",
         Place.EFFORT_PATH,
-        (EffectParameter("limit", "N", 1.0e6, 1.0e-6, 1.0e9, "largest effort that arrives", is_strength=True),),
+        (
+            EffectParameter(
+                "limit", "N", 1.0e6, 1.0e-6, 1.0e9, "largest effort that arrives", is_strength=True, acts_on="effort"
+            ),
+        ),
         "u -> min(max(u, -L), L)",
         "residual only at the largest efforts",
         "efforts up to the actuator's limit",
         ("actuator_gain",),
         "Astrom, Hagglund 2006, Advanced PID Control",
         formula.actuator_saturation,
+        inverse=formula.actuator_saturation_command,
     ),
     Effect(
         "actuator_dead_zone",
         Place.EFFORT_PATH,
-        (EffectParameter("width", "N", 0.0, 0.0, 1.0e6, "effort that is lost around zero", is_strength=True),),
+        (
+            EffectParameter(
+                "width", "N", 0.0, 0.0, 1.0e6, "effort that is lost around zero", is_strength=True, acts_on="effort"
+            ),
+        ),
         "u -> u - min(max(u, -d), d)",
         "a constant loss with the sign of the effort, not of the velocity",
         "braking phases, where effort and velocity differ in sign; rests",
         ("stribeck", "presliding"),
         "Tao, Kokotovic 1994, Adaptive control of plants with unknown dead-zones, IEEE T. Automatic Control 39(1)",
         formula.actuator_dead_zone,
+        inverse=formula.actuator_dead_zone_command,
     ),
     Effect(
         "actuator_delay",
         Place.EFFORT_PATH,
         (
             EffectParameter(
-                "delay", "s", 0.0, 0.0, 0.02, "time from the published effort to the force", is_strength=True
+                "delay",
+                "s",
+                0.0,
+                0.0,
+                0.02,
+                "time from the published effort to the force",
+                is_strength=True,
+                acts_on="time",
             ),
         ),
         "u(t) -> u(t - d)",
@@ -55,13 +73,14 @@ PATH_EFFECTS = (
         ("mass_error", "flexible_mode"),
         "Janot, Gautier, Brunot 2019, EMPS benchmark (command delay)",
         formula.actuator_delay,
+        is_delay=True,
     ),
     Effect(
         "encoder_interpolation_error",
         Place.MEASURED_POSITION,
         (
             EffectParameter("amplitude", "m", 0.0, -1.0e-3, 1.0e-3, "amplitude", is_strength=True),
-            EffectParameter("pitch", "m", 2.0e-5, 1.0e-8, 1.0, "signal period of the encoder"),
+            EffectParameter("pitch", "m", 2.0e-5, 1.0e-8, 1.0, "signal period of the encoder", acts_on="position"),
             EffectParameter("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, "angle at position zero"),
         ),
         "q -> q + A sin(2 pi q / pitch + phase)",
@@ -70,13 +89,21 @@ PATH_EFFECTS = (
         ("cogging", "quantisation"),
         "Heydemann 1981, Determination and correction of quadrature fringe measurement errors, Applied Optics 20(19)",
         formula.encoder_interpolation_error,
+        inverse=formula.encoder_interpolation_correction,
     ),
     Effect(
         "quantisation",
         Place.MEASURED_POSITION,
         (
             EffectParameter(
-                "resolution", "m", 1.0e-12, 1.0e-12, 1.0e-1, "step of the measured position", is_strength=True
+                "resolution",
+                "m",
+                1.0e-12,
+                1.0e-12,
+                1.0e-1,
+                "step of the measured position",
+                is_strength=True,
+                acts_on="position",
             ),
         ),
         "q -> r floor(q / r + 1/2)",

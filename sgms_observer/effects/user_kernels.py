@@ -40,17 +40,8 @@ def compile_user_effects(effects: Sequence[Effect]) -> Any:
     """
     if not effects:
         return None
-    scope: dict[str, Any] = {}
-    lines = ["def user_step(number, inputs, s, p, out):", "    out[0] = 0.0", "    out[1] = 1.0"]
-    for number, entry in enumerate(effects):
-        scope[f"output_{number}"] = jit.njit_uncached(entry.output)
-        lines.append(f"    if number == {number}:")
-        if entry.advance is not None:
-            scope[f"advance_{number}"] = jit.njit_uncached(entry.advance)
-            lines.append(f"        new = advance_{number}({_arguments(entry.advance)})")
-            lines.extend(f"        s[{i}] = new[{i}]" for i in range(len(entry.initial_state)))
-        place = 0 if entry.place is Place.ADDED_FORCE else 1
-        lines.append(f"        out[{place}] = output_{number}({_arguments(entry.output)})")
+    lines, formulas = user_step_lines(effects)
+    scope: dict[str, Any] = {name: jit.njit_uncached(formula) for name, formula in formulas.items()}
     exec("\n".join(lines), scope)
     try:
         return _compile(scope["user_step"])
@@ -60,6 +51,26 @@ def compile_user_effects(effects: Sequence[Effect]) -> Any:
         raise ConfigurationError(
             [f"effects {listed} cannot be compiled ({first}); write their formulas over math, without other libraries"]
         ) from error
+
+
+def user_step_lines(effects: Sequence[Effect]) -> tuple[list[str], dict[str, Callable[..., Any]]]:
+    """Return the source of that function, and the formulas by the names that it calls them.
+
+    Args:
+        effects: in the order of their numbers.
+    """
+    formulas: dict[str, Callable[..., Any]] = {}
+    lines = ["def user_step(number, inputs, s, p, out):", "    out[0] = 0.0", "    out[1] = 1.0"]
+    for number, entry in enumerate(effects):
+        formulas[f"output_{number}"] = entry.output
+        lines.append(f"    if number == {number}:")
+        if entry.advance is not None:
+            formulas[f"advance_{number}"] = entry.advance
+            lines.append(f"        new = advance_{number}({_arguments(entry.advance)})")
+            lines.extend(f"        s[{i}] = new[{i}]" for i in range(len(entry.initial_state)))
+        place = 0 if entry.place is Place.ADDED_FORCE else 1
+        lines.append(f"        out[{place}] = output_{number}({_arguments(entry.output)})")
+    return lines, formulas
 
 
 def _arguments(formula: Callable[..., Any]) -> str:

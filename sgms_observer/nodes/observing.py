@@ -11,6 +11,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import Executor
 from rclpy.publisher import Publisher
+from rclpy.qos import ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
@@ -33,6 +34,7 @@ from sgms_observer.settings.write import write_settings
 
 _REPORT_PERIOD = 1.0  # s
 _LONGEST_END = 1.0  # s for the compensation to go to zero within its slew limit when the node stops
+_COMMAND_LINE = "_ros2cli"  # how the nodes of `ros2 topic echo` and `hz` are called
 _SHORTEST_REPORT = 0.8  # s; the first after the activation tells of about a period as well
 
 
@@ -67,6 +69,8 @@ class ObserverNode(ManagedNode):
         self._sentences = Sentences()
         self._growth = Growth()
         self._rivals: tuple[str, ...] = ()
+        self._readers: dict[str, list[str]] = {}
+        self._looked_at = -1
         self._watchdog: Watchdog | None = None
         self._watch_timer: Timer | None = None
         self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -236,14 +240,17 @@ class ObserverNode(ManagedNode):
             return
         self._reported_at = now
         name = self.get_fully_qualified_name().lstrip("/")
-        faults = self._judge_rivals()
+        faults, readers = self._judge_rivals(), self._judge_readers()
         counts = engine.intake.counts
         new = self._growth.take("messages", counts)
         clock = engine.clock
         entries = [
-            node_entry(name, engine.axes, "active", counts, new, clock.take(), clock.deadline_misses, seconds, faults)
+            node_entry(
+                *(name, engine.axes, "active", counts, new, clock.take(), clock.deadline_misses, seconds),
+                *(faults, readers),
+            )
         ]
-        sentences = list(new.sentences(engine.axes))
+        sentences = [*readers, *new.sentences(engine.axes)]
         for axis, statistics, pairing in zip(engine.axes, engine.statistics, engine.intake.pairings, strict=True):
             grown = self._growth.take(axis, pairing.counts)
             entry = axis_entry(name, axis, statistics, pairing.counts, grown, seconds)
@@ -271,6 +278,25 @@ class ObserverNode(ManagedNode):
             f"{topic} is published by another node as well; the compensation stays at zero until only one node does;"
             " stop one of them or give it a namespace of its own"
             for topic in rivals
+        ]
+
+    def _judge_readers(self) -> list[str]:
+        """Return the sentence about a command-line tool that reads one of the topics with every sample reliably.
+
+        One topic is looked at in each report: asking the graph takes a part of a millisecond.
+        """
+        self._looked_at += 1
+        topic = self.resolve_topic_name(JOINT_STATE_TOPICS[self._looked_at % len(JOINT_STATE_TOPICS)])
+        found = [
+            info.node_name
+            for info in self.get_subscriptions_info_by_topic(topic)
+            if info.node_name.startswith(_COMMAND_LINE) and info.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        ]
+        self._readers = {name: names for name, names in {**self._readers, topic: found}.items() if names}
+        return [
+            f"{name} is read by a command-line tool ({names[0]}), which loses samples and slows this node;"
+            " take rates from /diagnostics"
+            for name, names in self._readers.items()
         ]
 
     def _other_publishers(self) -> tuple[str, ...]:

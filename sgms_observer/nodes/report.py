@@ -110,6 +110,7 @@ def node_entry(
     deadline_misses: int,
     seconds: float,
     faults: Sequence[str] = (),
+    remarks: Sequence[str] = (),
 ) -> DiagnosticStatus:
     """Return what diagnostics say of the node as a whole.
 
@@ -123,8 +124,9 @@ def node_entry(
         deadline_misses: steps that took longer than their samples lasted, since the start.
         seconds: time since the last report [s].
         faults: sentences about what keeps the node from its work.
+        remarks: sentences about what disturbs it.
     """
-    sentences = [*faults, *new.sentences(axes)]
+    sentences = [*faults, *remarks, *new.sentences(axes)]
     values = {
         "state": state,
         "messages": str(counts.messages),

@@ -47,7 +47,7 @@ class Recording:
         sha256: hash of the file it comes from; empty when there is none.
         start: stamp of the first sample [s].
         other_position: position of another axis of the same recording, shape (n,), or None.
-        recorded_step: step of the grid of the positions before they were interpolated; None where they were not.
+        recorded_step: step of the positions' grid before they were interpolated [m or rad]; None where they were not.
     """
 
     name: str

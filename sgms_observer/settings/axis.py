@@ -12,7 +12,6 @@ from sgms_observer.settings.observer import CompensationSettings, EstimatorSetti
 from sgms_observer.settings.stage import StageSettings
 from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC, Scales, Units
 
-
 #: Where ~/save_parameters writes unless the parameter file says otherwise.
 SAVE_FILE = "learnt.yaml"
 
@@ -104,6 +103,7 @@ class Settings:
     def scales(self) -> dict[str, Scales]:
         """Return each axis's name with its factors from topics and bags to SI."""
         return {axis.name: axis.scales for axis in self.axes}
+
 
 def coupled_number(axes: Sequence[AxisSettings], number: int) -> int | None:
     """Return the number of the axis whose motion acts on this one by ``cross_axis_coupling``; None where there is none.

@@ -36,8 +36,9 @@ default. A key that is not listed here, a wrong type or an impossible value stop
 ```
 
 Numbers may be written as `3`, `3.0` or `3e0`. Relative file names start at the folder of the parameter file. All
-parameters are read at the start: change the file, or use `-p x.mass:=12.0`, and start again. The compensation's may change while the node
-runs: `ros2 param set /observer_node x.compensation.gain 0.5`; magnitudes to at most ten times what the node started with.
+parameters are read at the start: change the file, or use `-p x.mass:=12.0`, and start again. The compensation's
+may change while the node runs: `ros2 param set /observer_node x.compensation.gain 0.5`; magnitudes to at most ten
+times what the node started with.
 """
 
 _EFFECTS = """

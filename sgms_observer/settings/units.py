@@ -15,7 +15,7 @@ JOINT_TYPES = (PRISMATIC, REVOLUTE)
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
 
 _REVOLUTE_WORDS = {"m": "rad", "N": "N m", "kg": "kg m^2"}
-#: Smallest positive and largest magnitude that a quantity has on any machine: every range that a node declares is finite.
+#: Smallest positive and largest magnitude that a quantity has on any machine: every declared range is finite.
 #: Wide on purpose; they refuse a slip of six zeros, not a choice.
 _PHYSICAL = {
     "-": (1e-9, 1e9),

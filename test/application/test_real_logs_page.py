@@ -33,7 +33,8 @@ BY_NAME = {machine.name: machine for machine in BENCHMARK.machines_of(PAGE)}
 
 def _table() -> dict[str, list[str]]:
     """Return the cells of the page's table by machine."""
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in PAGE.splitlines() if line.startswith("| ")]
+    lines = [line for line in PAGE.splitlines() if line.startswith("| ")]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     return {row[0]: row[1:] for row in rows if row[0] in BY_NAME}
 
 

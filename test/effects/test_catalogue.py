@@ -8,6 +8,8 @@ from sgms_observer.effects import catalogue
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Effect, EffectParameter, Place
 from sgms_observer.effects.page import catalogue_page
+from sgms_observer.effects.switch_source import PAGE as SWITCH
+from sgms_observer.effects.switch_source import switch_source
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import EffectSettings
 
@@ -119,8 +121,33 @@ def test_a_bad_file_is_one_sentence(tmp_path: Path, text: str, sentence: str) ->
         catalogue.load_user_effects([tmp_path / "absent.py"])
 
 
+def test_a_record_says_over_what_it_lies_and_what_bounds_its_shape() -> None:
+    for entry in catalogue.BUILT_IN:
+        if entry.name in FIELD_NAMES and not entry.coordinates:
+            assert entry.place in (Place.EFFORT_PATH, Place.MEASURED_POSITION) or entry.name in (
+                "offset",  # a constant
+                "periodic_disturbance",  # of the frequency
+                "cross_axis_coupling",  # of the other axis
+                "flexible_mode",
+                "learnt_map",
+                "learnt_map_2",
+                "learnt_map_3",  # what its table says
+            )
+        for parameter in entry.parameters:
+            if parameter.unit in ("m", "m/s", "s", "Hz") and not parameter.is_strength and not entry.lists:
+                assert parameter.acts_on, f"{entry.name}.{parameter.name}"
+    with pytest.raises(ConfigurationError, match="acts_on = 'place' must be one of"):
+        EffectParameter("a", "m", 0.0, 0.0, 1.0, "x", acts_on="place")
+    with pytest.raises(ConfigurationError, match="coordinate 'place' is unknown"):
+        Effect("odd", Place.ADDED_FORCE, (), "F", "x", "y", (), "me", lambda q: q, coordinates=("place",))
+
+
 def test_a_formula_with_a_strange_argument_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="argument 'w' is unknown"):
         Effect("odd", Place.ADDED_FORCE, (), "F", "x", "y", (), "me", lambda w: w)
     with pytest.raises(ConfigurationError, match="outside"):
         EffectParameter("a", "-", 2.0, 0.0, 1.0, "too large")
+
+
+def test_the_compiled_switch_is_written_from_the_records() -> None:
+    assert SWITCH.read_text(encoding="utf-8") == switch_source(), "run python -m sgms_observer.effects.switch_source"

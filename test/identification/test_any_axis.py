@@ -89,7 +89,7 @@ def test_effects_of_the_file_are_fitted_with_intervals_shapes_included() -> None
 def test_what_the_motion_cannot_tell_apart_stays_with_a_warning() -> None:
     angle, torque = _turning(amplitude=0.0)
     listed = {"names": ["gravity"], "gravity": {"amplitude": 3.0}}
-    axis = _axis(joint_type="prismatic", effects=listed)  # gravity of a sliding axis is a constant, as the offset is
+    axis = _axis(joint_type="prismatic", effects=listed)  # its gravity is a constant, as the offset is
     answer = identification_answer(identify([Recording("axis", PERIOD, angle, torque)], axis, QUICK), axis, PERIOD)
     assert "effects.gravity.amplitude" not in answer.changes
     warning = next(one for one in answer.warnings if "gravity.amplitude" in one)

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +26,29 @@ OUTPUTS = ("friction_estimate", "friction_std", "friction_compensation", "fricti
 ROOT = Path(__file__).parents[2]
 
 
+_started: list[subprocess.Popen[str]] = []
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _no_command_is_left() -> Iterator[None]:
+    """End what a failed test left running."""
+    yield
+    for process in _started:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+
+
 def _sgms(*arguments: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
+    process = subprocess.Popen(
         [sys.executable, "-m", "sgms_observer", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
     )
+    _started.append(process)
+    return process
 
 
 def test_a_recorded_live_run_replays_to_the_last_bit(graph: Graph, start: Start, tmp_path: Path) -> None:

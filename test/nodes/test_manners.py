@@ -6,8 +6,10 @@ import math
 from pathlib import Path
 
 import pytest
+import rclpy
 from rcl_interfaces.srv import DescribeParameters, ListParameters
 from ros_graph import ONE_AXIS, TWO_AXES, Graph, NodeProcess, Start, wait_until
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from test_observer_node import motion
 
@@ -86,7 +88,8 @@ def test_two_observers_in_one_namespace_give_no_force(graph: Graph, start: Start
 def test_every_range_is_finite_and_one_notch_of_a_slider_is_small(graph: Graph, start: Start) -> None:
     start("observer_node", COMPENSATED)
     names = graph.call(ListParameters, "/observer_node/list_parameters", ListParameters.Request()).result.names
-    answer = graph.call(DescribeParameters, "/observer_node/describe_parameters", DescribeParameters.Request(names=names))
+    request = DescribeParameters.Request(names=names)
+    answer = graph.call(DescribeParameters, "/observer_node/describe_parameters", request)
     found = {d.name: r for d in answer.descriptors for r in [*d.floating_point_range, *d.integer_range]}
     assert {"x.mass", "x.compensation.limit", "x.friction.static_force", "publish_every"} <= set(found)
     for name, bounds in found.items():
@@ -102,7 +105,8 @@ def test_the_observer_declares_nothing_of_the_stage_and_saves_it(graph: Graph, s
     assert "x.mass" in names and not [name for name in names if ".stage." in name]
     answer = graph.call(Trigger, "/observer_node/save_parameters", Trigger.Request())
     assert answer.success, answer.message
-    assert load_settings(tmp_path / "learnt.yaml").axes[0].stage == load_settings(tmp_path / "observer_node.yaml").axes[0].stage
+    before, after = (load_settings(tmp_path / name) for name in ("observer_node.yaml", "learnt.yaml"))
+    assert after.axes[0].stage == before.axes[0].stage
 
 
 def test_diagnostics_carry_the_namespace_and_levels_by_convention(graph: Graph, start: Start) -> None:
@@ -122,3 +126,12 @@ def test_joint_names_may_have_a_slash(graph: Graph, start: Start) -> None:
     graph.listen("/diagnostics")
     start("observer_node", ONE_AXIS.replace("[x]", "[left/x]").replace("    x:", "    left/x:"))
     wait_until(lambda: [e for e in entries(graph) if e.name == "observer_node: axis left/x"], "the diagnostics")
+
+
+def test_a_command_line_tool_on_a_fast_topic_is_told(graph: Graph, start: Start) -> None:
+    tool = rclpy.create_node("_ros2cli_4711")
+    tool.create_subscription(JointState, "friction_estimate", lambda message: None, 10)
+    node = start("observer_node", ONE_AXIS)
+    told = "/friction_estimate is read by a command-line tool (_ros2cli_4711)"
+    wait_until(lambda: told in node.text(), "the warning")
+    tool.destroy_node()

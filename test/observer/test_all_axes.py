@@ -1,4 +1,4 @@
-"""Axes that feel each other: the same bits in any split, the right neighbour, and no force from an axis that went silent."""
+"""Axes that feel each other: the same bits in any split, the right neighbour, no force from one that went silent."""
 
 from __future__ import annotations
 
@@ -68,7 +68,8 @@ def test_the_force_is_that_of_the_other_axis() -> None:
     t = PERIOD * (np.arange(COUNT) + 1.0)  # where the look-ahead ends
     omega = 6.0 * np.pi
     expected = -1.5 * 5e-3 * omega**2 * np.sin(omega * t) + 10.0 * 5e-3 * omega * np.cos(omega * t)
-    assert (with_it - without)[200:] == pytest.approx(expected[200:], abs=0.02)
+    error = (with_it - without - expected)[200:]  # the set-point's acceleration comes from differences
+    assert np.sqrt(np.mean(error**2)) < 0.03 * np.sqrt(np.mean(expected**2))
 
 
 def test_an_axis_that_went_silent_leaves_no_force_behind() -> None:

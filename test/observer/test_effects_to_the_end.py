@@ -65,6 +65,7 @@ CASES = {
     "nonlinear_viscous": Case((2.5, 0.6, 0.05)),
     "quadratic_drag": Case((1000.0,)),
     "eddy_current": Case((4.0, 0.04, 0.5)),
+    "gravity": Case((3.0, 0.4, 150.0)),
     "periodic_disturbance": Case((0.8, 7.0, 0.1)),
     "cross_axis_coupling": Case((1.5, 10.0)),
     "presliding": Case((1.0, 2e-5)),

@@ -147,6 +147,8 @@ def test_valid_settings_survive_writing_and_ros(seed: int, tmp_path_factory: Any
     true_model: dict[str, Any] = chance.choice([{}, {"model": "gms"}, {"static_force": 99}])
     axis.setdefault("friction", {}).update(chance.choice(LISTS))
     axis.setdefault("stage", {}).update(friction=true_model, effects={"names": []})
+    if "coupled_axis" in axis:
+        axis["coupled_axis"] = chance.choice(["", "x"])
     axis["effects"] = {"names": ["cogging"], "cogging": {"pitch": "2e-3"}}
     tree = {"axes": ["y", "x"], "y": axis, "x": {}, **shared}
     before = settings_from_tree(tree, catalogue=catalogue)

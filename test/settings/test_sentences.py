@@ -21,6 +21,7 @@ class Entry:
     minimum: float = -1e3
     maximum: float = 1e3
     description: str = ""
+    prismatic_default: float | None = None
 
 
 @dataclass(frozen=True)

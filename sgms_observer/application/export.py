@@ -1,0 +1,122 @@
+"""Writes the model of a YAML where loop or simulation run: as C, as a ros2_control controller, as FMU."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.load import load_settings
+from sgms_observer.whole_file import write_bytes
+
+TARGETS = ("c", "fmu", "ros2_control")
+REALS = ("double", "float")
+FMI_VERSIONS = (2, 3)
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What to export, and how.
+
+    Attributes:
+        target: one of ``TARGETS``.
+        axes: names of axes, none for all (an FMU: for the first).
+        real: type of the numbers in C, one of ``REALS``.
+        fmi: version of an FMU, one of ``FMI_VERSIONS``.
+        overwrite: replace what is there.
+    """
+
+    target: str
+    axes: tuple[str, ...] = ()
+    real: str = "double"
+    fmi: int = 3
+    overwrite: bool = False
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What an export wrote.
+
+    Attributes:
+        path: the folder or the FMU.
+        axes: names of the axes in it.
+        files: names of the files in it.
+        warnings: one sentence each.
+    """
+
+    path: str
+    axes: tuple[str, ...]
+    files: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the result for ``--json``."""
+        return {"path": self.path, "axes": self.axes, "files": self.files, "warnings": self.warnings}
+
+
+def export(config: str | Path, out: str | Path, options: ExportOptions) -> Exported:
+    """Write the C folder, the controller package or the FMU of a parameter file.
+
+    Args:
+        config: the YAML.
+        out: folder (``c``, ``ros2_control``) or file (``fmu``) to write.
+        options: what and how.
+
+    Raises:
+        ConfigurationError: the YAML, or something in it, cannot be exported.
+        RecordingError: the files cannot be written.
+    """
+    settings = load_settings(config)
+    axes = chosen_axes(settings.axes, options.axes)
+    path = Path(out)
+    _refuse_existing(path, options)
+    if options.target == "fmu":
+        from sgms_observer.export.fmu_target import write_fmu
+
+        if options.axes and len(options.axes) > 1:
+            sentence = "an FMU holds one axis; give one --axis, and export the others as FMUs of their own"
+            raise ConfigurationError([sentence])
+        names = write_fmu(settings, axes[0], options.fmi, path)
+        return Exported(str(path), (axes[0].name,), names, ())
+    from sgms_observer.export.c_target import c_files
+
+    files, warnings = c_files(settings, axes, options.real)
+    if options.target == "ros2_control":
+        from sgms_observer.export.ros2_control_target import controller_files
+
+        files = controller_files(axes, files, settings.sample_period)
+    for name, text in files.items():
+        write_bytes(text.encode(), path / name)
+    return Exported(str(path), tuple(axis.name for axis in axes), tuple(files), tuple(warnings))
+
+
+def chosen_axes(known: Sequence[AxisSettings], names: Sequence[str]) -> tuple[AxisSettings, ...]:
+    """Return the named axes, or all of them.
+
+    Args:
+        known: the axes of the YAML.
+        names: of the wanted ones, or none.
+
+    Raises:
+        ConfigurationError: for a name that the YAML does not have.
+    """
+    by_name = {axis.name: axis for axis in known}
+    for name in names:
+        if name not in by_name:
+            raise ConfigurationError([f"--axis {name} is not in the parameter file; it has {', '.join(by_name)}"])
+    return tuple(by_name[name] for name in dict.fromkeys(names)) or tuple(known)
+
+
+def _refuse_existing(path: Path, options: ExportOptions) -> None:
+    """Raise where something is already that must stay."""
+    if not path.exists():
+        return
+    if not options.overwrite:
+        raise ConfigurationError([f"{path} exists already and is not overwritten; give another name, or --overwrite"])
+    marker = {"c": "sgms.h", "ros2_control": "package.xml"}.get(options.target)
+    is_ours = path.is_file() if marker is None else (path / marker).is_file() or not any(path.iterdir())
+    if not is_ours:
+        raise ConfigurationError([f"{path} was not written by sgms export and is not overwritten; give another name"])

@@ -1,0 +1,313 @@
+"""Python expressions as C expressions: the strict subset in which the kernels are written."""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Callable, Sequence
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.export import views
+from sgms_observer.export.values import (
+    ATOM,
+    BOOL,
+    FIELD_OFFSET,
+    INT,
+    LONG,
+    NONE,
+    REAL,
+    UNKNOWN,
+    Array,
+    Record,
+    Scalar,
+    Struct,
+    Value,
+    cast,
+    number,
+)
+
+if TYPE_CHECKING:
+    from sgms_observer.export.translator import Translator
+
+ARITHMETIC = {ast.Add: ("+", 70), ast.Sub: ("-", 70), ast.Mult: ("*", 80), ast.Div: ("/", 80)}
+COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+_COMPUTE: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
+    ast.Add: lambda a, b: a + b,
+    ast.Sub: lambda a, b: a - b,
+    ast.Mult: lambda a, b: a * b,
+    ast.Div: lambda a, b: a / b if b else math.nan,
+    ast.FloorDiv: lambda a, b: a // b,
+    ast.Mod: lambda a, b: a % b,
+    ast.Pow: lambda a, b: a**b,
+    ast.Lt: lambda a, b: a < b,
+    ast.LtE: lambda a, b: a <= b,
+    ast.Gt: lambda a, b: a > b,
+    ast.GtE: lambda a, b: a >= b,
+    ast.Eq: lambda a, b: a == b,
+    ast.NotEq: lambda a, b: a != b,
+}
+
+
+def reads_of(values: Sequence[Value]) -> frozenset[str]:
+    """Return the local names that any of these values has in it."""
+    return frozenset().union(*(value.reads for value in values))
+
+
+class Expressions:
+    """Translates the expressions of one function.
+
+    Args:
+        program: what is translated all together.
+        label: the function and its file, for refusals.
+        scope: the function's global names.
+    """
+
+    def __init__(self, program: Translator, label: str, scope: dict[str, Any]) -> None:
+        self.program = program
+        self.label = label
+        self.scope = scope
+        self.flow: dict[str, Value] = {}
+        self.types: dict[str, Any] = {}
+        self.parameters: dict[str, Value] = {}
+        self.written: set[str] = set()
+        self.roots: dict[str, frozenset[str]] = {}
+
+    def refuse(self, node: ast.AST, what: str) -> ConfigurationError:
+        """Return the error for what has no translation."""
+        return ConfigurationError(
+            [
+                f"sgms export cannot write {what} in C ({self.label}, line {getattr(node, 'lineno', 0)}: "
+                f"{ast.unparse(node)[:80]}); write it with arithmetic, math functions, if, and for over range"
+            ]
+        )
+
+    def expression(self, node: ast.expr) -> Value:
+        """Return the translation of an expression."""
+        method = getattr(self, f"_{type(node).__name__.lower()}", None)
+        if method is None:
+            raise self.refuse(node, f"a {type(node).__name__}")
+        value: Value = method(node)
+        return value
+
+    def _constant(self, node: ast.Constant) -> Value:
+        if node.value is None:
+            return NONE
+        if not isinstance(node.value, (bool, int, float)):
+            raise self.refuse(node, "this constant")
+        return number(node.value)
+
+    def _name(self, node: ast.Name) -> Value:
+        name = node.id
+        if name in self.flow:
+            return self.flow[name]
+        if name in self.parameters:
+            return self.parameters[name]
+        if name in self.types:
+            kind = self.types[name]
+            is_struct = isinstance(kind, Struct)
+            return Value(name, kind, reads=frozenset([name]), roots=self.roots.get(name, frozenset([name])),
+                         is_stable=not isinstance(kind, Array) and not is_struct)  # fmt: skip
+        if name in self.scope:
+            return self.program.outside(name, self.scope[name], self.scope, node)
+        if name in ("abs", "min", "max", "float", "int", "bool", "len"):
+            return Value(name, None, const=name)
+        raise self.refuse(node, f"the name {name}")
+
+    def _attribute(self, node: ast.Attribute) -> Value:
+        owner = self.expression(node.value)
+        if isinstance(owner.const, ModuleType):
+            if owner.const is math and node.attr in ("pi", "inf", "nan", "e"):
+                if node.attr == "pi":
+                    return Value("REAL_PI", REAL, const=math.pi)
+                return number(getattr(math, node.attr))
+            found = getattr(owner.const, node.attr, UNKNOWN)
+            if found is UNKNOWN:
+                raise self.refuse(node, "an unknown name")
+            return self.program.outside(node.attr, found, vars(owner.const), node)
+        if isinstance(owner.type, Array) and node.attr == "shape":
+            return Value("", None, items=tuple(self._length(node, length) for length in owner.type.shape))
+        if isinstance(owner.type, Struct):
+            if node.attr in owner.type.bound:
+                return owner.type.bound[node.attr]
+            for name, kind in owner.type.fields:
+                if name == node.attr:
+                    text = f"{owner.text}{'->' if owner.is_pointer else '.'}{name}"
+                    return Value(text, kind, reads=owner.reads, roots=owner.roots, is_stable=isinstance(kind, Array))
+        raise self.refuse(node, f"the attribute {node.attr}")
+
+    def _length(self, node: ast.AST, length: int | None) -> Value:
+        if length is None:
+            raise self.refuse(node, "an array whose length is not known beforehand")
+        return number(length)
+
+    def _tuple(self, node: ast.Tuple) -> Value:
+        items = tuple(self.expression(item) for item in node.elts)
+        return Value("", None, items=items, reads=reads_of(items))
+
+    def _unaryop(self, node: ast.UnaryOp) -> Value:
+        value = self.expression(node.operand)
+        if isinstance(node.op, ast.Not):
+            const = UNKNOWN if not value.is_known else not value.const
+            if const is not UNKNOWN:
+                return number(bool(const))
+            return Value(f"!{value.inside(90)}", BOOL, 90, reads=value.reads)
+        if isinstance(node.op, ast.USub):
+            if value.is_known and value.precedence == ATOM and value.text.lstrip("-").replace(".", "").isdigit():
+                return number(-value.const)
+            const = -value.const if value.is_known else UNKNOWN
+            return Value(f"-{value.inside(91)}", value.type, 90, const, reads=value.reads)
+        raise self.refuse(node, "this operator")
+
+    def _binop(self, node: ast.BinOp) -> Value:
+        left, right = self.expression(node.left), self.expression(node.right)
+        return self.combine(node, node.op, left, right)
+
+    def combine(self, node: ast.AST, operator: ast.operator, left: Value, right: Value) -> Value:
+        """Return the C of ``left operator right``."""
+        if not isinstance(left.type, Scalar) or not isinstance(right.type, Scalar):
+            raise self.refuse(node, "arithmetic with whole arrays")
+        reads = left.reads | right.reads
+        kind = max(left.type, right.type, INT, key=lambda item: item.rank)
+        is_division = isinstance(operator, ast.Div)
+        if is_division:
+            kind = REAL
+        const: Any = UNKNOWN
+        if left.is_known and right.is_known and type(operator) in _COMPUTE:
+            const = _COMPUTE[type(operator)](left.const, right.const)
+            if kind is not REAL:
+                return number(int(const))
+        a, b = cast(left, kind), cast(right, kind)
+        if type(operator) in ARITHMETIC:
+            sign, rank = ARITHMETIC[type(operator)]
+            return Value(f"{a.inside(rank)} {sign} {b.inside(rank + 1)}", kind, rank, const, reads=reads)
+        if isinstance(operator, (ast.FloorDiv, ast.Mod)) and kind is not REAL:
+            name = "floor_divide" if isinstance(operator, ast.FloorDiv) else "floor_remainder"
+            text = f"{name}({left.text}, {right.text})"
+            result: Value = Value(text, LONG, const=const, reads=reads)
+            return result if kind is LONG else Value(f"(int){text}", INT, 90, const, reads=reads)
+        if isinstance(operator, ast.Pow):
+            a, b = cast(left, REAL), cast(right, REAL)
+            return Value(f"real_pow({a.text}, {b.text})", REAL, const=const, reads=reads)
+        raise self.refuse(node, "this operator")
+
+    def _boolop(self, node: ast.BoolOp) -> Value:
+        is_and = isinstance(node.op, ast.And)
+        kept = []
+        for operand in node.values:
+            value = self.expression(operand)
+            if value.is_known:
+                if bool(value.const) != is_and:
+                    return number(not is_and)
+                continue
+            kept.append(value)
+        if not kept:
+            return number(is_and)
+        if len(kept) == 1:
+            return kept[0]
+        sign, rank = ("&&", 40) if is_and else ("||", 30)
+        # both signs in one line want parentheses from some compilers
+        text = f" {sign} ".join(value.inside(41) for value in kept)
+        return Value(text, BOOL, rank, reads=reads_of(kept))
+
+    def _compare(self, node: ast.Compare) -> Value:
+        if isinstance(node.ops[0], (ast.Is, ast.IsNot)):
+            left = self.expression(node.left)
+            return number((left.type is None and left.const is None) == isinstance(node.ops[0], ast.Is))
+        if isinstance(node.ops[0], ast.In) and isinstance(node.comparators[0], ast.Tuple):
+            choices = node.comparators[0].elts
+            parts: list[ast.expr] = [ast.Compare(node.left, [ast.Eq()], [choice]) for choice in choices]
+            return self.expression(ast.copy_location(ast.BoolOp(ast.Or(), parts), node))
+        values = [self.expression(item) for item in (node.left, *node.comparators)]
+        texts = []
+        for left, operator, right in zip(values, node.ops, values[1:], strict=False):
+            if type(operator) not in COMPARISONS or not isinstance(left.type, Scalar):
+                raise self.refuse(node, "this comparison")
+            if left.is_known and right.is_known:
+                if not _COMPUTE[type(operator)](left.const, right.const):
+                    return number(False)
+                continue
+            texts.append(self._comparison(left, COMPARISONS[type(operator)], right))
+        if not texts:
+            return number(True)
+        return Value(" && ".join(texts), BOOL, 60 if len(texts) == 1 else 40, reads=reads_of(values))
+
+    def _comparison(self, left: Value, sign: str, right: Value) -> str:
+        """Return one comparison of two numbers; a counter is compared with a whole number as an integer."""
+        assert isinstance(left.type, Scalar) and isinstance(right.type, Scalar)
+        kind = max(left.type, right.type, key=lambda item: item.rank)
+        for one, other in ((left, right), (right, left)):
+            if one.is_known and isinstance(one.const, float) and one.const.is_integer() and other.type in (INT, LONG):
+                kind = other.type
+        return f"{cast(left, kind).inside(61)} {sign} {cast(right, kind).inside(61)}"
+
+    def _ifexp(self, node: ast.IfExp) -> Value:
+        test = self.expression(node.test)
+        if test.is_known:
+            return self.expression(node.body if test.const else node.orelse)
+        yes, no = self.expression(node.body), self.expression(node.orelse)
+        if not isinstance(yes.type, Scalar) or not isinstance(no.type, Scalar):
+            raise self.refuse(node, "a choice between arrays")
+        kind = max(yes.type, no.type, key=lambda item: item.rank)
+        text = f"{test.inside(21)} ? {cast(yes, kind).inside(21)} : {cast(no, kind).inside(21)}"
+        return Value(text, kind, 20, reads=reads_of((test, yes, no)))
+
+    def _call(self, node: ast.Call) -> Value:
+        function = self.expression(node.func)
+        if node.keywords:
+            raise self.refuse(node, "an argument by name")
+        return self.program.call(self, node, function.const, [self.expression(item) for item in node.args])
+
+    def _subscript(self, node: ast.Subscript) -> Value:
+        owner = self.expression(node.value)
+        index = node.slice
+        if owner.items is not None:
+            return owner.items[self.whole(index)]
+        if isinstance(owner.type, Struct):
+            name, kind = owner.type.fields[self.whole(index)]
+            text = f"{owner.inside(ATOM)}{'->' if owner.is_pointer else '.'}{name}"
+            return Value(text, kind, reads=owner.reads, roots=owner.roots, is_pure=owner.is_pure)
+        if isinstance(owner.type, Record):
+            return self._of_record(node, owner, index)
+        if isinstance(owner.type, Array):
+            return views.of_array(self, node, owner, index)
+        raise self.refuse(node, "this index")
+
+    def whole(self, node: ast.expr) -> int:
+        """Return a whole number that the translator has to know."""
+        value = self.expression(node)
+        if not value.is_known:
+            raise self.refuse(node, "an index that is not known beforehand")
+        return int(value.const)
+
+    def _of_record(self, node: ast.Subscript, owner: Value, index: ast.expr) -> Value:
+        """Return a member of a record, a part of its tail, or a constant that belongs to it."""
+        record = owner.type
+        assert isinstance(record, Record)
+        if not isinstance(index, ast.Slice):
+            place = self.expression(index)
+            if place.is_known and int(place.const) in record.constants:
+                return record.constants[int(place.const)]
+            if place.is_known and int(place.const) in record.entries:
+                name, kind = record.entries[int(place.const)]
+                record.used.add(name)
+                return Value(f"{owner.text}->{name}", kind, reads=owner.reads, roots=owner.roots)
+        if record.tail is None:
+            raise self.refuse(node, "an index without a member")
+        record.used.add("at")
+        whole = Value(f"{owner.text}->at", Array(REAL, record.tail), reads=owner.reads, roots=owner.roots,
+                      is_stable=True)  # fmt: skip
+        return views.of_array(self, node, whole, index)
+
+    def field_of(self, node: ast.AST, owner: Value, index: Value) -> Value:
+        """Return a field of a record (``estimators.fields``)."""
+        record = owner.type
+        if not isinstance(record, Record) or not index.is_known:
+            raise self.refuse(node, "a field that is not known beforehand")
+        place = int(index.const)
+        if place + FIELD_OFFSET in record.constants:
+            return record.constants[place + FIELD_OFFSET]
+        name, kind = record.fields[place]
+        record.used.add(name)
+        return Value(f"{owner.text}->{name}", kind, reads=owner.reads, roots=owner.roots, is_stable=True)
