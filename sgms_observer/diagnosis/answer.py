@@ -143,17 +143,20 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     if fit is not found.before:
         names = ", ".join(item.accepted.candidate.name for item in found.rounds if item.accepted)
         test = at_least(names, "gap as reported: z-score", shrinks.z_score, criteria.interval_z_score)
-        tests.append(test)
-        if contradiction is not None or not test.passed:  # the model as it is written does not bear the names out
+        part = at_most(names, "gap as reported, as a share of the effort", rms(after) / effort_rms(motions), 1.0)
+        tests += [test, part]
+        is_borne_out = test.passed and part.passed and contradiction is None
+        if not is_borne_out:  # the model as it is written does not bear the names out
             accepted, model, fit, after = [], found.before.model, found.before, before
     learnt: tuple[Learnt, ...] = ()
     free = _ceiling(found, model, motions, after, has_held_out, options)
     surely = free.share if free.improvement.z_score > criteria.min_z_score else 0.0
     if surely > criteria.min_predictable_share and not found.is_poor and contradiction is None:
+        own = residuals(model, found.state.learn)
+        judge = (motions, after) if has_held_out else (found.state.learn, own)  # parts left out in turn, not halves
         map_found = learn(
-            found.state.learn, residuals(model, found.state.learn), motions, after, has_held_out,
-            _free_name(fit.effects), axis.units, criteria,
-        )  # fmt: skip
+            found.state.learn, own, *judge, has_held_out, _free_name(fit.effects), axis.units, criteria
+        )
         if map_found is not None:
             learnt = (map_found,)
     final = model.with_effects([item.settings for item in learnt])

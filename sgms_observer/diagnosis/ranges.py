@@ -28,6 +28,9 @@ SLOWEST_LAG = 0.2
 LONGEST_PITCH = 0.7
 """Longest period in position, as a share of the stroke."""
 
+LEAST_MASS = 0.1
+"""Least moving mass with a mass error, as a share of the file's: less, or a negative one, is no stage."""
+
 
 def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Model) -> tuple[float, float]:
     """Return the range in which a parameter gives its effect the shape of its name in these recordings.
@@ -41,6 +44,8 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
         return 0.0, max(LONGEST_PITCH * stroke, nominal.joint_period or 0.0)
     if name == "flexible_mode" and parameter == "frequency":
         return 0.0, MODE_RATE * min(motion.step / motion.period for motion in motions)
+    if name == "mass_error":
+        return (LEAST_MASS - 1.0) * nominal.mass, np.inf
     if name == "flexible_mode" and parameter == "damping_ratio":  # above it nothing resonates
         return 0.0, 0.5**0.5
     if name == "actuator_saturation":  # a limit beyond the recorded effort limits nothing

@@ -16,8 +16,8 @@ from sgms_observer.settings.load import load_settings
 from sim_plant.blind.case import CasePaths, make_case
 
 SCHEMA = {
-    "schema", "verdict", "usable", "warnings", "gap", "effects", "learnt", "changed", "remainder", "tests", "located", "feedforward",
-    "detectable", "next_experiment",
+    "schema", "verdict", "usable", "warnings", "gap", "effects", "learnt", "changed", "remainder", "tests", "located",
+    "feedforward", "detectable", "next_experiment",
 }  # fmt: skip
 GAP = {
     "given", "before", "after", "named", "predictable", "floor", "unit", "on", "band_hz", "closure", "interval_before",

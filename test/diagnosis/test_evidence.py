@@ -46,7 +46,8 @@ def test_a_block_is_predicted_as_by_the_fit_without_it(judged: Judged) -> None:
         pieces += blocks_of(series, len(motion.time) * motion.period / len(series), CRITERIA.block)
     assert len(left) == len(pieces) > 15
     for place, piece in enumerate(pieces):
-        others = np.vstack([*(one for i, one in enumerate(pieces) if i != place), np.column_stack([prior, np.zeros(4)])])
+        kept = [one for i, one in enumerate(pieces) if i != place]
+        others = np.vstack([*kept, np.column_stack([prior, np.zeros(4)])])
         again = np.linalg.lstsq(others[:, :-1], others[:, -1])[0]
         assert left[place] == pytest.approx(piece[:, :-1] @ again - piece[:, -1], rel=1e-6, abs=1e-9)
 
@@ -147,6 +148,8 @@ def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
     assert not all(test.passed for test in physical(item("periodic_disturbance", 0.1, 0.41 * rate, 0.0), court))
     assert not all(test.passed for test in physical(item("actuator_saturation", 1e-3 * most), court))
     assert not all(test.passed for test in bounds(item("actuator_saturation", most), court))
+    assert not all(test.passed for test in bounds(item("mass_error", -0.9 * MODEL.mass), court))  # nothing is left
+    assert all(test.passed for test in bounds(item("mass_error", -0.5 * MODEL.mass), court))
     stroke = float(np.ptp(motion.position))
     assert not all(test.passed for test in bounds(item("cogging", 0.5, 0.7 * stroke, 0.1, 0.0, 0.0), court))
     assert all(test.passed for test in bounds(item("cogging", 0.5, 0.2 * stroke, 0.1, 0.0, 0.0), court))

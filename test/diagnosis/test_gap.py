@@ -17,7 +17,8 @@ RATE = 250.0
 
 def gap_of(before: float, after: float, floor: float) -> Gap:
     """Return a gap with these figures."""
-    return Gap(before, before, after, floor, (0.9 * before, 1.1 * before), (0.9 * after, 1.1 * after), "held-out", 25.0, 1.1)
+    intervals = ((0.9 * before, 1.1 * before), (0.9 * after, 1.1 * after))
+    return Gap(before, before, after, floor, *intervals, "held-out", 25.0, 1.1)
 
 
 @settings(derandomize=True, max_examples=50)
@@ -51,7 +52,9 @@ def test_closure_is_null_where_there_is_nothing_to_close() -> None:
     ],
 )
 @pytest.mark.parametrize("mass", [5.0, 3.0])
-def test_an_effect_that_erases_the_measurement_closes_nothing(name: str, values: tuple[float, ...], mass: float) -> None:
+def test_an_effect_that_erases_the_measurement_closes_nothing(
+    name: str, values: tuple[float, ...], mass: float
+) -> None:
     motion = motion_of(record(duration=8.0, period=1.0 / RATE), band=25.0)
     model = Model(mass, MODEL.friction)
     plain = rms(residuals(model, [motion]))

@@ -17,10 +17,12 @@ from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.diagnosis.result import result_of, write_augmented
 from sgms_observer.diagnosis.workflow import Options, diagnose
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.learnt_map import LearntMap
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
+from sgms_observer.settings.effects import named_values
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.write import write_settings
 
@@ -91,9 +93,6 @@ def test_a_friction_level_along_the_rail_is_learnt_and_its_file_loads_and_closes
     assert np.corrcoef(0.5 * (table[:, 1] - table[:, 0]), level)[0, 1] > 0.9
     config = file_of(tmp_path)
     settings = found.settings
-    from sgms_observer.effects.catalogue import effect
-    from sgms_observer.settings.effects import named_values
-
     changes: dict[str, object] = {"effects.names": [settings.name]}
     for key, value in (named_values(effect(settings.name), settings.values) or {}).items():
         changes[f"effects.{settings.name}.{key}"] = list(value) if isinstance(value, tuple) else value
@@ -121,7 +120,14 @@ def test_diagnose_learns_the_rail_and_takes_the_map_of_its_own_file_for_granted(
     assert second.gap.given == pytest.approx(first.gap_with_learnt, rel=0.1)
 
 
-def answered(pair: tuple[Recording, Recording], axis: AxisSettings) -> Answer:
+def test_one_recording_is_enough_to_learn_from(rail: tuple[Recording, Recording]) -> None:
+    answer = answered(rail[:1], AXIS)
+    assert answer.verdict == "unknown_effect" and answer.remainder == "learnt"
+    assert answer.gap.held_out == "cross-validated"
+    assert answer.gap_with_learnt < 0.7 * answer.gap.after
+
+
+def answered(pair: tuple[Recording, ...], axis: AxisSettings) -> Answer:
     """Return the answer on two recordings, the second held out."""
     return answer_of(diagnose(pair[:1], pair[1:], axis, OPTIONS), axis, OPTIONS)
 
@@ -135,7 +141,8 @@ def test_a_coulomb_force_that_moved_is_listed_with_its_old_and_new_value() -> No
     assert moved.before == 5.6
     assert moved.after == pytest.approx(4.0, rel=0.05)
     assert moved.closes > 0.5
-    entry = next(item for item in result_of(answer, (Closing(1.0, 1.0), Closing(1.0, 1.0)), AXIS.units)["changed"] if item["name"] == "friction.coulomb_force")
+    result = result_of(answer, (Closing(1.0, 1.0), Closing(1.0, 1.0)), AXIS.units)
+    (entry,) = [item for item in result["changed"] if item["name"] == "friction.coulomb_force"]
     assert set(entry) == {"name", "from", "to", "std_error", "closes"} and entry["std_error"] > 0.0
 
 

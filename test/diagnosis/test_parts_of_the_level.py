@@ -1,5 +1,6 @@
-"""Effects that more elements than the owner's could stand in for, and the verdict that the tests of the whole lead to."""
+"""Effects that more elements could stand in for, and the verdict that the tests of the whole lead to."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,7 @@ def test_more_shapes_tried_need_a_larger_z_score_and_the_name_of_an_effect_does_
     criteria = Criteria()
     needed = [criteria.z_score_of(trials) for trials in (1, 10, 100, 1000)]
     assert needed[0] == pytest.approx(criteria.min_z_score)
-    assert all(one < other for one, other in zip(needed, needed[1:], strict=False))
+    assert all(one < other for one, other in pairwise(needed))
     assert needed[-1] < 5.0
 
 
