@@ -163,17 +163,20 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     total = after
     if learnt:
         total = residuals(final, motions)
-    floor = _floor(found, motions, before, after, total, free, surely, options)
+    noise = noise_floor(motions, found.state.current.model, found.state.refits.judged.noise, options.seed)
+    floor = _floor(noise, before, after, total, free, surely)
     percent = 100.0 / effort_rms(motions)
     named_after = rms(after) * percent
     gap = Gap(
-        rms(given) * percent, rms(before) * percent, named_after, min(floor * percent, named_after),
+        rms(given) * percent, rms(before) * percent, named_after, min(floor * percent, named_after), noise * percent,
         interval(before, motions, criteria, options.seed), interval(after, motions, criteria, options.seed),
         "held-out" if has_held_out else "cross-validated", found.state.learn[0].band, criteria.min_gap_over_floor,
     )  # fmt: skip
     whole = at_most("model", "share of the effort that is unexplained", 0.01 * gap.after, criteria.max_unexplained)
     rest = at_most("model", "surely predictable share of the rest", surely, criteria.min_predictable_share)
-    tests += [whole, rest, *([] if contradiction is None else [contradiction])]
+    over = gap.after / gap.noise if gap.noise > 0.0 else math.inf
+    near = at_most("model", "gap over noise, where nothing predicts it", over, criteria.max_gap_over_noise)
+    tests += [whole, rest, near, *([] if contradiction is None else [contradiction])]
     warnings = list(found.warnings)
     warnings += unhomed([d.candidate.refit.model for item in found.rounds for d in item.decisions], found.court)
     if not whole.passed:
@@ -184,7 +187,12 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     effects = _named(found, accepted, fit, motions, gap, percent, axis, options)
     effects += _read_off(found)
     changed = changed_values(found, fit, options) if fit is not found.before else ()
-    verdict = _verdict(found, effects, rest, whole)
+    verdict = _verdict(found, effects, rest, whole, near)
+    if verdict == "cannot_tell" and whole.passed and not found.is_poor:
+        warnings.append(
+            f"the gap is {over:.0f} times the noise, and nothing in the recordings to learn from predicts it: learn"
+            " from recordings with the motion that is judged"
+        )
     remainder = "none" if rest.passed else "learnt" if learnt else "unknown"
     everywhere = locate(before, motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")
@@ -227,17 +235,14 @@ def _ceiling(
 
 
 def _floor(
-    found: Diagnosis,
-    motions: Sequence[Motion],
+    noise: float,
     before: Sequence[Floats],
     after: Sequence[Floats],
     total: Sequence[Floats],
     free: FreeForm,
     surely: float,
-    options: Options,
 ) -> float:
     """Return what no predictor removes [N]: noise and encoder, or what the best predictor leaves if that is more."""
-    noise = noise_floor(motions, found.state.current.model, found.state.refits.judged.noise, options.seed)
     left = [rms(before), rms(after), rms(total)]
     if surely > 0.0:
         left.append(rms([one - guess for one, guess in zip(after, free.predicted, strict=True)]))
@@ -250,7 +255,7 @@ def _free_name(effects: Sequence[EffectSettings]) -> str:
     return next((name for name in LEARNT_NAMES if name not in taken), LEARNT_NAMES[-1])
 
 
-def _verdict(found: Diagnosis, effects: Sequence[Named], rest: Test, whole: Test) -> str:
+def _verdict(found: Diagnosis, effects: Sequence[Named], rest: Test, whole: Test, near: Test) -> str:
     """Return the verdict.
 
     Args:
@@ -258,6 +263,7 @@ def _verdict(found: Diagnosis, effects: Sequence[Named], rest: Test, whole: Test
         effects: what was named.
         rest: test of the surely predictable share of the rest.
         whole: test of the unexplained share of the effort.
+        near: test of the gap over the noise.
     """
     if found.is_poor:
         return "cannot_tell"
@@ -265,7 +271,7 @@ def _verdict(found: Diagnosis, effects: Sequence[Named], rest: Test, whole: Test
         return "ambiguous" if any(item.alternatives for item in effects) else "effect_found"
     if not rest.passed:
         return "unknown_effect"
-    return "no_effect" if whole.passed else "cannot_tell"
+    return "no_effect" if whole.passed and near.passed else "cannot_tell"
 
 
 def _named(

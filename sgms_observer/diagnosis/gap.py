@@ -32,6 +32,7 @@ class Gap:
         before: of the file refitted within its tolerance.
         after: with what was found.
         floor: what no predictor removes.
+        noise: what noise and encoder alone leave to a perfect model.
         interval_before, interval_after: 90 % intervals by moving blocks.
         held_out: which data: ``held-out`` recordings, or ``cross-validated`` halves of the recordings themselves.
         band: residuals are judged below this frequency [Hz].
@@ -42,6 +43,7 @@ class Gap:
     before: float
     after: float
     floor: float
+    noise: float
     interval_before: tuple[float, float]
     interval_after: tuple[float, float]
     held_out: str

@@ -43,6 +43,7 @@ def result_of(answer: Answer, closings: Sequence[Closing], units: Units) -> dict
             "named": gap.named,
             "predictable": gap.predictable,
             "floor": gap.floor,
+            "noise": gap.noise,
             "unit": UNIT,
             "on": gap.held_out,
             "band_hz": [0.0, gap.band],
@@ -87,7 +88,7 @@ def result_of(answer: Answer, closings: Sequence[Closing], units: Units) -> dict
             {
                 "of": test.of,
                 "name": test.name,
-                "value": test.value,
+                "value": test.value if math.isfinite(test.value) else None,
                 "threshold": test.threshold,
                 "passed": test.passed,
             }

@@ -297,8 +297,8 @@ def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None
     """Return the hypothesis to add: what predicts best of those that pass every test.
 
     An effect that a contact law may look like is added only where it predicts surely better than every change of the
-    contact that passes; else that change is added. Any other effect goes before a change of the contact that moves more
-    values and does not surely predict better.
+    contact that passes, or explains most of what there is; else that change is added. Any other effect goes before a
+    change of the contact that moves more values and does not surely predict better.
 
     Args:
         decisions: the best predicting first.
@@ -308,7 +308,7 @@ def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None
     if not passed:
         return None
     best = passed[0]
-    if best.candidate.name in CONTACT_EFFECTS:
+    if best.candidate.name in CONTACT_EFFECTS and best.share < criteria.min_contact_share:
         for item in passed[1:]:
             apart = improvement(item.evidence.all, best.evidence.all).z_score
             if item.candidate.settings is None and apart < criteria.min_z_score:
@@ -317,7 +317,8 @@ def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None
         for item in passed[1:]:
             apart = improvement(item.evidence.all, best.evidence.all).z_score
             is_simpler = item.candidate.parameter_count < best.candidate.parameter_count
-            if item.candidate.name not in CONTACT_EFFECTS and is_simpler and apart < criteria.min_z_score:
+            is_own = item.candidate.name not in CONTACT_EFFECTS or item.share >= criteria.min_contact_share
+            if is_own and is_simpler and apart < criteria.min_z_score:
                 return item
     return best
 

@@ -228,6 +228,7 @@ def translate_axis(program: Translator, observer: AxisObserver, prefix: str) -> 
         "kinds": memory.constant("path_kinds", path_memory.kinds, binds=True, selects=True),
         "p_at": memory.constant("path_parameters_at", path_memory.p_at, binds=True, selects=True),
         "parameters": memory.constant("path_parameters", path_memory.parameters, binds=True),
+        "delay": number(path_memory.delay),
         "mass": number(path_memory.mass),
         "added_mass": number(path_memory.added_mass),
     })  # fmt: skip

@@ -43,5 +43,5 @@ def test_a_far_gap_on_an_unseen_motion_is_never_no_effect(tmp_path: Path) -> Non
     arguments = ["diagnose", str(learn), "--config", str(CONFIG), "--holdout", str(judge)]
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
-    assert result["gap"]["before"] > 5.0 * result["gap"]["floor"]
+    assert result["gap"]["before"] > 5.0 * result["gap"]["noise"]
     assert result["verdict"] != "no_effect"

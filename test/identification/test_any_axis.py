@@ -93,7 +93,8 @@ def test_what_the_motion_cannot_tell_apart_stays_with_a_warning() -> None:
     answer = identification_answer(identify([Recording("axis", PERIOD, angle, torque)], axis, QUICK), axis, PERIOD)
     assert "effects.gravity.amplitude" not in answer.changes
     warning = next(one for one in answer.warnings if "gravity.amplitude" in one)
-    assert warning.startswith("Warning: x.effects.gravity.amplitude is not identifiable from this recording; 3 N of the")
+    said = "Warning: x.effects.gravity.amplitude is not identifiable from this recording; 3 N of the"
+    assert warning.startswith(said)
 
 
 def test_a_reversed_effort_is_turned_round_and_told() -> None:
