@@ -9,7 +9,7 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.closing import Closing, closing, has_reference
+from sgms_observer.diagnosis.closing import Closing, can_look_ahead, closing
 from sgms_observer.diagnosis.criteria import at_most
 from sgms_observer.diagnosis.report import write_report
 from sgms_observer.diagnosis.result import write_augmented, write_result
@@ -97,17 +97,17 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
         folder, record = Path(request.out), (judge or learn)[0]
         before = closing(record, axis, record.period, band.corner)
 
-        def after() -> Closing:
+        def after() -> tuple[AxisSettings, Closing]:
             write_augmented(answer, settings, axis.name, folder)
             written = next(one for one in load_settings(folder / FILES[1]).axes if one.name == axis.name)
-            return closing(record, written, record.period, band.corner)
+            return written, closing(record, written, record.period, band.corner)
 
-        later = after()
+        written, later = after()
         ratio = later.compensation / before.compensation if before.compensation > 0.0 else 1.0
         test = at_most("model", "friction not cancelled by the feedforward, after over before", ratio, 1.0)
-        if has_reference(record) and not test.passed and (answer.effects or answer.learnt):
+        if can_look_ahead(written) and not test.passed and (answer.effects or answer.learnt):
             answer = answer_of(found, axis, options, test)
-            later = after()
+            written, later = after()
         closings = (before, later)
     write_result(answer, closings, axis.units, folder)
     write_report(answer, axis, closings, options, folder, [*request.bags, *request.holdout], notes)

@@ -13,7 +13,7 @@ from scipy import stats
 from sgms_observer.diagnosis.advice import Named, detectable, next_experiment
 from sgms_observer.diagnosis.ceiling import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.changed import Changed, changed_values
-from sgms_observer.diagnosis.criteria import Test, at_least, at_most
+from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.evidence import Improvement, blocks_of, improvement
 from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
 from sgms_observer.diagnosis.gap import Gap, effort_rms, halves, interval, noise_floor, residuals, rms
@@ -176,7 +176,11 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     rest = at_most("model", "surely predictable share of the rest", surely, criteria.min_predictable_share)
     over = gap.after / gap.noise if gap.noise > 0.0 else math.inf
     near = at_most("model", "gap over noise, where nothing predicts it", over, criteria.max_gap_over_noise)
-    tests += [whole, rest, near, *([] if contradiction is None else [contradiction])]
+    misled = at_most(
+        "model", "share of the squared gap that the refit adds", _added(before, given, motions, criteria),
+        criteria.min_predictable_share,
+    )  # fmt: skip
+    tests += [whole, rest, near, misled, *([] if contradiction is None else [contradiction])]
     warnings = list(found.warnings)
     warnings += unhomed([d.candidate.refit.model for item in found.rounds for d in item.decisions], found.court)
     if not whole.passed:
@@ -187,11 +191,11 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     effects = _named(found, accepted, fit, motions, gap, percent, axis, options)
     effects += _read_off(found)
     changed = changed_values(found, fit, options) if fit is not found.before else ()
-    verdict = _verdict(found, effects, rest, whole, near)
+    verdict = _verdict(found, effects, rest, (whole, near, misled))
     if verdict == "cannot_tell" and whole.passed and not found.is_poor:
         warnings.append(
-            f"the gap is {over:.0f} times the noise, and nothing in the recordings to learn from predicts it: learn"
-            " from recordings with the motion that is judged"
+            f"the gap is {over:.0f} times the noise, and the recordings to learn from do not show why: learn from"
+            " recordings with the motion that is judged"
         )
     remainder = "none" if rest.passed else "learnt" if learnt else "unknown"
     everywhere = locate(before, motions, options.seed)
@@ -255,15 +259,29 @@ def _free_name(effects: Sequence[EffectSettings]) -> str:
     return next((name for name in LEARNT_NAMES if name not in taken), LEARNT_NAMES[-1])
 
 
-def _verdict(found: Diagnosis, effects: Sequence[Named], rest: Test, whole: Test, near: Test) -> str:
+def _added(
+    before: Sequence[Floats], given: Sequence[Floats], motions: Sequence[Motion], criteria: Criteria
+) -> float:
+    """Return the share of the squared gap that the refit adds to the file's own on held-out data; 0 if unsure.
+
+    Args:
+        before: residual of the file refitted within its tolerance [N].
+        given: residual of the file as it is [N].
+        motions: the motions.
+        criteria: thresholds.
+    """
+    back = _improvement(before, given, motions, criteria.block)
+    return back.fall / back.before if back.z_score > criteria.min_z_score and back.before > 0.0 else 0.0
+
+
+def _verdict(found: Diagnosis, effects: Sequence[Named], rest: Test, trust: Sequence[Test]) -> str:
     """Return the verdict.
 
     Args:
         found: the diagnosis.
         effects: what was named.
         rest: test of the surely predictable share of the rest.
-        whole: test of the unexplained share of the effort.
-        near: test of the gap over the noise.
+        trust: tests that the silence of the recordings means something.
     """
     if found.is_poor:
         return "cannot_tell"
@@ -271,7 +289,7 @@ def _verdict(found: Diagnosis, effects: Sequence[Named], rest: Test, whole: Test
         return "ambiguous" if any(item.alternatives for item in effects) else "effect_found"
     if not rest.passed:
         return "unknown_effect"
-    return "no_effect" if whole.passed and near.passed else "cannot_tell"
+    return "no_effect" if all(test.passed for test in trust) else "cannot_tell"
 
 
 def _named(

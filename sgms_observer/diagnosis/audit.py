@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
@@ -21,6 +22,8 @@ MIN_REVERSALS = 2
 """Least number of reversals: with fewer, friction and offset cannot be told apart."""
 MOVING = 0.05
 """Slower than this share of the fast speed (99 %) the stage does not count as moving."""
+WIDE_ANGLE = 0.5
+"""Range of the position from which a sine of it differs from a line [rad]."""
 REVERSED_Z = 6.0
 """Standard errors by which friction has to be negative for the sign of the effort to be called reversed."""
 
@@ -92,20 +95,20 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
 
 
 def is_reversed(motions: Sequence[Motion]) -> bool:
-    """Return whether the effort surely points against the motion: mass and friction would both be negative.
+    """Return whether the effort surely points against the motion: mass, friction and the work done would be negative.
+
+    A machine takes more work than it gives back; only the sign of the effort can turn that round.
 
     Args:
         motions: recordings.
     """
-    columns, target = [], []
+    columns, target, work = [], [], 0.0
     for motion in motions:
         speed = motion.low_pass(motion.velocity)
         sign = np.tanh(speed / (MOVING * float(np.quantile(np.abs(speed), 0.99)) + 1e-300))
-        place = motion.thinned(motion.position)
+        work += float(motion.effort @ motion.velocity) * motion.period
         columns.append(
-            np.column_stack(
-                [sign, motion.low_pass(motion.acceleration), np.ones(len(speed)), place, np.sin(place), np.cos(place)]
-            )
+            np.column_stack([sign, motion.low_pass(motion.acceleration), *_conservative(motion)])
         )
         target.append(motion.low_pass(motion.effort))
     rows, effort = np.vstack(columns), np.concatenate(target)
@@ -116,4 +119,11 @@ def is_reversed(motions: Sequence[Motion]) -> bool:
     share = 2.0 * motions[0].band * motions[0].residual_period
     error = np.sqrt(np.diag(np.linalg.pinv(rows.T @ rows)) * float(left @ left) / max(len(left) * share, 1.0))
     friction, mass = solution[:2] / np.maximum(error[:2], 1e-300)
-    return bool(friction < -REVERSED_Z and mass < 0.0)
+    return bool(friction < -REVERSED_Z and mass < 0.0 and work < 0.0)
+
+
+def _conservative(motion: Motion) -> list[NDArray[np.float64]]:
+    """Return columns of forces that depend on the place: constant, spring, and gravity where the angle is wide."""
+    place = motion.thinned(motion.position)
+    listed = [np.ones(len(place)), place]
+    return [*listed, np.sin(place), np.cos(place)] if float(np.ptp(place)) > WIDE_ANGLE else listed

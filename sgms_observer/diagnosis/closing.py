@@ -30,7 +30,7 @@ class Closing:
 
 
 def closing(record: Recording, axis: AxisSettings, period: float, band: float) -> Closing:
-    """Run observer and compensation over a recording, along its reference where it has one.
+    """Run observer and compensation over a recording, along its measured motion.
 
     Args:
         record: position and effort.
@@ -42,10 +42,8 @@ def closing(record: Recording, axis: AxisSettings, period: float, band: float) -
     observer = AxisObserver(replace(axis, compensation=tuned), period)
     n = len(record.position)
     stamp = np.round(np.arange(n) * record.period * 1e9).astype(np.int64)
-    reference = np.full(n, np.nan) if record.reference_position is None else record.reference_position
-    estimates = observer.step(
-        Samples(stamp, record.position, record.effort, reference, np.gradient(reference, record.period))
-    )
+    nothing = np.full(n, np.nan)
+    estimates = observer.step(Samples(stamp, record.position, record.effort, nothing, nothing))
     good = np.arange(n) * record.period > SKIPPED
     innovation = estimates.innovation[good & np.isfinite(estimates.innovation)]
     motion = motion_of(record, HELD if axis.filter.effort_is_held else 0.0, band)
@@ -56,6 +54,6 @@ def closing(record: Recording, axis: AxisSettings, period: float, band: float) -
     return Closing(float(np.sqrt(np.mean(innovation**2))), float(np.sqrt(np.mean(left**2))))
 
 
-def has_reference(record: Recording) -> bool:
-    """Return whether a recording holds its reference throughout, which a feedforward acts along."""
-    return record.reference_position is not None and bool(np.all(np.isfinite(record.reference_position)))
+def can_look_ahead(axis: AxisSettings) -> bool:
+    """Return whether a feedforward along measured motion is a fair test of a model: a delay asks for the future."""
+    return all(item.name != "actuator_delay" for item in axis.effects)

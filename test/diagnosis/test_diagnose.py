@@ -20,8 +20,8 @@ SCHEMA = {
     "feedforward", "detectable", "next_experiment",
 }  # fmt: skip
 GAP = {
-    "given", "before", "after", "named", "predictable", "floor", "unit", "on", "band_hz", "closure", "interval_before",
-    "interval_after",
+    "given", "before", "after", "named", "predictable", "floor", "noise", "unit", "on", "band_hz", "closure",
+    "interval_before", "interval_after",
 }  # fmt: skip
 
 
@@ -84,6 +84,7 @@ def test_a_stage_that_hardly_moves_cannot_tell() -> None:
 
 def test_an_unknown_axis_is_one_sentence(case: tuple[CasePaths, Path], capsys: pytest.CaptureFixture[str]) -> None:
     paths, out = case
-    code = main(["diagnose", str(paths.bag), "--config", str(paths.config), "--out", str(out), "--axis", "q"])
+    arguments = ["diagnose", str(paths.bag), "--config", str(paths.config), "--out", str(out), "--axis", "q"]
+    code = main([*arguments, "--overwrite"])
     assert code != 0
     assert capsys.readouterr().err.count("--axis q is not in") == 1

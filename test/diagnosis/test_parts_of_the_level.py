@@ -45,7 +45,7 @@ def test_the_verdict_follows_from_names_and_the_tests_of_the_whole(
     found: Any = type("Found", (), {"is_poor": is_poor})
     rest = at_most("model", "surely predictable", predictable, criteria.min_predictable_share)
     whole = at_most("model", "unexplained", unexplained, criteria.max_unexplained)
-    assert _verdict(found, effects, rest, whole) == verdict
+    assert _verdict(found, effects, rest, (whole,)) == verdict
 
 
 def test_more_shapes_tried_need_a_larger_z_score_and_the_name_of_an_effect_does_not_matter() -> None:
