@@ -16,9 +16,8 @@ RUNTIME = [
     "numba>=0.58,<1",
     "numpy>=1.26,<3",
     "pyyaml>=6.0,<7",
-    "scikit-learn>=1.3,<2",
+    "scikit-learn>=1.3,<2",  # brings threadpoolctl
     "scipy>=1.11,<2",
-    "threadpoolctl>=3.1,<4",
 ]
 # The model as symbols: the converged reference solution and the peers of ``sgms bench`` and of the tests.
 SYMBOLIC = ["casadi>=3.6.5,<4"]

@@ -30,8 +30,6 @@ from sgms_observer.effects.catalogue import effect
 
 Floats = NDArray[np.float64]
 
-SHARE = "share of the closable squared gap"
-"""Name of the test of what a hypothesis is worth."""
 START_LAG = 0.01
 """Start of the time in which sliding elements follow the Stribeck curve, where the file's contact has none [s]."""
 SLACK_OF_CONTACT = 10.0
@@ -143,7 +141,7 @@ class Decision:
     @property
     def share(self) -> float:
         """Return the share of the closable squared gap that the hypothesis closes."""
-        return next((test.value for test in self.tests if test.name == SHARE), 0.0)
+        return next((test.value for test in self.tests if test.name.startswith("share of the closable")), 0.0)
 
     @property
     def passed(self) -> bool:
@@ -168,7 +166,7 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> D
     if court.has_held_out:
         tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
     share = gap.fall / court.closable_square if court.closable_square > 0.0 else 0.0
-    tests.append(at_least(item.name, SHARE, share, criteria.min_closed_share))
+    tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     if court.has_held_out:
         value = returning_strength(earlier.force, later.force)
         agreement = min(value, 1.0 / value) if value > 0.0 else value

@@ -31,7 +31,9 @@ WRITING = (
     "excite",
     "bench",
 )
-WITH_RESULT = ("info", "check", "init", "convert", "identify", "diagnose", "simulate", "replay", "excite")
+WITH_RESULT = (
+    "info", "check", "init", "convert", "identify", "diagnose", "simulate", "replay", "excite", "export",
+)  # fmt: skip
 WITH_BAG = ("replay", "info", "check", "init", "identify")
 
 

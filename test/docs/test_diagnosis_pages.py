@@ -27,9 +27,14 @@ from sgms_observer.settings.units import Units
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "diagnosis.md").read_text(encoding="utf-8")
 GLOSSARY = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
-SOURCE = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "sgms_observer" / "diagnosis").glob("*.py"))
+PATHS = [*(ROOT / "sgms_observer" / "diagnosis").glob("*.py"), ROOT / "sgms_observer" / "application" / "diagnose.py"]
+SOURCE = "\n".join(path.read_text(encoding="utf-8") for path in PATHS)
 ROWS = re.findall(r"^\| ([^|]+) \| [^|]+ \| (`\w+`|-) \| ([\d.]+) \|$", PAGE, re.MULTILINE)
-NATURAL = {"parameters at the end of their range": 0.0, "gap as reported, as a share of the effort": 1.0}
+NATURAL = {
+    "parameters at the end of their range": 0.0,
+    "gap as reported, as a share of the effort": 1.0,
+    "friction not cancelled by the feedforward, after over before": 1.0,
+}
 """Thresholds that nobody could choose otherwise."""
 BY_PARAMETER = {"effects.parameters", "effects.std_error", "detectable"}
 """Keys whose own keys are names of the catalogue."""
@@ -38,7 +43,7 @@ BY_PARAMETER = {"effects.parameters", "effects.std_error", "detectable"}
 def full_answer() -> Any:
     """Return an answer with one of everything."""
     none = np.zeros(1)
-    gap = Gap(5.0, 4.0, 2.0, 1.0, (3.9, 4.1), (1.9, 2.1), "held-out", 100.0, 1.1)
+    gap = Gap(5.0, 4.0, 2.0, 1.0, 0.5, (3.9, 4.1), (1.9, 2.1), "held-out", 100.0, 1.1)
     named = Named(EffectSettings("offset", (0.6,)), (0.01,), 0.9, ("cogging",), 4.0, 2.0)
     table = LearntMap(("position",), ((0.0, 1.0),), (0.0, 1.0))
     learnt = Learnt(table, ("position",), Improvement(1.0, 4.0, 2.0), 0.5, "a force")

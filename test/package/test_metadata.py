@@ -18,6 +18,7 @@ MANIFEST = ElementTree.parse(ROOT / "package.xml").getroot()
 ROSDEP_KEYS = {
     **{name: f"python3-{name}" for name in ("numpy", "scipy", "numba", "matplotlib", "jinja2")},
     "pyyaml": "python3-yaml",
+    "scikit-learn": "python3-sklearn",
 }
 
 
@@ -47,7 +48,7 @@ def test_every_requirement_has_its_rosdep_key() -> None:
 
 def test_every_requirement_is_a_range() -> None:
     for line in _setup_py("install_requires"):
-        assert re.fullmatch(r"\w+<[\d.]+,>=[\d.]+", line), line
+        assert re.fullmatch(r"[\w-]+<[\d.]+,>=[\d.]+", line), line
 
 
 def test_rosdep_needs_no_pip() -> None:
