@@ -163,7 +163,8 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     total = after
     if learnt:
         total = residuals(final, motions)
-    noise = noise_floor(motions, found.state.current.model, found.state.refits.judged.noise, options.seed)
+    whole_motions = found.state.held or found.state.learn
+    noise = noise_floor(whole_motions, found.state.current.model, found.state.refits.judged.noise, options.seed)
     floor = _floor(noise, before, after, total, free, surely)
     percent = 100.0 / effort_rms(motions)
     named_after = rms(after) * percent

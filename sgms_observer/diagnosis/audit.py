@@ -117,7 +117,8 @@ def is_reversed(motions: Sequence[Motion]) -> bool:
     left = effort - rows @ solution
     # neighbouring samples are one: as many independent ones as the band lets pass
     share = 2.0 * motions[0].band * motions[0].residual_period
-    error = np.sqrt(np.diag(np.linalg.pinv(rows.T @ rows)) * float(left @ left) / max(len(left) * share, 1.0))
+    variance = np.maximum(np.diag(np.linalg.pinv(rows.T @ rows)), 0.0)
+    error = np.sqrt(variance * float(left @ left) / max(len(left) * share, 1.0))
     friction, mass = solution[:2] / np.maximum(error[:2], 1e-300)
     return bool(friction < -REVERSED_Z and mass < 0.0 and work < 0.0)
 
