@@ -24,8 +24,9 @@ import shlex
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,15 @@ class Machine:
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: held-out residuals in % of the rms effort, NaN where a model gives none."""
+    """One line of the table: held-out residuals in % of the rms effort, NaN where a model gives none.
+
+    Attributes:
+        machine: heading of its section.
+        band: upper corner of the judging band [Hz].
+        this_tool, coulomb_viscous, stribeck, lugre: residuals [%].
+        said: how ``sgms identify`` ended.
+        parameters: what it found, as ``--json`` prints it.
+    """
 
     machine: str
     band: float
@@ -74,6 +83,7 @@ class Row:
     stribeck: float
     lugre: float
     said: str
+    parameters: dict[str, Any] = field(default_factory=dict)
 
 
 def machines_of(page: str) -> tuple[Machine, ...]:
@@ -162,7 +172,7 @@ def judged(machine: Machine, data: Path) -> Row:
         parts = [_rows(read_recordings(folder / bag, axis), axis, band)
                  for bag in (machine.commands[-1][1], options["--holdout"])]  # fmt: skip
         peers = [fit(*parts, axis) for fit in (coulomb_viscous, stribeck, lugre)]
-        return Row(machine.name, band, 100.0 * result["held_out"], *peers, f"exit {code}")
+        return Row(machine.name, band, 100.0 * result["held_out"], *peers, f"exit {code}", result["parameters"])
 
 
 def _rows(recordings: Recordings, axis: AxisSettings, band: float) -> list[Prepared]:

@@ -249,7 +249,9 @@ def _write(settings: Settings, job: IdentifyJob, hashes: Sequence[str], found: S
 def _write_report(settings: Settings, job: IdentifyJob, path: Path, found: Sequence[IdentifiedAxis]) -> None:
     """Write the report."""
     axes = {axis.name: axis for axis in settings.axes}
-    parts = [Part(axes[one.name].units, one.name, one.answer, one.traces, one.band_hz, one.unexplained) for one in found]
+    parts = [
+        Part(axes[one.name].units, one.name, one.answer, one.traces, one.band_hz, one.unexplained) for one in found
+    ]
     write_report(parts, path, job.out, job.bags, job.holdout)
 
 

@@ -47,11 +47,10 @@ class Part:
 
 
 def report_path(yaml: str | Path, is_overwriting: bool) -> Path:
-    """Return where the report of a parameter file goes: ``report.html`` beside it, ``NAME_report.html`` where that is
-    another one's and stays.
+    """Return where the report goes: ``report.html`` beside its YAML, ``NAME_report.html`` where another one is there.
 
     Args:
-        yaml: the parameter file.
+        yaml: the parameter file, ``NAME.yaml``.
         is_overwriting: what is there may be replaced.
     """
     path = Path(yaml)
@@ -75,7 +74,7 @@ def write_report(
     source = f"{Path(yaml).name} from {_listed(learnt)}"
     if held_out:
         source += f", judged on {_listed(held_out)}"
-    verdict = " ".join(f"{_verdict(part)}" for part in parts)
+    verdict = " ".join(_verdict(part) for part in parts)
     title = f"Identification of {'axis' if len(parts) == 1 else 'axes'} {', '.join(part.name for part in parts)}"
     write_text(render_page(title, verdict, sections, f"{source}."), path)
 
@@ -109,8 +108,8 @@ def _sections(part: Part, has_several: bool) -> list[Section]:
     if part.answer.warnings:
         sections.append(Section(f"Warnings{of_axis}", part.answer.warnings))
     definition = (
-        f"Fit: 100 % minus the rms residual in % of the rms {word}, both below {part.band_hz:.4g} Hz. The residual is the"
-        f" measured minus the modelled {word}."
+        f"Fit: 100 % minus the rms residual in % of the rms {word}, both below {part.band_hz:.4g} Hz. The residual is"
+        f" the measured minus the modelled {word}."
     )
     pictures = [_over_time(part, part.traces.learnt, "learnt", "on what taught")]
     if part.traces.held_out:
@@ -118,14 +117,13 @@ def _sections(part: Part, has_several: bool) -> list[Section]:
     sections.append(Section(f"Fit{of_axis}", [definition], [_fits(part)], pictures))
     stribeck = (
         f"Friction is the measured {word} minus what mass, offset and effects take of it. Dots: rows where the axis has"
-        " moved so far one way that every element slips; points: their mean in each range of velocity, with the range of"
-        " two thirds of them; line: the model."
+        " moved so far one way that every element slips; points: their mean in each range of velocity, with the standard"
+        " deviation; line: the model."
     )
     sections.append(Section(f"Friction over velocity{of_axis}", [stribeck], [], [_over_velocity(part)]))
     sections.append(Section(f"Friction over position{of_axis}", [], [], [_over_position(part)]))
-    table = Table(
-        ("parameter", "value", "95 % interval", "unit", "shown by the recording"), [_row(row) for row in part.answer.rows]
-    )
+    header = ("parameter", "value", "95 % interval", "unit", "shown by the recording")
+    table = Table(header, [_row(row) for row in part.answer.rows])
     sections.append(Section(f"Parameters{of_axis}", part.answer.summary, [table]))
     return sections
 
