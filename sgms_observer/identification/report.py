@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -115,13 +116,14 @@ def _sections(part: Part, has_several: bool) -> list[Section]:
     if part.traces.held_out:
         pictures.append(_over_time(part, part.traces.held_out, "held_out", "on held-out recordings"))
     sections.append(Section(f"Fit{of_axis}", [definition], [_fits(part)], pictures))
-    stribeck = (
-        f"Friction is the measured {word} minus what mass, offset and effects take of it. Dots: rows where the axis has"
-        " moved so far one way that every element slips; points: their mean in each range of velocity, with the standard"
-        " deviation; line: the model."
+    sliding = (
+        "Line: the model. Dots: line plus residual, for rows where the axis has moved so far one way that every element"
+        " slips. Points: their mean in each range of velocity, with the standard deviation. What the points do together"
+        " and the line does not, the model misses."
     )
-    sections.append(Section(f"Friction over velocity{of_axis}", [stribeck], [], [_over_velocity(part)]))
-    sections.append(Section(f"Friction over position{of_axis}", [], [], [_over_position(part)]))
+    loops = f"Friction: {word} minus what mass, offset and effects of the model take of it."
+    sections.append(Section(f"Friction over velocity{of_axis}", [sliding], [], [_over_velocity(part)]))
+    sections.append(Section(f"Friction over position{of_axis}", [loops], [], [_over_position(part)]))
     header = ("parameter", "value", "95 % interval", "unit", "shown by the recording")
     table = Table(header, [_row(row) for row in part.answer.rows])
     sections.append(Section(f"Parameters{of_axis}", part.answer.summary, [table]))
@@ -173,19 +175,32 @@ def _thinned(values: Floats) -> Floats:
     return values[:: max(1, len(values) // _MOST_DOTS)]
 
 
-def stribeck_points(traces: Sequence[Trace]) -> tuple[Floats, Floats, Floats]:
+def sliding_rows(traces: Traces) -> tuple[Floats, Floats]:
+    """Return velocity and friction of the rows that taught and where the axis slides.
+
+    Friction is the model's curve plus the residual: the low-pass of the balance rings at reversals, in the model as in
+    the measurement, and would shift the points near them.
+
+    Args:
+        traces: of the axis.
+    """
+    velocity = np.concatenate([trace.velocity[trace.is_sliding] for trace in traces.learnt])
+    residual = np.concatenate([trace.residual[trace.is_sliding] for trace in traces.learnt])
+    return velocity, traces.curve(velocity) + residual
+
+
+def stribeck_points(velocity: Floats, friction: Floats) -> tuple[Floats, Floats, Floats]:
     """Return mean velocity, mean friction and its standard deviation in each range of velocity, slow ones narrower.
 
     Args:
-        traces: pieces; rows where the axis slides count.
+        velocity: of rows where the axis slides.
+        friction: of the same rows.
     """
-    velocity = np.concatenate([trace.velocity[trace.is_sliding] for trace in traces])
-    friction = np.concatenate([trace.friction[trace.is_sliding] for trace in traces])
     top = float(np.max(np.abs(velocity), initial=0.0))
     points = []
     if top > 0.0:
         edges = np.concatenate(([0.0], top * np.geomspace(_SLOWEST, 1.0 + 1e-9, _BINS)))
-        for low, high in zip(edges[:-1], edges[1:], strict=True):
+        for low, high in pairwise(edges):
             for sign in (-1.0, 1.0):
                 inside = (sign * velocity > low) & (sign * velocity <= high)
                 if np.sum(inside) >= _FEWEST:
@@ -196,16 +211,15 @@ def stribeck_points(traces: Sequence[Trace]) -> tuple[Floats, Floats, Floats]:
 
 def _over_velocity(part: Part) -> Picture:
     """Draw friction over velocity: rows, their means and the model's curve."""
-    units, traces = part.units, part.traces.learnt
-    velocity = np.concatenate([trace.velocity[trace.is_sliding] for trace in traces])
-    friction = np.concatenate([trace.friction[trace.is_sliding] for trace in traces])
-    top = max(float(np.max(np.abs(trace.velocity))) for trace in traces)
+    units = part.units
+    velocity, friction = sliding_rows(part.traces)
+    top = max(float(np.max(np.abs(trace.velocity))) for trace in part.traces.learnt)
     slides = "" if len(velocity) else " The axis never moves so far one way that every element slips: no row counts."
     caption = f"Friction of {part.name} over velocity while sliding, on what taught.{slides}"
     with sheet(f"{part.name}_stribeck", caption) as drawn:
         axes = drawn.axes[0]
         axes.plot(_thinned(velocity), _thinned(friction), ".", color=REFERENCE, ms=1.5, alpha=0.4, label="rows")
-        centre, mean, spread = stribeck_points(traces)
+        centre, mean, spread = stribeck_points(velocity, friction)
         axes.errorbar(centre, mean, spread, fmt="o", color=MEASURED, ms=4, lw=1.0, label="measured, mean")
         for sign in (-1.0, 1.0):
             line = sign * top * np.geomspace(_SLOWEST, 1.0, 200)

@@ -59,6 +59,7 @@ def test_axis_and_topic_are_declared_alike() -> None:
     for option in ("--axis", "--topic"):
         found = [actions(name)[option] for name in WITH_BAG]
         assert len({(type(one), one.metavar, str(one.default)) for one in found}) == 1
+    assert {str(actions(name)["--topic"].default) for name in (*WITH_BAG, "play")} == {"[]"}
     assert type(actions("diagnose")["--axis"]) is type(actions("excite")["--axis"]) is type(actions("info")["--axis"])
 
 
