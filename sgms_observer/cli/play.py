@@ -43,8 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_topic_option(parser)
     add_output_options(parser, has_result=False)
     parser.epilog = (
-        "With --topic position=/joint_states what the bag has as /joint_states is played as /position. Messages are played"
-        " as they are, with all joints in them, so there is no --axis: the nodes take the axes of their parameter file."
+        "With --topic position=/joint_states what the bag has as /joint_states is played as /position. Messages are"
+        " played as they are, with all joints in them, so there is no --axis: the nodes take the axes of their"
+        " parameter file."
     )
 
 

@@ -148,8 +148,8 @@ def regression(recording: Recording, names: Sequence[str], cutoff: float) -> Reg
             f"{recording.name} lasts {recording.duration:.3g} s; least squares at {cutoff:.4g} Hz needs more"
         )
     decimated = decimate_from_end(rows, factor)
-    kept = np.arange(_BORDER, len(recording))[(len(rows) - 1) % factor :: factor]
-    return Regression(decimated[:, :-1], decimated[:, -1], recording.period * kept)
+    time = np.asarray(recording.period * np.arange(_BORDER, len(recording))[(len(rows) - 1) % factor :: factor])
+    return Regression(decimated[:, :-1], decimated[:, -1], time)
 
 
 def fit_inverse_model(

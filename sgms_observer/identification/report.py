@@ -163,7 +163,7 @@ def _over_time(part: Part, traces: Sequence[Trace], name: str, where: str) -> Pi
             drawn.axes[1].plot(time, trace.residual, color=REFERENCE, lw=0.8)
             start = float(time[-1])
         drawn.axes[0].set_ylabel(f"{units.effort_word} [{units.effort}]")
-        drawn.axes[0].legend(loc="upper right")
+        drawn.axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
         drawn.axes[1].set_ylabel(f"residual [{units.effort}]")
         drawn.axes[1].set_xlabel("time [s]")
     assert drawn.picture is not None
@@ -176,7 +176,7 @@ def _thinned(values: Floats) -> Floats:
 
 
 def sliding_rows(traces: Traces) -> tuple[Floats, Floats]:
-    """Return velocity and friction of the rows that taught and where the axis slides.
+    """Return velocity and friction of the rows that taught and where the axis slides; of all where it never does.
 
     Friction is the model's curve plus the residual: the low-pass of the balance rings at reversals, in the model as in
     the measurement, and would shift the points near them.
@@ -184,8 +184,10 @@ def sliding_rows(traces: Traces) -> tuple[Floats, Floats]:
     Args:
         traces: of the axis.
     """
-    velocity = np.concatenate([trace.velocity[trace.is_sliding] for trace in traces.learnt])
-    residual = np.concatenate([trace.residual[trace.is_sliding] for trace in traces.learnt])
+    rows = np.concatenate([trace.is_sliding for trace in traces.learnt])
+    rows = rows if np.any(rows) else np.ones(len(rows), dtype=bool)
+    velocity = np.concatenate([trace.velocity for trace in traces.learnt])[rows]
+    residual = np.concatenate([trace.residual for trace in traces.learnt])[rows]
     return velocity, traces.curve(velocity) + residual
 
 
@@ -214,8 +216,10 @@ def _over_velocity(part: Part) -> Picture:
     units = part.units
     velocity, friction = sliding_rows(part.traces)
     top = max(float(np.max(np.abs(trace.velocity))) for trace in part.traces.learnt)
-    slides = "" if len(velocity) else " The axis never moves so far one way that every element slips: no row counts."
-    caption = f"Friction of {part.name} over velocity while sliding, on what taught.{slides}"
+    where = "while sliding"
+    if not any(np.any(trace.is_sliding) for trace in part.traces.learnt):
+        where = "(all rows, as the axis never moves so far one way that every element slips)"
+    caption = f"Friction of {part.name} over velocity {where}, on what taught."
     with sheet(f"{part.name}_stribeck", caption) as drawn:
         axes = drawn.axes[0]
         axes.plot(_thinned(velocity), _thinned(friction), ".", color=REFERENCE, ms=1.5, alpha=0.4, label="rows")
@@ -226,7 +230,7 @@ def _over_velocity(part: Part) -> Picture:
             axes.plot(line, part.traces.curve(line), color=ESTIMATE, label="model" if sign > 0.0 else None)
         axes.set_xlabel(f"velocity [{units.velocity}]")
         axes.set_ylabel(f"friction [{units.effort}]")
-        axes.legend()
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
     assert drawn.picture is not None
     return drawn.picture
 
@@ -243,6 +247,6 @@ def _over_position(part: Part) -> Picture:
             axes.plot(trace.position, trace.modelled_friction, color=ESTIMATE, lw=0.7, label=modelled)
         axes.set_xlabel(f"position [{units.position}]")
         axes.set_ylabel(f"friction [{units.effort}]")
-        axes.legend()
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
     assert drawn.picture is not None
     return drawn.picture

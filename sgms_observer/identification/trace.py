@@ -103,14 +103,15 @@ def traces_of(
         level = stribeck_level(velocity, scalars[RHO] * coulomb, coulomb, scalars[V_S])
         return np.asarray(np.sign(velocity) * level + scalars[VISCOUS] * velocity)
 
-    parts = []
-    for recordings in (learnt, held_out):
+    shape = ElementShape.of(axis.friction, result.model)
+
+    def beside_the_model(recordings: Sequence[Recording]) -> tuple[Trace, ...]:
         pieces = long_enough(recordings, result.cutoff)[0] if len(recordings) else []
         if result.is_opposed:
             pieces = [replace(piece, effort=-piece.effort) for piece in pieces]
-        prepared = prepare_all(pieces, result.cutoff, result.terms)
-        parts.append(tuple(_trace(piece, result, ElementShape.of(axis.friction, result.model)) for piece in prepared))
-    return Traces(*parts, curve)
+        return tuple(_trace(piece, result, shape) for piece in prepare_all(pieces, result.cutoff, result.terms))
+
+    return Traces(beside_the_model(learnt), beside_the_model(held_out), curve)
 
 
 def _trace(piece: Prepared, result: Identification, shape: ElementShape) -> Trace:
@@ -127,8 +128,10 @@ def _trace(piece: Prepared, result: Identification, shape: ElementShape) -> Trac
     friction = effort - scalars[MASS] * piece.acceleration - scalars[OFFSET] - effects
     sliding = piece.is_sliding(float(parameters.slip_deflection.max()))
     position = piece.position[:: piece.stride]
-    columns = (piece.time, position, piece.velocity, effort, residual, friction, sliding)
-    return Trace(piece.name, *(values[mask] for values in columns))
+    return Trace(
+        piece.name, piece.time[mask], position[mask], piece.velocity[mask], effort[mask], residual[mask],
+        friction[mask], sliding[mask],
+    )  # fmt: skip
 
 
 def least_squares_traces(

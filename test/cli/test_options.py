@@ -30,8 +30,9 @@ WRITING = (
     "paper",
     "excite",
     "bench",
+    "export",
 )
-WITH_RESULT = ("info", "check", "init", "convert", "identify", "diagnose", "simulate", "replay", "excite")
+WITH_RESULT = ("info", "check", "init", "convert", "identify", "diagnose", "simulate", "replay", "excite", "export")
 WITH_BAG = ("replay", "info", "check", "init", "identify")
 
 
