@@ -85,7 +85,7 @@ def rough_mass(recordings: Sequence[Recording], start_mass: float) -> float:
 
     Args:
         recordings: evenly sampled pieces of one axis.
-        start_mass: returned where the recordings do not show the mass.
+        start_mass: returned where the recordings do not show the mass [kg].
     """
     rows, efforts = [], []
     for recording in recordings:

@@ -46,7 +46,7 @@ class Recording:
         reference_position: set-point [m or rad], shape (n,); NaN where there is none; None for none at all.
         sha256: hash of the file it comes from; empty when there is none.
         start: stamp of the first sample [s].
-        other_position: position of another axis of the same recording, shape (n,), or None.
+        other_position: position of another axis of the same recording [m or rad], shape (n,), or None.
         recorded_step: step of the positions' grid before they were interpolated [m or rad]; None where they were not.
     """
 
