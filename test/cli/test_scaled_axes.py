@@ -155,7 +155,7 @@ def test_excitation_of_a_revolute_axis_has_its_units_and_moves_the_stage(
     table = np.loadtxt(csv, delimiter=",", skiprows=1)
     assert 0.05 < np.ptp(table[:, 1]) <= 0.3
     assert 0.2 < np.abs(table[:, 2]).max() <= 0.5 * (1.0 + 1e-9)
-    assert main(["excite", "--config", str(config), "--stroke", "1e-6", "--out", str(csv)]) != 0
+    assert main(["excite", "--config", str(config), "--stroke", "1e-6", "--out", str(csv), "--overwrite"]) != 0
     assert "stroke = 1 urad leaves no room for reversals from 10 urad" in capsys.readouterr().err
 
 
