@@ -18,8 +18,10 @@ from sgms_observer.identification.answer import (
     least_squares_answer,
     provenance,
 )
-from sgms_observer.identification.identify import Identification, IdentifyOptions, identify, unexplained_share
+from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
 from sgms_observer.identification.least_squares import fit_inverse_model, is_reversed
+from sgms_observer.identification.report import Part, report_path, write_report
+from sgms_observer.identification.trace import Traces, least_squares_traces, traces_of, unexplained_share
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recordings, read_recordings
 from sgms_observer.settings.axis import AxisSettings, Settings
@@ -76,6 +78,7 @@ class IdentifiedAxis:
         held_out: the same on the held-out recordings; None without any.
         band_hz: upper corner of the judging band [Hz].
         notes: sentences about the recordings.
+        traces: what the model says beside what was measured.
     """
 
     name: str
@@ -84,6 +87,7 @@ class IdentifiedAxis:
     held_out: float | None
     band_hz: float
     notes: tuple[str, ...]
+    traces: Traces
 
     def as_json(self) -> dict[str, Any]:
         """Return the axis's part of what ``--json`` prints."""
@@ -102,10 +106,12 @@ class Identified:
 
     Attributes:
         path: the parameter file that was written.
+        report: the report beside it.
         axes: what was found for each axis.
     """
 
     path: str
+    report: str
     axes: tuple[IdentifiedAxis, ...]
 
     @property
@@ -121,13 +127,20 @@ class Identified:
     def as_json(self) -> dict[str, Any]:
         """Return the result that ``--json`` prints."""
         axes = {axis.name: axis.as_json() for axis in self.axes}
-        return {"schema": 1, "yaml": self.path, "usable": self.is_usable, "warnings": self.warnings, "axes": axes}
+        return {
+            "schema": 1,
+            "yaml": self.path,
+            "report": self.report,
+            "usable": self.is_usable,
+            "warnings": self.warnings,
+            "axes": axes,
+        }
 
 
 def identify_bags(
     job: IdentifyJob, progress: Callable[[str], AbstractContextManager[Callable[[float], None]]]
 ) -> Identified:
-    """Identify the axes and write the parameter file.
+    """Identify the axes, write the parameter file and the report beside it.
 
     Args:
         job: what to identify from what.
@@ -143,7 +156,8 @@ def identify_bags(
         raise ConfigurationError([f"--axis {strange[0]} is not in {job.config}; it has {', '.join(known)}"])
     if job.cutoff < 0.0:
         raise ConfigurationError([f"--cutoff {job.cutoff:g} Hz must be positive; leave it out for the default"])
-    refuse_existing_files([job.out], job.is_overwriting or Path(job.out).resolve() == Path(job.config).resolve())
+    report = report_path(job.out, job.is_overwriting)
+    refuse_existing_files([job.out, report], job.is_overwriting)
     try_folder(Path(job.out).parent)
     hashes = [bag_hash(bag) for bag in job.bags]
     found = []
@@ -154,7 +168,8 @@ def identify_bags(
             with progress(f"identify {axis.name}") as show:
                 found.append(_identified(pieces, unseen, axis, settings.sample_period, job, show))
     _write(settings, job, hashes, found)
-    return Identified(job.out, tuple(found))
+    _write_report(settings, job, report, found)
+    return Identified(job.out, str(report), tuple(found))
 
 
 def _other_axis(axis: AxisSettings, settings: Settings) -> AxisSettings | None:
@@ -182,31 +197,35 @@ def _identified(
 ) -> IdentifiedAxis:
     """Identify one axis with the model the user asked for."""
     notes = (*pieces.notes, *unseen.notes)
+    unexplained: float | None = None
     if job.model == LEAST_SQUARES:
-        band = choose_band(pieces, axis, job.cutoff)
-        cutoff = job.cutoff or min(HIGHEST_LEAST_SQUARES_CUTOFF, band.corner)
-        answer = _least_squares(pieces, axis, cutoff)
-        return IdentifiedAxis(axis.name, answer, None, None, cutoff, notes)
-    options = IdentifyOptions(model=job.model, cutoff=job.cutoff, count=job.elements)
-    result: Identification = identify(pieces, axis, options, show)
-    answer = identification_answer(result, axis, sample_period)
+        cutoff = job.cutoff or min(HIGHEST_LEAST_SQUARES_CUTOFF, choose_band(pieces, axis).corner)
+        answer, traces = _least_squares(pieces, unseen, axis, cutoff)
+    else:
+        options = IdentifyOptions(model=job.model, cutoff=job.cutoff, count=job.elements)
+        result: Identification = identify(pieces, axis, options, show)
+        answer = identification_answer(result, axis, sample_period)
+        traces = traces_of(result, axis, pieces, unseen)
+        cutoff, unexplained = result.cutoff, result.unexplained
     held_out = None
-    if len(unseen):
-        held_out = unexplained_share(unseen, result, axis)
+    if traces.held_out:
+        held_out = unexplained_share(traces.held_out)
         word = axis.units.effort_word
         sentence = f"{axis.name}: {100.0 * held_out:.2f} % of the rms {word} unexplained on held-out bags"
         answer = judged_on_held_out(replace(answer, summary=(*answer.summary, sentence)), axis, held_out)
-    return IdentifiedAxis(axis.name, answer, result.unexplained, held_out, result.cutoff, notes)
+    return IdentifiedAxis(axis.name, answer, unexplained, held_out, cutoff, notes, traces)
 
 
-def _least_squares(pieces: Recordings, axis: AxisSettings, cutoff: float) -> Answer:
+def _least_squares(
+    pieces: Recordings, unseen: Recordings, axis: AxisSettings, cutoff: float
+) -> tuple[Answer, Traces]:
     """Fit the inverse dynamic model; a reversed effort is turned round and told."""
     fit = fit_inverse_model(pieces, cutoff=cutoff, is_revolute=axis.units.is_revolute)
     opposed = is_reversed(fit)
     if opposed:
         turned = [replace(piece, effort=-piece.effort) for piece in pieces]
         fit = fit_inverse_model(turned, cutoff=cutoff, is_revolute=axis.units.is_revolute)
-    return least_squares_answer(fit, axis, opposed)
+    return least_squares_answer(fit, axis, opposed), least_squares_traces(fit, pieces, unseen, opposed)
 
 
 def _write(settings: Settings, job: IdentifyJob, hashes: Sequence[str], found: Sequence[IdentifiedAxis]) -> None:
@@ -225,6 +244,15 @@ def _write(settings: Settings, job: IdentifyJob, hashes: Sequence[str], found: S
     head = provenance(job.bags, hashes, sentences)
     write_text("\n".join(f"# {line}".rstrip() for line in head.splitlines()) + "\n" + text, job.out)
     load_settings(job.out)
+
+
+def _write_report(settings: Settings, job: IdentifyJob, path: Path, found: Sequence[IdentifiedAxis]) -> None:
+    """Write the report."""
+    axes = {axis.name: axis for axis in settings.axes}
+    parts = [
+        Part(axes[one.name].units, one.name, one.answer, one.traces, one.band_hz, one.unexplained) for one in found
+    ]
+    write_report(parts, path, job.out, job.bags, job.holdout)
 
 
 def _row_json(row: Row) -> dict[str, Any]:

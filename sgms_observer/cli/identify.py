@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
     parser.add_argument("bags", nargs="+", metavar="BAG", help="recordings with position and control_effort")
     parser.add_argument("--config", required=True, metavar="START", help="parameter file to start from")
-    parser.add_argument("--out", required=True, metavar="YAML", help="parameter file to write")
+    parser.add_argument("--out", required=True, metavar="YAML", help="parameter file to write; report.html beside it")
     parser.add_argument(
         "--model",
         choices=("sgms", "gms", "least_squares"),
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> Outcome:
         _print(axis.name, axis.answer)
     for warning in done.warnings:
         print(warning, file=sys.stderr)
-    print(f"wrote {done.path}")
+    print(f"wrote {done.path} and {done.report}")
     return Outcome(EXIT_DONE if done.is_usable else EXIT_NOT_USABLE, done.as_json())
 
 

@@ -39,6 +39,15 @@ def add_bag_options(parser: argparse.ArgumentParser, axes: str) -> None:
         axes: which axes the command takes if none is named, for the help text.
     """
     add_axis_option(parser, axes)
+    add_topic_option(parser)
+
+
+def add_topic_option(parser: argparse.ArgumentParser) -> None:
+    """Declare where the topics of a bag are.
+
+    Args:
+        parser: the command's own parser.
+    """
     parser.add_argument(
         "--topic",
         action="append",

@@ -9,7 +9,7 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
-from sgms_observer.cli.options import add_output_options
+from sgms_observer.cli.options import add_output_options, add_topic_option, topics_from
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -40,7 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--wait", type=float, default=5.0, metavar="S", help="wait at most this long for a subscriber [s] (default: 5)"
     )
+    add_topic_option(parser)
     add_output_options(parser, has_result=False)
+    parser.epilog = (
+        "With --topic position=/joint_states what the bag has as /joint_states is played as /position. Messages are"
+        " played as they are, with all joints in them, so there is no --axis: the nodes take the axes of their"
+        " parameter file."
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -74,14 +80,15 @@ def run(args: argparse.Namespace) -> int:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
+    renamed = {_absolute(name): _absolute(key) for key, name in topics_from(args.topic).items()}
     with BagReader(args.bag) as bag:
-        topics = _choose(bag, args.topics)
+        topics = _choose(bag, args.topics, renamed)
         use_shipped_transport()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         node = None
         try:
             node = rclpy.create_node("sgms_play")
-            publishers = _advertise(node, bag.topics, topics)
+            publishers = _advertise(node, bag.topics, topics, renamed)
             _await_subscriber(publishers, args.wait, stop)
             first, last = bag.span_ns
             with (
@@ -101,13 +108,25 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _choose(bag: Any, names: list[str] | None) -> tuple[str, ...]:
-    """Return the topics to play: of those that were asked for, the ones that the bag has."""
+def _absolute(name: str) -> str:
+    """Return a topic's name as bags have it."""
+    return name if name.startswith("/") else "/" + name
+
+
+def _choose(bag: Any, names: list[str] | None, renamed: dict[str, str]) -> tuple[str, ...]:
+    """Return the topics to play: of those that were asked for, the ones that the bag has.
+
+    A topic whose name another one is played under is left out.
+    """
     from sgms_observer.errors import RecordingError
 
-    wanted = [topic for topic, kind in bag.topics.items() if kind]
+    absent = [topic for topic in renamed if topic not in bag.topics]
+    if absent:
+        raise RecordingError(f"{bag.path} has no topic {absent[0]}; it holds {', '.join(sorted(bag.topics))}")
+    taken = {name for topic, name in renamed.items() if topic != name}
+    wanted = [topic for topic, kind in bag.topics.items() if kind and (topic not in taken or topic in renamed)]
     if names is not None:
-        wanted = list(dict.fromkeys(name if name.startswith("/") else "/" + name for name in names))
+        wanted = list(dict.fromkeys(_absolute(name) for name in names))
     topics = tuple(topic for topic in wanted if topic in bag.topics)
     missing = ", ".join(topic for topic in wanted if topic not in bag.topics)
     if not topics:
@@ -118,8 +137,8 @@ def _choose(bag: Any, names: list[str] | None) -> tuple[str, ...]:
     return topics
 
 
-def _advertise(node: Node, kinds: dict[str, str], topics: tuple[str, ...]) -> list[Any]:
-    """Make a publisher for each topic."""
+def _advertise(node: Node, kinds: dict[str, str], topics: tuple[str, ...], renamed: dict[str, str]) -> list[Any]:
+    """Make a publisher for each topic, under another name where the user gave one."""
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     from sgms_observer.nodes.recording import load_type
@@ -130,7 +149,7 @@ def _advertise(node: Node, kinds: dict[str, str], topics: tuple[str, ...]) -> li
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.VOLATILE,
     )
-    return [node.create_publisher(load_type(kinds[topic]), topic, qos) for topic in topics]
+    return [node.create_publisher(load_type(kinds[topic]), renamed.get(topic, topic), qos) for topic in topics]
 
 
 def _await_subscriber(publishers: list[Any], seconds: float, stop: threading.Event) -> None:

@@ -417,14 +417,14 @@ def _remarks(rows: Sequence[Row], result: Identification) -> dict[str, str]:
 def _summary(result: Identification, axis: AxisSettings) -> tuple[str, ...]:
     """Return sentences about the whole."""
     tried = ", ".join(f"{choice.count}: {choice.held_out:.4g}" for choice in result.choices)
+    word = axis.units.effort_word
     sentences = [
-        f"{axis.name}: {result.model} with {result.parameters.count} elements, low-pass {result.cutoff:g} Hz; rms force"
-        f" residual {result.rms_error:.4g} {axis.units.effort} ({100.0 * result.rms_error / result.rms_effort:.2f} % of"
-        f" the rms {axis.units.effort_word})",
-        f"{axis.name}: rms {axis.units.effort_word} error on held-out chunks by number of elements"
-        f" [{axis.units.effort}]: {tried}",
-        f"{axis.name}: {100.0 * result.unexplained:.2f} % of the rms {axis.units.effort_word} unexplained on held-out"
-        f" chunks; {result.band.sentence()}",
+        f"{axis.name}: {result.model} with {result.parameters.count} elements, low-pass {result.cutoff:g} Hz; rms"
+        f" {word} residual {result.rms_error:.4g} {axis.units.effort}"
+        f" ({100.0 * result.rms_error / result.rms_effort:.2f} % of the rms {word})",
+        f"{axis.name}: rms {word} error on held-out chunks by number of elements [{axis.units.effort}]: {tried}",
+        f"{axis.name}: {100.0 * result.unexplained:.2f} % of the rms {word} unexplained on held-out chunks;"
+        f" {result.band.sentence()}",
     ]
     sentences += [f"{axis.name}: {note}" for note in result.notes]
     return tuple(sentences)

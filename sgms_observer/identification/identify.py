@@ -192,7 +192,7 @@ def identify(
         raise DataError("there is no recording to identify from; name at least one bag")
     shape = ElementShape.of(axis.friction, options.model)
     band = choose_band(recordings, axis, options.cutoff)
-    pieces, notes = _long_enough(recordings, band.corner)
+    pieces, notes = long_enough(recordings, band.corner)
     start = _linear_start(pieces, axis, shape, band.corner)
     is_opposed = start.atoms.is_opposed
     if is_opposed:
@@ -273,32 +273,13 @@ def force_error(
     return float(np.sqrt(total / rows))
 
 
-def unexplained_share(recordings: Sequence[Recording], result: Identification, axis: AxisSettings) -> float:
-    """Return the rms force residual of an identification on other recordings, over the rms effort [-].
+def long_enough(recordings: Sequence[Recording], cutoff: float) -> tuple[list[Recording], list[str]]:
+    """Return the pieces that are long enough for a cutoff, and a note about the others.
 
     Args:
-        recordings: evenly sampled pieces.
-        result: from ``identify``.
-        axis: the settings that it started from.
-
-    Raises:
-        DataError: if no piece is long enough.
+        recordings: evenly sampled pieces, one at least.
+        cutoff: corner of the judging band [Hz].
     """
-    shape = ElementShape.of(axis.friction, result.model)
-    pieces, _notes = _long_enough(recordings, result.cutoff)
-    if result.is_opposed:
-        pieces = [replace(piece, effort=-piece.effort) for piece in pieces]
-    residuals, efforts = [], []
-    for piece in prepare_all(pieces, result.cutoff, result.terms):
-        mask = piece.settled(float(result.parameters.slip_deflection.max()))
-        mask = mask if np.any(mask) else piece.usable
-        residuals.append(residual_and_jacobian(piece, result.parameters, shape)[0][mask])
-        efforts.append(piece.effort(piece.time)[mask])
-    return float(np.linalg.norm(np.concatenate(residuals)) / np.linalg.norm(np.concatenate(efforts)))
-
-
-def _long_enough(recordings: Sequence[Recording], cutoff: float) -> tuple[list[Recording], list[str]]:
-    """Return the pieces that are long enough for the cutoff, and a note about the others."""
     pieces = [piece for piece in recordings if piece.duration >= MIN_PERIODS / cutoff]
     if not pieces:
         return [max(recordings, key=lambda piece: piece.duration)], []  # preparing it tells what is missing

@@ -71,10 +71,12 @@ class Regression:
     Attributes:
         regressor: a column per parameter [N per its SI unit], shape (n, p).
         effort: effort of the actuator [N], shape (n,).
+        time: of each row since the recording's first sample [s], shape (n,).
     """
 
     regressor: Floats
     effort: Floats
+    time: Floats
 
 
 def zero_phase_motion(position: Floats, period: float, cutoff: float) -> tuple[Floats, Floats, Floats]:
@@ -146,7 +148,8 @@ def regression(recording: Recording, names: Sequence[str], cutoff: float) -> Reg
             f"{recording.name} lasts {recording.duration:.3g} s; least squares at {cutoff:.4g} Hz needs more"
         )
     decimated = decimate_from_end(rows, factor)
-    return Regression(decimated[:, :-1], decimated[:, -1])
+    time = np.asarray(recording.period * np.arange(_BORDER, len(recording))[(len(rows) - 1) % factor :: factor])
+    return Regression(decimated[:, :-1], decimated[:, -1], time)
 
 
 def fit_inverse_model(

@@ -85,14 +85,26 @@ class Prepared:
         Args:
             slip_deflection: largest deflection at which an element slips [m].
         """
-        way = np.sign(np.diff(self.position))
-        turning = np.concatenate(([True], way[1:] != way[:-1]))
-        since = np.maximum.accumulate(np.where(turning, np.arange(len(turning)), 0))
-        run = np.abs(self.position[1:] - self.position[since])
-        far = np.flatnonzero(run > _FORGET * slip_deflection)
+        far = np.flatnonzero(self._way_since_reversal() > _FORGET * slip_deflection)
         mask = self.usable.copy()
         mask[: (int(far[0]) // self.stride + 1 if len(far) else len(mask))] = False
         return mask
+
+    def is_sliding(self, slip_deflection: float) -> Booleans:
+        """Return the rows where the axis has moved so far one way that every element slips.
+
+        Args:
+            slip_deflection: largest deflection at which an element slips [m].
+        """
+        run = np.concatenate(([0.0], self._way_since_reversal()))[:: self.stride]
+        return np.asarray(run > _FORGET * slip_deflection)
+
+    def _way_since_reversal(self) -> Floats:
+        """Return how far the axis has moved since it last turned round, after each step of the working rate [m]."""
+        way = np.sign(np.diff(self.position))
+        turning = np.concatenate(([True], way[1:] != way[:-1]))
+        since = np.maximum.accumulate(np.where(turning, np.arange(len(turning)), 0))
+        return np.asarray(np.abs(self.position[1:] - self.position[since]))
 
 
 def prepare(recording: Recording, cutoff: float, terms: EffectTerms = NO_EFFECTS, first: float = 0.0) -> Prepared:

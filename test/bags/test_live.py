@@ -117,6 +117,19 @@ def test_one_sentence_and_nothing_left_when_nothing_arrives(tmp_path: Path) -> N
     assert not any(path.name.startswith("none") for path in tmp_path.iterdir())
 
 
+def test_a_topic_of_another_name_is_played_as_what_the_nodes_listen_to(tmp_path: Path) -> None:
+    source = source_bag(tmp_path / "source")
+    recorder = sgms("record", "--out", tmp_path / "copy", folder=tmp_path)
+    try:
+        assert recorder.stdout is not None
+        recorder.stdout.readline()
+        assert f"played {2 * COUNT} messages" in play(source, "--topic", "position=/control_effort")
+        wait_recorded(tmp_path / "copy.partial", {"/position": COUNT})
+    finally:
+        recorder.kill()
+    assert by_topic(tmp_path / "copy.partial")["/position"] == by_topic(source)["/control_effort"]
+
+
 @pytest.mark.parametrize("delay", [0.1, 0.5, 2.0])
 def test_playing_stops_at_a_signal(tmp_path: Path, delay: float) -> None:
     player = sgms("play", source_bag(tmp_path / "source"), "--rate", "0.001", "--wait", "0", folder=tmp_path)
@@ -134,6 +147,10 @@ def test_playing_stops_at_a_signal(tmp_path: Path, delay: float) -> None:
         (("play", "source", "--rate", "0"), "--rate 0 must be above 0"),
         (
             ("play", "source", "--topics", "posture"),
+            "has no topic /posture; it holds /control_effort, /ignored, /position",
+        ),
+        (
+            ("play", "source", "--topic", "position=posture"),
             "has no topic /posture; it holds /control_effort, /ignored, /position",
         ),
         (("record", "--out", "source"), "exists already"),

@@ -30,10 +30,9 @@ WRITING = (
     "paper",
     "excite",
     "bench",
+    "export",
 )
-WITH_RESULT = (
-    "info", "check", "init", "convert", "identify", "diagnose", "simulate", "replay", "excite", "export",
-)  # fmt: skip
+WITH_RESULT = ("info", "check", "init", "convert", "identify", "diagnose", "simulate", "replay", "excite", "export")
 WITH_BAG = ("replay", "info", "check", "init", "identify")
 
 
@@ -61,6 +60,7 @@ def test_axis_and_topic_are_declared_alike() -> None:
     for option in ("--axis", "--topic"):
         found = [actions(name)[option] for name in WITH_BAG]
         assert len({(type(one), one.metavar, str(one.default)) for one in found}) == 1
+    assert {str(actions(name)["--topic"].default) for name in (*WITH_BAG, "play")} == {"[]"}
     assert type(actions("diagnose")["--axis"]) is type(actions("excite")["--axis"]) is type(actions("info")["--axis"])
 
 

@@ -1,6 +1,6 @@
 """Reports as a reader meets them: drawn, readable on a telephone and on paper, harmless whatever names they show.
 
-The reports of demonstration, diagnosis and fleet are looked at beside the tests that make them.
+The reports of demonstration, identification, diagnosis and fleet are looked at beside the tests that make them.
 """
 
 from __future__ import annotations

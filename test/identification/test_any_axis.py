@@ -12,8 +12,9 @@ import pytest
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main
 from sgms_observer.identification.answer import identification_answer
-from sgms_observer.identification.identify import Identification, IdentifyOptions, identify, unexplained_share
+from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
 from sgms_observer.identification.problem import DELAY, MASS, VISCOUS
+from sgms_observer.identification.trace import traces_of, unexplained_share
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.load import load_settings, settings_from_tree
@@ -60,7 +61,7 @@ def test_a_joint_gets_gravity_although_its_file_has_none() -> None:
     assert changes["effects.names"] == ["offset", "gravity"]
     assert changes["effects.gravity.ratio"] == 1.0
     unseen = Recording("again", PERIOD, *_turning(seed=2))
-    assert unexplained_share([unseen], result, axis) < 0.05
+    assert unexplained_share(traces_of(result, axis, (), [unseen]).held_out) < 0.05
 
 
 def test_a_joint_without_gravity_gets_none() -> None:

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import Browser
+from looks import check_report
 
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main
 from sgms_observer.identification.answer import bag_hash
+from sgms_observer.identification.identify import IdentifyOptions, identify
+from sgms_observer.identification.least_squares import fit_inverse_model
+from sgms_observer.identification.report import sliding_rows, stribeck_points
+from sgms_observer.identification.trace import least_squares_traces, traces_of, unexplained_share
+from sgms_observer.offline.recording import read_recordings
 from sgms_observer.settings.load import load_settings
 
 PERIOD = 1.0e-3
@@ -106,3 +114,59 @@ def test_impossible_limits_are_refused(
     assert main(["excite", "--config", str(start), "--out", str(tmp_path / "a.csv"), *option]) != 0
     assert option[0][2:] in capsys.readouterr().err
     assert not (tmp_path / "a.csv").exists()
+
+
+def test_a_report_lies_beside_the_parameter_file(
+    tmp_path: Path, bag: Path, start: Path, browser: Browser, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.yaml"
+    arguments = ["identify", str(bag), "--config", str(start), "--elements", "1", "--holdout", str(bag), "--json"]
+    assert main([*arguments, "--out", str(out)]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["report"] == str(tmp_path / "report.html")
+    view = check_report(browser, tmp_path / "report.html", 4)
+    captions = " ".join(image[2] for image in view.images)
+    for word in ("modelled force", "on held-out", "over velocity", "over position"):
+        assert word in captions
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "force [N]" not in page and "rms residual [N]" in page  # axes of pictures are in the pictures
+    assert f"{100.0 * (1.0 - result['axes']['x']['held_out']):.1f} % on held-out recordings" in page
+    assert "95 % interval" in page and "Warning: x." in page
+    assert list(tmp_path.glob("*.png")) == []
+
+
+def test_measured_friction_of_the_report_lies_on_the_curve_of_the_axis(bag: Path, start: Path) -> None:
+    axis = load_settings(start).axes[0]
+    pieces = read_recordings(bag, axis)
+    result = identify(pieces, axis, IdentifyOptions(count=1))
+    traces = traces_of(result, axis, pieces, ())
+    fit = fit_inverse_model(pieces)
+    for found in (traces, least_squares_traces(fit, pieces, ())):
+        velocity, friction, _spread = stribeck_points(*sliding_rows(found))
+        assert len(velocity) > 10 and velocity.min() < -0.1 and velocity.max() > 0.1
+        truth = 4.0 * np.sign(velocity) + 30.0 * velocity
+        fast = np.abs(velocity) > 0.02
+        assert friction[fast] == pytest.approx(truth[fast], rel=0.02)
+        assert found.curve(velocity[fast]) == pytest.approx(truth[fast], rel=0.03)
+        assert unexplained_share(found.learnt) < 0.1
+    one = traces.learnt[0]
+    assert one.modelled + one.residual == pytest.approx(one.effort)
+    assert unexplained_share(traces.learnt) * result.rms_effort == pytest.approx(result.rms_error, rel=0.05)
+
+
+def test_nothing_is_overwritten_unless_told(
+    tmp_path: Path, bag: Path, start: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["identify", str(bag), "--config", str(start), "--model", "least_squares", "--out"]
+    assert main([*arguments, str(start)]) == 1
+    assert f"{start} exists already and is not overwritten" in capsys.readouterr().err
+    assert start.read_text() == START and not (tmp_path / "report.html").exists()
+    (tmp_path / "report.html").write_text("of a diagnosis")
+    assert main([*arguments, str(tmp_path / "out.yaml")]) == 0
+    assert f"wrote {tmp_path / 'out.yaml'} and {tmp_path / 'out_report.html'}" in capsys.readouterr().out
+    assert (tmp_path / "report.html").read_text() == "of a diagnosis"
+    assert main([*arguments, str(tmp_path / "out.yaml"), "--overwrite"]) == 0
+    assert (tmp_path / "report.html").read_text() == "of a diagnosis"  # the parameter file has a report of its own
+    assert main([*arguments, str(start), "--overwrite"]) == 0
+    assert load_settings(start).axes[0].mass == pytest.approx(12.0, rel=0.01)
+    assert "Identification of axis x" in (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -1,0 +1,165 @@
+"""What a model says beside what was measured, row by row of the judging band: the numbers that a report draws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.formulas import vectorised
+from sgms_observer.identification.identify import Identification, long_enough
+from sgms_observer.identification.least_squares import SYMMETRIC, InverseModelFit, regression
+from sgms_observer.identification.prepared import Prepared, prepare_all
+from sgms_observer.identification.problem import DELAY, MASS, OFFSET, RHO, V_S, VISCOUS, residual_and_jacobian
+from sgms_observer.identification.simulation import ElementShape
+from sgms_observer.offline.recording import Recording
+from sgms_observer.settings.axis import AxisSettings
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+_ONE_WAY = 0.99  # mean direction of the samples behind a row of least squares: none of them turns round
+
+stribeck_level = vectorised("friction").stribeck_level
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One piece of a recording beside the model, shapes (n,).
+
+    Attributes:
+        name: where it comes from.
+        time: of each row [s], from 0.
+        position, velocity: of each row [m or rad, per s].
+        effort: measured effort [N or N m].
+        residual: measured minus modelled effort [N or N m].
+        friction: effort minus mass, offset and effects: what the model leaves to friction [N or N m].
+        is_sliding: rows after the axis has moved far enough one way that friction follows the velocity alone.
+    """
+
+    name: str
+    time: Floats
+    position: Floats
+    velocity: Floats
+    effort: Floats
+    residual: Floats
+    friction: Floats
+    is_sliding: Booleans
+
+    @property
+    def modelled(self) -> Floats:
+        """Return the modelled effort."""
+        return self.effort - self.residual
+
+    @property
+    def modelled_friction(self) -> Floats:
+        """Return the modelled friction."""
+        return self.friction - self.residual
+
+
+@dataclass(frozen=True)
+class Traces:
+    """All pieces of one axis, and friction while sliding as the model has it.
+
+    Attributes:
+        learnt: pieces that taught.
+        held_out: pieces of the held-out recordings.
+        curve: friction while sliding [N or N m] at given velocities [m/s or rad/s].
+    """
+
+    learnt: tuple[Trace, ...]
+    held_out: tuple[Trace, ...]
+    curve: Callable[[Floats], Floats]
+
+
+def unexplained_share(traces: Sequence[Trace]) -> float:
+    """Return the rms residual over the rms effort [-].
+
+    Args:
+        traces: pieces, one at least.
+    """
+    residual = np.concatenate([trace.residual for trace in traces])
+    effort = np.concatenate([trace.effort for trace in traces])
+    return float(np.linalg.norm(residual) / np.linalg.norm(effort))
+
+
+def traces_of(
+    result: Identification, axis: AxisSettings, learnt: Sequence[Recording], held_out: Sequence[Recording]
+) -> Traces:
+    """Return the traces of a GMS or S-GMS identification.
+
+    Args:
+        result: from ``identify``.
+        axis: the settings that it started from.
+        learnt: recordings that taught.
+        held_out: recordings that did not.
+    """
+    scalars = result.parameters.scalars
+    coulomb = float(result.parameters.level.sum())
+
+    def curve(velocity: Floats) -> Floats:
+        level = stribeck_level(velocity, scalars[RHO] * coulomb, coulomb, scalars[V_S])
+        return np.asarray(np.sign(velocity) * level + scalars[VISCOUS] * velocity)
+
+    shape = ElementShape.of(axis.friction, result.model)
+
+    def beside_the_model(recordings: Sequence[Recording]) -> tuple[Trace, ...]:
+        pieces = long_enough(recordings, result.cutoff)[0] if len(recordings) else []
+        if result.is_opposed:
+            pieces = [replace(piece, effort=-piece.effort) for piece in pieces]
+        return tuple(_trace(piece, result, shape) for piece in prepare_all(pieces, result.cutoff, result.terms))
+
+    return Traces(beside_the_model(learnt), beside_the_model(held_out), curve)
+
+
+def _trace(piece: Prepared, result: Identification, shape: ElementShape) -> Trace:
+    """Return the rows of one piece that count."""
+    parameters = result.parameters
+    scalars = parameters.scalars
+    mask = piece.settled(float(parameters.slip_deflection.max()))
+    mask = mask if np.any(mask) else piece.usable
+    effort = piece.effort(np.clip(piece.time - scalars[DELAY], piece.time[0], piece.time[-1]))
+    residual = -residual_and_jacobian(piece, parameters, shape)[0]
+    coulomb = float(parameters.level.sum())
+    level = stribeck_level(piece.effects.velocity, scalars[RHO] * coulomb, coulomb, scalars[V_S])
+    effects = piece.low_pass(piece.effects.at(parameters.effects.values, level)[0])
+    friction = effort - scalars[MASS] * piece.acceleration - scalars[OFFSET] - effects
+    sliding = piece.is_sliding(float(parameters.slip_deflection.max()))
+    position = piece.position[:: piece.stride]
+    return Trace(
+        piece.name, piece.time[mask], position[mask], piece.velocity[mask], effort[mask], residual[mask],
+        friction[mask], sliding[mask],
+    )  # fmt: skip
+
+
+def least_squares_traces(
+    fit: InverseModelFit, learnt: Sequence[Recording], held_out: Sequence[Recording], is_opposed: bool = False
+) -> Traces:
+    """Return the traces of an inverse dynamic model.
+
+    Args:
+        fit: from ``fit_inverse_model``, symmetric.
+        learnt: recordings that taught.
+        held_out: recordings that did not.
+        is_opposed: whether the effort was reversed for the fit.
+    """
+    viscous, coulomb = fit.value("viscous_coefficient"), fit.value("coulomb_force")
+
+    def trace(recording: Recording) -> Trace:
+        if is_opposed:
+            recording = replace(recording, effort=-recording.effort)
+        part = regression(recording, fit.names, fit.cutoff)
+        columns = dict(zip(fit.names, part.regressor.T, strict=True))
+        residual = part.effort - part.regressor @ fit.values
+        velocity = columns[SYMMETRIC[1]]
+        friction = residual + viscous * velocity + coulomb * columns[SYMMETRIC[2]]
+        position = np.interp(part.time, recording.period * np.arange(len(recording)), recording.position)
+        sliding = np.abs(columns[SYMMETRIC[2]]) > _ONE_WAY
+        return Trace(recording.name, part.time, position, velocity, part.effort, residual, friction, sliding)
+
+    def curve(velocity: Floats) -> Floats:
+        return np.asarray(coulomb * np.sign(velocity) + viscous * velocity)
+
+    return Traces(tuple(map(trace, learnt)), tuple(map(trace, held_out)), curve)
