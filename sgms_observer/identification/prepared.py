@@ -90,14 +90,21 @@ class Prepared:
         mask[: (int(far[0]) // self.stride + 1 if len(far) else len(mask))] = False
         return mask
 
-    def is_sliding(self, slip_deflection: float) -> Booleans:
-        """Return the rows where the axis has moved so far one way that every element slips.
+    def is_sliding(self, slip_deflection: float, clear: float) -> Booleans:
+        """Return the rows where every element slips and no reversal is near.
 
         Args:
             slip_deflection: largest deflection at which an element slips [m].
+            clear: time to the nearest reversal, in which the low-pass rings [s].
         """
-        run = np.concatenate(([0.0], self._way_since_reversal()))[:: self.stride]
-        return np.asarray(run > _FORGET * slip_deflection)
+        run = np.concatenate(([0.0], self._way_since_reversal()))
+        turns = np.flatnonzero(np.diff(np.sign(np.diff(self.position)))) + 1
+        near = np.zeros(len(run) + 1)
+        width = int(np.ceil(clear / self.period))
+        np.add.at(near, np.maximum(turns - width, 0), 1.0)
+        np.add.at(near, np.minimum(turns + width + 1, len(run)), -1.0)
+        is_clear = np.cumsum(near)[:-1] == 0.0
+        return np.asarray((is_clear & (run > _FORGET * slip_deflection))[:: self.stride])
 
     def _way_since_reversal(self) -> Floats:
         """Return how far the axis has moved since it last turned round, after each step of the working rate [m]."""

@@ -117,11 +117,11 @@ def _sections(part: Part, has_several: bool) -> list[Section]:
         pictures.append(_over_time(part, part.traces.held_out, "held_out", "on held-out recordings"))
     sections.append(Section(f"Fit{of_axis}", [definition], [_fits(part)], pictures))
     sliding = (
-        "Line: the model. Dots: line plus residual, for rows where the axis has moved so far one way that every element"
-        " slips. Points: their mean in each range of velocity, with the standard deviation. What the points do together"
-        " and the line does not, the model misses."
+        f"Friction: measured {word} minus what mass, offset and effects of the model take of it. Dots: rows where the"
+        " axis has moved so far one way that every element slips, and no reversal is near, at which the low-pass rings."
+        " Points: their mean in each range of velocity, with the standard deviation. Line: the model."
     )
-    loops = f"Friction: {word} minus what mass, offset and effects of the model take of it."
+    loops = f"The same friction, of all rows: measured and modelled {word} behind the same low-pass."
     sections.append(Section(f"Friction over velocity{of_axis}", [sliding], [], [_over_velocity(part)]))
     sections.append(Section(f"Friction over position{of_axis}", [loops], [], [_over_position(part)]))
     header = ("parameter", "value", "95 % interval", "unit", "shown by the recording")
@@ -176,19 +176,13 @@ def _thinned(values: Floats) -> Floats:
 
 
 def sliding_rows(traces: Traces) -> tuple[Floats, Floats]:
-    """Return velocity and friction of the rows that taught and where the axis slides; of all where it never does.
-
-    Friction is the model's curve plus the residual: the low-pass of the balance rings at reversals, in the model as in
-    the measurement, and would shift the points near them.
+    """Return velocity and measured friction of the rows that taught and where the axis slides.
 
     Args:
         traces: of the axis.
     """
-    rows = np.concatenate([trace.is_sliding for trace in traces.learnt])
-    rows = rows if np.any(rows) else np.ones(len(rows), dtype=bool)
-    velocity = np.concatenate([trace.velocity for trace in traces.learnt])[rows]
-    residual = np.concatenate([trace.residual for trace in traces.learnt])[rows]
-    return velocity, traces.curve(velocity) + residual
+    velocity = np.concatenate([trace.velocity[trace.is_sliding] for trace in traces.learnt])
+    return velocity, np.concatenate([trace.friction[trace.is_sliding] for trace in traces.learnt])
 
 
 def stribeck_points(velocity: Floats, friction: Floats) -> tuple[Floats, Floats, Floats]:
@@ -216,10 +210,8 @@ def _over_velocity(part: Part) -> Picture:
     units = part.units
     velocity, friction = sliding_rows(part.traces)
     top = max(float(np.max(np.abs(trace.velocity))) for trace in part.traces.learnt)
-    where = "while sliding"
-    if not any(np.any(trace.is_sliding) for trace in part.traces.learnt):
-        where = "(all rows, as the axis never moves so far one way that every element slips)"
-    caption = f"Friction of {part.name} over velocity {where}, on what taught."
+    none = "" if len(velocity) else " It never slides so far and so long one way that a row counts."
+    caption = f"Friction of {part.name} over velocity while sliding, on what taught.{none}"
     with sheet(f"{part.name}_stribeck", caption) as drawn:
         axes = drawn.axes[0]
         axes.plot(_thinned(velocity), _thinned(friction), ".", color=REFERENCE, ms=1.5, alpha=0.4, label="rows")

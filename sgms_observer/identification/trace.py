@@ -20,7 +20,8 @@ from sgms_observer.settings.axis import AxisSettings
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-_ONE_WAY = 0.99  # mean direction of the samples behind a row of least squares: none of them turns round
+_RINGING = 2.0  # periods of the cutoff to the nearest reversal, in which the low-pass rings
+_ONE_WAY = 0.97  # mean direction behind a row of least squares where none turns; its low-pass has a ripple of 1 %
 
 stribeck_level = vectorised("friction").stribeck_level
 
@@ -36,7 +37,7 @@ class Trace:
         effort: measured effort [N or N m].
         residual: measured minus modelled effort [N or N m].
         friction: effort minus mass, offset and effects: what the model leaves to friction [N or N m].
-        is_sliding: rows after the axis has moved far enough one way that friction follows the velocity alone.
+        is_sliding: rows where the axis has moved so far one way, and so long, that friction follows the velocity alone.
     """
 
     name: str
@@ -126,7 +127,7 @@ def _trace(piece: Prepared, result: Identification, shape: ElementShape) -> Trac
     level = stribeck_level(piece.effects.velocity, scalars[RHO] * coulomb, coulomb, scalars[V_S])
     effects = piece.low_pass(piece.effects.at(parameters.effects.values, level)[0])
     friction = effort - scalars[MASS] * piece.acceleration - scalars[OFFSET] - effects
-    sliding = piece.is_sliding(float(parameters.slip_deflection.max()))
+    sliding = piece.is_sliding(float(parameters.slip_deflection.max()), _RINGING / result.cutoff)
     position = piece.position[:: piece.stride]
     return Trace(
         piece.name, piece.time[mask], position[mask], piece.velocity[mask], effort[mask], residual[mask],
@@ -156,7 +157,9 @@ def least_squares_traces(
         velocity = columns[SYMMETRIC[1]]
         friction = residual + viscous * velocity + coulomb * columns[SYMMETRIC[2]]
         position = np.interp(part.time, recording.period * np.arange(len(recording)), recording.position)
-        sliding = np.abs(columns[SYMMETRIC[2]]) > _ONE_WAY
+        turning = np.abs(columns[SYMMETRIC[2]]) <= _ONE_WAY
+        near = np.ones(2 * int(_RINGING) + 1)  # rows of least squares are a period of the cutoff apart
+        sliding = np.convolve(turning, near, mode="same") == 0.0
         return Trace(recording.name, part.time, position, velocity, part.effort, residual, friction, sliding)
 
     def curve(velocity: Floats) -> Floats:

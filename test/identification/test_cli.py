@@ -143,7 +143,7 @@ def test_measured_friction_of_the_report_lies_on_the_curve_of_the_axis(bag: Path
     fit = fit_inverse_model(pieces)
     for found in (traces, least_squares_traces(fit, pieces, ())):
         velocity, friction, _spread = stribeck_points(*sliding_rows(found))
-        assert len(velocity) > 10 and velocity.min() < -0.1 and velocity.max() > 0.1
+        assert len(velocity) >= 8 and velocity.min() < -0.1 and velocity.max() > 0.1
         truth = 4.0 * np.sign(velocity) + 30.0 * velocity
         fast = np.abs(velocity) > 0.02
         assert friction[fast] == pytest.approx(truth[fast], rel=0.02)
