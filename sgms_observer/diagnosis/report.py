@@ -257,6 +257,7 @@ def _map(answer: Answer, units: Units) -> Picture:
                 item.centres, middle - item.band, middle + item.band, color=REFERENCE, alpha=0.35, label="chance"
             )
             axes.plot(item.centres, item.mean, "o-", color=ESTIMATE, ms=3, label="residual")
+            axes.locator_params(axis="x", nbins=5)
             axes.set_xlabel(f"{item.coordinate} [{units.of(item.unit)}]")
             axes.set_ylabel(f"residual [{units.effort}]")
         drawn.axes[0].legend()
@@ -297,6 +298,7 @@ def _map_before_and_after(answer: Answer, units: Units) -> Picture:
             axes.fill_between(after.centres, -after.band, after.band, color=REFERENCE, alpha=0.35, label="chance")
             axes.plot(before.centres, before.mean, "o-", color=REFERENCE, ms=3, label="before")
             axes.plot(after.centres, after.mean, "o-", color=ESTIMATE, ms=3, label="after")
+            axes.locator_params(axis="x", nbins=5)
             axes.set_xlabel(f"{before.coordinate} [{units.of(before.unit)}]")
             axes.set_ylabel(f"residual [{units.effort}]")
         drawn.axes[0].legend()
