@@ -19,6 +19,7 @@ from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recording, read_recordings
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.load import load_settings
+from sgms_observer.settings.units import Units
 from sgms_observer.whole_file import try_folder
 
 FILES = ("result.json", "augmented.yaml", "report.html")
@@ -56,11 +57,12 @@ class DiagnoseRequest:
 
 @dataclass(frozen=True)
 class DiagnoseResult:
-    """The answer, what observer and compensation make of it before and after, and notes on the recordings."""
+    """The answer, what observer and compensation make of it before and after, notes on the recordings, and units."""
 
     answer: Answer
     closings: tuple[Closing, ...]
     notes: tuple[str, ...]
+    units: Units
 
 
 def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lambda share: None) -> DiagnoseResult:
@@ -111,7 +113,7 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
         closings = (before, later)
     write_result(answer, closings, axis.units, folder)
     write_report(answer, axis, closings, options, folder, [*request.bags, *request.holdout], notes)
-    return DiagnoseResult(answer, closings, tuple(notes))
+    return DiagnoseResult(answer, closings, tuple(notes), axis.units)
 
 
 def _axes(settings: Settings, request: DiagnoseRequest) -> tuple[AxisSettings, AxisSettings | None]:

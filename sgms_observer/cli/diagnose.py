@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int | Outcome:
     )  # fmt: skip
     with Progress("diagnose", 1.0) as progress:
         done = diagnose_bags(request, progress.show)
-    answer, gap = done.answer, done.answer.gap
+    answer, gap, unit = done.answer, done.answer.gap, done.units.effort
     for warning in answer.warnings:
         print(f"Warning: {warning}.")
     print(f"verdict: {answer.verdict} (seed {args.seed})")
@@ -109,9 +109,9 @@ def run(args: argparse.Namespace) -> int | Outcome:
         f"gap on {gap.held_out} data below {gap.band:.4g} Hz: {gap.before:.3g} -> {gap.after:.3g} % of rms effort"
         f" (as the file was given {gap.given:.3g} %, not predictable {gap.floor:.3g} %)"
     )
-    print(f"observer innovation: {done.closings[0].innovation:.4g} -> {done.closings[1].innovation:.4g} N rms")
+    print(f"observer innovation: {done.closings[0].innovation:.4g} -> {done.closings[1].innovation:.4g} {unit} rms")
     left = f"{done.closings[0].compensation:.4g} -> {done.closings[1].compensation:.4g}"
-    print(f"friction not cancelled by the feedforward: {left} N rms")
+    print(f"friction not cancelled by the feedforward: {left} {unit} rms")
     if answer.next_experiment:
         print(f"next: {answer.next_experiment}")
     print(f"wrote {args.out}/{', '.join(FILES)}")
