@@ -120,8 +120,8 @@ def test_diagnose_learns_the_rail_and_takes_the_map_of_its_own_file_for_granted(
     assert second.gap.given == pytest.approx(first.gap_with_learnt, rel=0.1)
 
 
-def test_one_recording_is_enough_to_learn_from(rail: tuple[Recording, Recording]) -> None:
-    answer = answered(rail[:1], AXIS)
+def test_parts_left_out_in_turn_are_enough_to_learn_from(rail: tuple[Recording, Recording]) -> None:
+    answer = answer_of(diagnose(rail, [], AXIS, OPTIONS), AXIS, OPTIONS)
     assert answer.verdict == "unknown_effect" and answer.remainder == "learnt"
     assert answer.gap.held_out == "cross-validated"
     assert answer.gap_with_learnt < 0.7 * answer.gap.after
