@@ -73,7 +73,7 @@ def next_experiment(verdict: str, named: Sequence[Named], told: Sequence[Located
     if verdict == "unknown_effect" and told:
         where = told[0]
         return (
-            f"Recording slow repeated motion that stays at {where.coordinate} {where.low:.3g} to {where.high:.3g}"
+            f"Record slow repeated motion that stays at {where.coordinate} {where.low:.3g} to {where.high:.3g}"
             f" {where.unit}, and the same motion again after changing one thing at a time (load, temperature, cables)."
         )
     if verdict == "no_effect" and found.rounds:
