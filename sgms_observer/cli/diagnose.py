@@ -94,6 +94,8 @@ def run(args: argparse.Namespace) -> int | Outcome:
     with Progress("diagnose", 1.0) as progress:
         done = diagnose_bags(request, progress.show)
     answer, gap, unit = done.answer, done.answer.gap, done.units.effort
+    for note in done.notes:
+        print(f"note: {note}")
     for warning in answer.warnings:
         print(f"Warning: {warning}.")
     print(f"verdict: {answer.verdict} (seed {args.seed})")
