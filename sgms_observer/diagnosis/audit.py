@@ -83,8 +83,8 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
         )
     if not poor and is_reversed(motions):
         poor.append(
-            "the effort points against the motion that it makes: turn the sign of effort_scale in the parameter file, or"
-            " that of the effort when the log is converted"
+            "the effort points against the motion that it makes: turn the sign of effort_scale in the parameter file,"
+            " or that of the effort when the log is converted"
         )
     if reversals < 10 and not poor:
         notes.append(f"only {reversals} reversals: little can be said about presliding and break-away")
