@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.closing import Closing, can_look_ahead, closing
-from sgms_observer.diagnosis.criteria import at_most
+from sgms_observer.diagnosis.criteria import at_least
+from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.report import write_report
 from sgms_observer.diagnosis.result import write_augmented, write_result
 from sgms_observer.diagnosis.workflow import Options, diagnose
@@ -105,11 +106,14 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
             return written, closing(record, written, record.period, band.corner)
 
         written, later = after()
-        ratio = later.compensation / before.compensation if before.compensation > 0.0 else 1.0
-        test = at_most("model", "friction not cancelled by the feedforward, after over before", ratio, 1.0)
+        fall = improvement(before.blocks, later.blocks).z_score
+        least = -options.criteria.min_z_score
+        test = at_least("model", "friction not cancelled by the feedforward: z-score of its fall", fall, least)
         if can_look_ahead(written) and not test.passed and (answer.effects or answer.learnt):
             answer = answer_of(found, axis, options, test)
             written, later = after()
+        else:
+            answer = replace(answer, tests=(*answer.tests, test))
         closings = (before, later)
     write_result(answer, closings, axis.units, folder)
     write_report(answer, axis, closings, options, folder, [*request.bags, *request.holdout], notes)

@@ -5,13 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sgms_observer.diagnosis.evidence import blocks_of
 from sgms_observer.diagnosis.motion import HELD, later, motion_of
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 
+BLOCK = 0.5
+"""Length of a block of time [s]."""
 SKIPPED = 0.5  # s, while filters fill
 
 
@@ -23,10 +27,12 @@ class Closing:
         innovation: rms of measured minus predicted friction at the corrections [N].
         compensation: rms of what the feedforward leaves of effort minus mass times acceleration, below the band of
             residuals, with the acceleration as it was and not as an observer knows it at the time [N].
+        blocks: what ``compensation`` is the rms of, in blocks of time [N].
     """
 
     innovation: float
     compensation: float
+    blocks: tuple[NDArray[np.float64], ...] = ()
 
 
 def closing(record: Recording, axis: AxisSettings, period: float, band: float) -> Closing:
@@ -51,7 +57,8 @@ def closing(record: Recording, axis: AxisSettings, period: float, band: float) -
     mass = axis.mass + observer.effects.added_mass
     left = motion.low_pass(motion.effort - mass * motion.acceleration - feedforward)
     left = left[motion.thinned(motion.time) > SKIPPED]
-    return Closing(float(np.sqrt(np.mean(innovation**2))), float(np.sqrt(np.mean(left**2))))
+    blocks = tuple(blocks_of(left, motion.residual_period, BLOCK))
+    return Closing(float(np.sqrt(np.mean(innovation**2))), float(np.sqrt(np.mean(left**2))), blocks)
 
 
 def can_look_ahead(axis: AxisSettings) -> bool:
