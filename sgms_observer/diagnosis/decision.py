@@ -22,6 +22,7 @@ from sgms_observer.diagnosis.evidence import (
     left_out_residuals,
 )
 from sgms_observer.diagnosis.fit import Judged, Refit, Refits
+from sgms_observer.diagnosis.gap import residuals, rms
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.ranges import believable
@@ -81,8 +82,7 @@ class Court:
 
     def is_closed(self, model: Model) -> bool:
         """Return whether a model leaves nothing above the floor on ``judge``."""
-        left = [motion.low_pass(predict(model, motion).residual) for motion in self.judge]
-        return float(np.sqrt(np.mean(np.concatenate(left) ** 2))) <= self.criteria.min_gap_over_floor * self.floor
+        return rms(residuals(model, self.judge)) <= self.criteria.min_gap_over_floor * self.floor
 
 
 @dataclass(frozen=True)
@@ -282,12 +282,8 @@ def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> lis
 
 def term(names: Sequence[str], model: Model, court: Court) -> FreeForm:
     """Return what a free-form term predicts of a model's residual on the recordings to judge on."""
-
-    def residuals(motions: Sequence[Motion]) -> list[Floats]:
-        return [motion.low_pass(predict(model, motion).residual) for motion in motions]
-
-    learn = residuals(court.learn)
-    judge = residuals(court.judge) if court.has_held_out else learn
+    learn = residuals(model, court.learn)
+    judge = residuals(model, court.judge) if court.has_held_out else learn
     return free_form(names, court.learn, learn, court.judge, judge, court.criteria, court.seed)
 
 
