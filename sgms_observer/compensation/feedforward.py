@@ -30,7 +30,7 @@ from sgms_observer.compensation.motion_ahead import (
 )
 from sgms_observer.compensation.preview import advance_elements, preview_elements
 from sgms_observer.compensation.safety import safe_output
-from sgms_observer.compensation.trust import fade, next_steady, next_trust
+from sgms_observer.compensation.trust import contradicts, fade, next_steady, next_trust
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.kernels import needed_command
 from sgms_observer.estimators.block import FRICTION_STD, RESULT_SIZE, STATUS
@@ -183,9 +183,13 @@ def _compensate(
             acceleration = jerk = 0.0
             state[STEADY] = next_steady(state[STEADY], set_velocity, h, state[STANDSTILL])
             is_moving = abs(state[STEADY]) >= _STEADY_TIME or abs(set_velocity) > _CLEARLY_MOVING * state[STANDSTILL]
+            estimated = 0.0
             for i in range(n_z):
                 forces[i] = element_force[i]
                 modes[i] = 0
+                estimated += element_force[i]
+            if not is_moving and contradicts(estimated, results[k, FRICTION_STD], state[RAW]):
+                state[RAW] = 0.0
         if is_enabled and is_moving and math.isfinite(set_velocity):
             velocity = preview_elements(
                 forces, modes, set_velocity, acceleration, jerk, state[LOOK_AHEAD], factor, row, bars

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+from sgms_observer.compensation.trust import MIN_Z_SCORE
 from sgms_observer.filters.differentiator import velocity_noise_gain
 from sgms_observer.settings.observer import FilterSettings
-
-MIN_Z_SCORE = 3.0
-"""Standard deviations that the estimated velocity of a resting axis exceeds at 3 samples in 1000."""
 
 
 def standstill_velocity(settings: FilterSettings, sample_period: float) -> float:
     """Return the speed up to which an estimated velocity may be that of an axis at rest [m/s].
 
     It is ``3 sigma_q sqrt(sum w_i^2)``: ``sigma_q`` the noise of a measured position, the encoder's steps included,
-    ``w_i`` the filter's weights from positions to the present velocity.
+    ``w_i`` the filter's weights from positions to the present velocity. Noise exceeds it at 3 samples in 1000.
 
     Args:
         settings: filter with the position's noise.
