@@ -57,7 +57,8 @@ _LOOK = """(() => {
     contrast: Math.min(21, ...written.map((e) => contrast(e, getComputedStyle(e).color)),
       ...labels.map(([t]) => contrast(t, getComputedStyle(t).fill))),
     background: luminance(behind(document.body)),
-    images: [...document.images].map((i) => [i.getAttribute('src').slice(0, 60), i.complete ? i.naturalWidth : 0, i.alt])
+    images: [...document.images]
+      .map((i) => [i.getAttribute('src').slice(0, 60), i.complete ? i.naturalWidth : 0, i.alt])
       .concat(drawings.map((d) => ['svg', d.getBoundingClientRect().width, d.getAttribute('aria-label')])),
     culprits: [...document.body.querySelectorAll('*')].filter((e) => seen(e) && e.getBoundingClientRect().right >
       document.documentElement.clientWidth + 1).slice(0, 5).map((e) => e.tagName + '.' + e.className),
@@ -169,19 +170,23 @@ class Browser:
             for looks in found
         )  # fmt: skip
 
-    def press(self, page: Path, keys: Sequence[str], expressions: Sequence[str]) -> list[Any]:
+    def press(
+        self, page: Path, keys: Sequence[str], expressions: Sequence[str], width: int = 1200, media: str = ""
+    ) -> list[Any]:
         """Open a page, press keys one after the other, and return what expressions say at the start and after each.
 
         Args:
             page: HTML file.
             keys: names as the DevTools protocol has them: ``Tab``, ``Enter``, ``ArrowRight``, ``+``.
             expressions: JavaScript; their values are one list for each moment.
+            width: of the view [px].
+            media: ``print`` for the page as it is printed.
 
         Returns:
             One entry for each moment, and at the end the complaints of the console.
         """
         with self._tab("Page", "Runtime", "Log", "Network") as session:
-            self._resize(session, 1200, "", "light")
+            self._resize(session, width, media, "light")
             self._navigate(session, page)
             script = f"[{', '.join(expressions)}]"
             found = [self._value(session, script)]

@@ -13,6 +13,7 @@ from sgms_observer.diagnosis.closing import Closing
 from sgms_observer.diagnosis.criteria import Test
 from sgms_observer.diagnosis.decision import AT_END
 from sgms_observer.diagnosis.fit import Refit, limits
+from sgms_observer.diagnosis.report_tables import NINETY
 from sgms_observer.diagnosis.workflow import Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light
@@ -176,8 +177,9 @@ def _changed(answer: Answer) -> list[Light]:
         if isinstance(item.before, str) or isinstance(item.after, str):
             listed.append(f"{item.name} from {item.before} to {item.after}")
         else:
-            listed.append(f"{item.name} from {item.before:.3g} to {item.after:.3g} +- {1.645 * item.std_error:.2g}")
-    return [Light(BELIEVABILITY, "Did values of the file change?", GOOD, f"{'; '.join(listed)} (90 % interval).")]
+            half = NINETY * item.std_error
+            listed.append(f"{item.name} from {item.before:.3g} to {item.after:.3g} (90 %: +- {half:.2g})")
+    return [Light(BELIEVABILITY, "Did values of the file change?", GOOD, f"{'; '.join(listed)}.")]
 
 
 def _rest(answer: Answer) -> Light:
@@ -187,8 +189,8 @@ def _rest(answer: Answer) -> Light:
     if rest is None or near is None:
         return Light(BELIEVABILITY, question, UNSURE, "It was not tested.")
     facts = (
-        f"{100 * max(rest.value, 0.0):.2g} % of the squared rest is surely predictable (limit {100 * rest.threshold:.3g} %);"
-        f" the rest is {near.value:.2g} times the noise (limit {near.threshold:.3g})."
+        f"{100 * max(rest.value, 0.0):.2g} % of the squared rest is surely predictable (limit"
+        f" {100 * rest.threshold:.3g} %); the rest is {near.value:.2g} times the noise (limit {near.threshold:.3g})."
     )
     if not rest.passed:
         learnt = " A learnt map of it was added." if answer.learnt else " It has no name in the catalogue."

@@ -69,10 +69,8 @@ def diagnosis_page(answer: Answer, traces: Sequence[Trace], closings: Sequence[C
         sentence(answer),
         [
             Section("What to do next", [next_step(answer)]),
-            _gap(answer),
-            _what(answer, traces, units),
+            _answer(answer, traces, units),
             _fit(answer, traces, units),
-            Section("Friction over velocity and position", pictures=friction_pictures(answer, traces, units)),
             _where(answer, units),
             _not_shown(answer),
             _decisions(answer, run),
@@ -124,30 +122,27 @@ def next_step(answer: Answer) -> str:
     return answer.next_experiment or nothing
 
 
-def _gap(answer: Answer) -> Section:
-    """Return the section on the gap in its three parts, with the bar after each effect."""
+def _answer(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
+    """Return the section on what was found: the gap after each step, the effects, the maps that were learnt."""
     gap = answer.gap
     (low, high), (least, most) = gap.interval_before, gap.interval_after
     text = [
         f"Gap: measured minus predicted effort below {gap.band:.4g} Hz on {gap.held_out} data, rms, in % of the rms"
-        f" measured effort. Refitted within its tolerance the file leaves {gap.before:.3g} % (90 % interval {low:.3g} to"
-        f" {high:.3g} %), with what was found {gap.after:.3g} % ({least:.3g} to {most:.3g} %).",
+        f" measured effort. Refitted within its tolerance the file leaves {gap.before:.3g} % (90 % interval {low:.3g}"
+        f" to {high:.3g} %), with what was found {gap.after:.3g} % ({least:.3g} to {most:.3g} %).",
     ]
-    tables = [*changed_table(answer), gap_table(answer)]
-    return Section("How the gap closes", text, tables, [gap_bar(answer)])
-
-
-def _what(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
-    """Return the section on the effects."""
-    text = []
     for item in answer.effects:
         entry = effect(item.settings.name)
-        text.append(f"{entry.name}: {entry.equation}. It acts on {entry.place.value}. Shows as: {entry.signature}.")
+        text.append(f"{entry.name}: {entry.equation}. Place: {entry.place.value}. Shows as: {entry.signature}.")
     for learnt in answer.learnt:
         text.append(f"Learnt: {learnt.sentence}. It closes {100.0 * learnt.share:.0f} % of the squared rest.")
-    pictures = [effect_over_position(answer, traces, units), *(learnt_picture(one, units) for one in answer.learnt)]
-    tables = effect_tables(answer, units)
-    return Section("What the model misses", text or ["No effect was added to the model."], tables, pictures)
+    maps = [learnt_picture(learnt, units) for learnt in answer.learnt]
+    return Section(
+        "What the model misses",
+        text,
+        [*effect_tables(answer, units), *changed_table(answer), gap_table(answer)],
+        [gap_bar(answer), effect_over_position(answer, traces, units), *maps],
+    )
 
 
 def _fit(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
@@ -160,7 +155,8 @@ def _fit(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
         " Foxglove."
     )
     title = f"Measured and modelled {word}"
-    return Section(title, [text], (), [beside_each_other(answer, traces, units)], [over_time(traces, units)])
+    pictures = [beside_each_other(answer, traces, units), *friction_pictures(answer, traces, units)]
+    return Section(title, [text], (), pictures, [over_time(traces, units)])
 
 
 def _where(answer: Answer, units: Units) -> Section:
@@ -183,7 +179,8 @@ def _not_shown(answer: Answer) -> Section:
 def _decisions(answer: Answer, run: Run) -> Section:
     """Return the folded section with what the run read, and every test that it made."""
     found = answer.diagnosis
+    noise = found.court.judged.noise
     text = [*run.notes, *found.notes]
-    text += [f"Noise below the band {item.rms:.3g} rms, corner {item.corner:.0f} Hz." for item in found.court.judged.noise]
+    text += [f"Noise below the band {item.rms:.3g} rms, corner {item.corner:.0f} Hz." for item in noise]
     tables = [*test_tables(answer), refit_table(answer, run.options), *looks_table(answer)]
     return Section("Everything the run decided", text, tables, is_folded=True)

@@ -48,7 +48,7 @@ def gap_bar(answer: Answer) -> Picture:
         axes = drawn.axes[0]
         names, sizes = [name for name, _ in steps][::-1], [size for _, size in steps][::-1]
         bars = axes.barh(names, sizes, color=MEASURED, height=0.62, label="gap")
-        axes.bar_label(bars, labels=[f"{size:.3g} %" for size in sizes], padding=3, fontsize=8.5)
+        axes.bar_label(bars, labels=[f"{size:.3g} %" for size in sizes], padding=3, fontsize=9.0)
         axes.axvline(gap.floor, color=ESTIMATE, lw=1.6, ls="--", label=f"not predictable, {gap.floor:.3g} %")
         axes.set_xlim(0.0, 1.18 * max(*sizes, gap.floor, 1e-12))
         axes.set_xlabel("gap [% of rms effort]")
@@ -89,7 +89,7 @@ def effect_over_position(answer: Answer, traces: Sequence[Trace], units: Units) 
 
 def beside_each_other(answer: Answer, traces: Sequence[Trace], units: Units) -> Picture:
     """Draw measured over modelled effort."""
-    caption = f"Measured over modelled {units.effort_word} on {answer.gap.held_out} data, with everything that was found."
+    caption = f"Measured over modelled {units.effort_word} on {answer.gap.held_out} data, with all that was found."
     measured, modelled = _all(traces, lambda one: one.effort), _all(traces, lambda one: one.after)
     return measured_against_modelled("fit", caption, measured, modelled, 100.0 - answer.gap_with_learnt, units)
 
@@ -109,7 +109,8 @@ def friction_pictures(answer: Answer, traces: Sequence[Trace], units: Units) -> 
     )
     loops = "The same friction of all rows over position: the loops that it draws, measured and modelled."
     position = with_holes([one.position for one in traces])
-    measured, model = (with_holes([one.friction for one in traces]), with_holes([one.modelled_friction for one in traces]))
+    measured = with_holes([one.friction for one in traces])
+    model = with_holes([one.modelled_friction for one in traces])
     return (
         over_velocity("stribeck", sliding_caption, velocity, friction, curve, units),
         hysteresis("hysteresis", loops, position, measured, model, units),
@@ -183,15 +184,17 @@ def located_pictures(answer: Answer, units: Units) -> tuple[Picture, ...]:
         with sheet(f"where_{item.coordinate}", caption, height=2.4) as drawn:
             axes = drawn.axes[0]
             middle = float(np.mean(item.mean))
+            factor, unit = units.prefixed(float(np.max(np.abs(item.centres))), item.unit)
+            places = factor * item.centres
             axes.fill_between(
-                item.centres, middle - item.band, middle + item.band, color=REFERENCE, alpha=0.35, label="chance"
+                places, middle - item.band, middle + item.band, color=REFERENCE, alpha=0.35, label="chance"
             )
-            axes.plot(item.centres, item.mean, "o-", color=MEASURED, ms=3, label="before")
+            axes.plot(places, item.mean, "o-", color=MEASURED, ms=3, label="before")
             if item.coordinate in later:
                 after = later[item.coordinate]
-                axes.plot(after.centres, after.mean, "o-", color=ESTIMATE, ms=3, label="after")
+                axes.plot(factor * after.centres, after.mean, "o-", color=ESTIMATE, ms=3, label="after")
             axes.locator_params(axis="x", nbins=5)
-            axes.set_xlabel(f"{item.coordinate} [{units.of(item.unit)}]")
+            axes.set_xlabel(f"{item.coordinate} [{unit}]")
             axes.set_ylabel(f"residual [{units.effort}]")
         pictures.append(drawn.picture)
     return tuple(pictures)

@@ -136,8 +136,8 @@ class Effect:
         inverse: formula of the command that lets a force arrive, or of the true position behind a measured one.
         added_mass: mass that it adds to the model's own, as a multiple of its first parameter [-].
         is_delay: whether it delays the effort by its first parameter [s].
-        question: what a report asks about it, parameters in braces (``Is there a {pitch} pitch?``); empty asks for it by
-            its name.
+        question: what a report asks about it, parameters in braces (``Is there a {pitch} pitch?``); empty asks for it
+            by its name.
     """
 
     name: str

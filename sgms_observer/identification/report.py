@@ -175,21 +175,18 @@ def _friction(part: Part) -> list[Picture]:
     top = max(float(np.max(np.abs(trace.velocity))) for trace in traces)
     lines = [sign * top * np.geomspace(SLOWEST, 1.0, 200) for sign in (-1.0, 1.0)]
     curves = [(line, part.traces.curve(line)) for line in lines]
+    sliding = f"Friction of {part.name} over velocity while sliding, on what taught."
+    loops = f"Friction of {part.name} over position, on what taught: the loops that it draws."
     residual = f"Residual of {part.name} in even bins of the position, with its standard error, by direction."
+    looped = [
+        with_holes([getattr(one, key) for one in traces]) for key in ("position", "friction", "modelled_friction")
+    ]
+    binned = [_all(traces, key) for key in ("position", "velocity", "residual")]
     return [
-        over_velocity(
-            f"{part.name}_stribeck", f"Friction of {part.name} over velocity while sliding, on what taught.",
-            *sliding_rows(part.traces), curves, units,
-        ),
-        hysteresis(
-            f"{part.name}_hysteresis", f"Friction of {part.name} over position, on what taught: the loops that it draws.",
-            *(with_holes([getattr(one, key) for one in traces]) for key in ("position", "friction", "modelled_friction")),
-            units,
-        ),
-        residual_over_position(
-            f"{part.name}_residual", residual, *(_all(traces, key) for key in ("position", "velocity", "residual")), units
-        ),
-    ]  # fmt: skip
+        over_velocity(f"{part.name}_stribeck", sliding, *sliding_rows(part.traces), curves, units),
+        hysteresis(f"{part.name}_hysteresis", loops, looped[0], looped[1], looped[2], units),
+        residual_over_position(f"{part.name}_residual", residual, binned[0], binned[1], binned[2], units),
+    ]
 
 
 def _all(traces: Sequence[Trace], key: str) -> Floats:

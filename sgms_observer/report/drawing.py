@@ -27,7 +27,7 @@ _WIDTH = 4.6  # inch: two pictures side by side on a desk, and letters of 9 px a
 _PNG_DPI = 160
 _STYLE: dict[Any, Any] = {
     "figure.dpi": 100,
-    "font.size": 9.0,
+    "font.size": 9.5,
     "text.color": light("ink"),
     "axes.edgecolor": light("soft"),
     "axes.labelcolor": light("ink"),
@@ -39,10 +39,10 @@ _STYLE: dict[Any, Any] = {
     "axes.formatter.useoffset": False,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.titlesize": 9.0,
+    "axes.titlesize": 9.5,
     "lines.linewidth": 1.2,
     "legend.frameon": False,
-    "legend.fontsize": 8.5,
+    "legend.fontsize": 9.0,
     "agg.path.chunksize": 20000,
     "svg.fonttype": "none",
 }

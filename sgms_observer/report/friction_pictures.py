@@ -1,4 +1,4 @@
-"""Pictures of friction and of what a model misses: over velocity, over position, and measured against modelled effort."""
+"""Pictures of friction and of what a model misses: over velocity, over position, measured against modelled."""
 
 from __future__ import annotations
 
@@ -76,7 +76,8 @@ def over_velocity(
     with sheet(name, caption + none) as drawn:
         axes = drawn.axes[0]
         axes.plot(factor * thinned(velocity, _MOST_DOTS), thinned(friction, _MOST_DOTS), ".", color=REFERENCE, ms=1.5,
-                  alpha=0.5, label="rows", rasterized=True)  # fmt: skip
+                  alpha=0.5, rasterized=True)  # fmt: skip
+        axes.plot([], [], ".", color=REFERENCE, label="rows")
         centre, mean, deviation = stribeck_points(velocity, friction)
         axes.errorbar(factor * centre, mean, deviation, fmt="o", color=MEASURED, ms=4, lw=1.0, label="measured, mean")
         for number, (line, level) in enumerate(model):
@@ -124,7 +125,8 @@ def measured_against_modelled(
     with sheet(name, caption) as drawn:
         axes = drawn.axes[0]
         axes.plot(thinned(modelled, _MOST_DOTS), thinned(measured, _MOST_DOTS), ".", color=MEASURED, ms=2.0, alpha=0.6,
-                  label=f"rows, fit {fit:.1f} %", rasterized=True)  # fmt: skip
+                  rasterized=True)  # fmt: skip
+        axes.plot([], [], ".", color=MEASURED, label=f"rows, fit {fit:.1f} %")
         ends = [float(np.min(measured)), float(np.max(measured))]
         axes.plot(ends, ends, color=ESTIMATE, label="measured = modelled")
         axes.set_xlabel(f"modelled {units.effort_word} [{units.effort}]")

@@ -47,9 +47,12 @@
       const isLast = number === content.panels.length - 1;
       return new uPlot(
         {
-          width: box.clientWidth, height: isLast ? 200 : 170,
+          width: box.clientWidth, height: isLast ? 205 : 160,
           scales: { x: { time: false } },
-          axes: [isLast ? axis("time [s]", true) : { ...axis(undefined, true), size: 22 }, axis(panel.label, false)],
+          axes: [
+            isLast ? axis("time [s]", true) : { ...axis(undefined, true), size: 8, values: (_, places) => places.map(() => "") },
+            axis(panel.label, false),
+          ],
           series: [
             { label: "time [s]" },
             ...panel.lines.map((line) => ({ label: line.label, stroke: colour(line.colour), width: 1.3 })),
