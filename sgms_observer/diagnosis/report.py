@@ -154,9 +154,8 @@ def _fit(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
         f" residual is the measured minus the modelled {word}. residual.mcap holds these signals for PlotJuggler and"
         " Foxglove."
     )
-    title = f"Measured and modelled {word}"
     pictures = [beside_each_other(answer, traces, units), *friction_pictures(answer, traces, units)]
-    return Section(title, [text], (), pictures, [over_time(traces, units)])
+    return Section(f"Measured and modelled {word}", [text], (), pictures, [over_time(traces, units)])
 
 
 def _where(answer: Answer, units: Units) -> Section:

@@ -82,12 +82,12 @@ def test_tables(answer: Answer) -> list[Table]:
             caption = f"Round {number}: hypotheses fitted fully, the best predicting first"
             tables.append(Table(header, rows, caption, is_folded=True))
     whole = [test for test in answer.tests if test.of == "model"]
-    rows = [
-        (test.name, f"{test.value:.3g}", f"{test.threshold:.3g}", "passed" if test.passed else "failed")
-        for test in whole
-    ]
-    if rows:
-        tables.append(Table(("test", "value", "threshold", ""), rows, "Tests of the whole model", is_folded=True))
+    if whole:
+        listed = [
+            (test.name, f"{test.value:.3g}", f"{test.threshold:.3g}", "passed" if test.passed else "failed")
+            for test in whole
+        ]
+        tables.append(Table(("test", "value", "threshold", ""), listed, "Tests of the whole model", is_folded=True))
     return tables
 
 

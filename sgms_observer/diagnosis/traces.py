@@ -103,8 +103,9 @@ def _trace(record: Recording, motion: Motion, model: Model, before: Floats, afte
 def _is_sliding(motion: Motion, stick_indicator: Floats) -> Booleans:
     """Return the rows where the axis slides and has slid for some periods of the band."""
     width = max(1, int(RINGING / motion.band / motion.period))
-    sticks = np.convolve(stick_indicator > SLIDING, np.ones(2 * width + 1), mode="same") > 0.5
-    return np.asarray(motion.thinned(~sticks), dtype=bool)
+    sticks = np.convolve(stick_indicator > SLIDING, np.ones(2 * width + 1), mode="same")
+    slides: Booleans = motion.thinned(sticks) < 0.5
+    return slides
 
 
 def _tracking_error(record: Recording, time: Floats) -> Floats:
