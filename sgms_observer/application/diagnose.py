@@ -12,18 +12,21 @@ from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.closing import Closing, can_look_ahead, closing
 from sgms_observer.diagnosis.criteria import at_least
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.report import write_report
+from sgms_observer.diagnosis.report import Run, diagnosis_page
+from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
 from sgms_observer.diagnosis.result import write_augmented, write_result
+from sgms_observer.diagnosis.traces import traces_of
 from sgms_observer.diagnosis.workflow import Options, diagnose
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recording, read_recordings
+from sgms_observer.report.page import write_page
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.units import Units
 from sgms_observer.whole_file import try_folder
 
-FILES = ("result.json", "augmented.yaml", "report.html")
+FILES = ("result.json", "augmented.yaml", "report.html", RESIDUAL_LOG)
 """What a diagnosis writes into its folder."""
 
 
@@ -116,7 +119,10 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
             answer = replace(answer, tests=(*answer.tests, test))
         closings = (before, later)
     write_result(answer, closings, axis.units, folder)
-    write_report(answer, axis, closings, options, folder, [*request.bags, *request.holdout], notes)
+    traces = traces_of(answer)
+    write_residual_log(traces, axis.name, folder)
+    run = Run(axis, options, [*request.bags, *request.holdout], notes)
+    write_page(diagnosis_page(answer, traces, closings, run), folder)
     return DiagnoseResult(answer, closings, tuple(notes), axis.units)
 
 

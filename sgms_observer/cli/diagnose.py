@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bags", nargs="+", metavar="BAG", help="recordings with position and control_effort")
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file with the model as it is now")
     parser.add_argument(
-        "--out", required=True, metavar="DIR", help="folder for result.json, augmented.yaml, report.html"
+        "--out", required=True, metavar="DIR", help="folder for result.json, augmented.yaml, report.html, residual.mcap"
     )
     parser.add_argument(
         "--holdout",

@@ -22,8 +22,6 @@ class Criteria:
             named although a change of the contact does as well: it alone explains three quarters of what there is.
         max_gap_over_noise: multiple of the noise from which a gap that nothing predicts makes the verdict
             ``cannot_tell`` instead of ``no_effect``: an order of magnitude.
-        min_returning: smallest agreement of an effect's strength in held-out recordings with that in the fit: an effect
-            belongs to the machine, so it comes back with its strength; what only fits one motion does not.
         max_unexplained: share of the rms effort above which the model is unusable: a third, as for identification.
         max_rate_share: highest frequency of an effect over the sample rate: below Nyquist with room for the filter.
         min_gap_over_floor: the gap counts as closable from this multiple of the floor (closure is null below).
@@ -37,7 +35,6 @@ class Criteria:
     min_closed_share: float = 0.05
     min_contact_share: float = 0.75
     max_gap_over_noise: float = 10.0
-    min_returning: float = 0.5
     max_unexplained: float = 1.0 / 3.0
     max_rate_share: float = 0.4
     min_gap_over_floor: float = 1.1

@@ -229,8 +229,9 @@ def diagnose(
     report("refit of the file within its tolerance", 0.03)
     fine = nominal.refined()
     refits = Refits(
-        judged_with(learn, fine.with_effects(own)), fine, options.tolerance, held=frozenset(item.name for item in own)
-    )
+        judged_with(learn, fine.with_effects(own)), fine, options.tolerance,
+        held=frozenset(item.name for item in own), workers=options.workers,
+    )  # fmt: skip
     state = State(recordings, learn, held, refits, refits.of(own, None, STEPS))
     state = state.refitted(state.current, AGAIN).timed()
     state = state.refitted(state.current, AGAIN)
@@ -282,7 +283,8 @@ def _search(
         rounds.append(
             Round(screen.looks, tuple(decisions), best, alternatives(best, decisions, options.criteria))
         )
-        state = replace(state, refits=replace(item.refits, judged=refits.judged), current=item.refit)
+        refits = replace(item.refits, judged=refits.judged, workers=options.workers)
+        state = replace(state, refits=refits, current=item.refit)
         state = state.refitted(state.current, STEPS).timed()
         names = [name for name in names if name != best.candidate.name]
         changed = [name for name in changed if name != best.candidate.name]

@@ -15,7 +15,7 @@ from sgms_observer.bags.reader import BagSamples, read_joint_states
 from sgms_observer.errors import DataError
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.report.lateness import RECOVERY, Lateness, judge_lateness
-from sgms_observer.report.page import Section, Table, write_page
+from sgms_observer.report.page import Page, Section, Table, write_page
 from sgms_observer.report.run_pictures import Run, run_pictures
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.units import Units
@@ -96,14 +96,13 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
             f" {_times(without.tracking_rms, with_it.tracking_rms)} with compensation"
         )
         sections += _sections(axis, run, switched, without, with_it, same, compared)
-    page = write_page(
-        out,
+    page = Page(
         "Friction observer on a simulated stage",
         "; ".join(verdicts) + ".",
         sections,
         f"From {bag.name}, recorded from stage_node and observer_node on the ROS graph.",
     )
-    return Presentation(lines, page)
+    return Presentation(lines, write_page(page, out))
 
 
 def _run_of(bag: Path, axis: AxisSettings) -> tuple[Run, Ints]:
