@@ -74,11 +74,13 @@ class Court:
 
     @property
     def closable_square(self) -> float:
-        """Return the squared residual above the floor in the beginning, summed over ``judge`` [N^2]; 0 for none."""
-        if self.first_gap <= self.criteria.min_gap_over_floor * self.floor:
-            return 0.0
+        """Return the squared residual above the floor in the beginning, summed over ``judge`` [N^2].
+
+        All of it where it does not stand out of the floor: an effect may pass for noise there.
+        """
+        is_above = self.first_gap > self.criteria.min_gap_over_floor * self.floor
         count = sum(len(motion.thinned(motion.time)) for motion in self.judge)
-        return (self.first_gap**2 - self.floor**2) * count
+        return (self.first_gap**2 - (self.floor**2 if is_above else 0.0)) * count
 
     def is_closed(self, model: Model) -> bool:
         """Return whether a model leaves nothing above the floor on ``judge``."""
@@ -172,7 +174,7 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> D
     gap = improvement(earlier.force, later.force)
     if court.has_held_out:
         tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
-    share = gap.fall / court.closable_square if court.closable_square > 0.0 else 0.0
+    share = gap.fall / court.closable_square if court.closable_square > 0.0 else 0.0  # a perfect model leaves nothing
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     tests += bounds(item, court)
     if item.settings is not None:
