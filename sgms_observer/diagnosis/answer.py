@@ -195,7 +195,7 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     effects = _named(found, accepted, fit, motions, gap, percent, axis, options)
     effects += _read_off(found)
     changed = changed_values(found, fit, options) if fit is not found.before else ()
-    verdict = _verdict(found, effects, rest, (whole, near, misled))
+    verdict = _verdict(found, effects, rest, bool(learnt), whole, (near, misled))
     if verdict == "cannot_tell" and whole.passed and not found.is_poor:
         warnings.append(
             f"the gap is {over:.0f} times the noise, and the recordings to learn from do not show why: learn from"
@@ -288,19 +288,25 @@ def _added(
     return back.fall / back.before if back.z_score > criteria.min_z_score and back.before > 0.0 else 0.0
 
 
-def _verdict(found: Diagnosis, effects: Sequence[Named], rest: Test, trust: Sequence[Test]) -> str:
+def _verdict(
+    found: Diagnosis, effects: Sequence[Named], rest: Test, is_learnt: bool, whole: Test, trust: Sequence[Test]
+) -> str:
     """Return the verdict.
 
     Args:
         found: the diagnosis.
         effects: what was named.
         rest: test of the surely predictable share of the rest.
+        is_learnt: whether a learnt term closes some of it.
+        whole: test that the model with the names explains the effort.
         trust: tests that the silence of the recordings means something.
     """
     if found.is_poor:
         return "cannot_tell"
     if effects:
         return "ambiguous" if any(item.alternatives for item in effects) else "effect_found"
+    if not whole.passed and not is_learnt:
+        return "cannot_tell"
     if not rest.passed:
         return "unknown_effect"
     return "no_effect" if all(test.passed for test in trust) else "cannot_tell"
