@@ -1,8 +1,9 @@
 """Choice of segments: as much information as possible about what is asked, in the time that there is.
 
 The Fisher information of a reference is the sum over its segments. What counts of it is, for each quantity asked for,
-the information that is left when everything else is fitted as well (the Schur complement). Segments are added where
-they bring most per second, then exchanged while that helps.
+the information that is left when everything else is fitted as well (the Schur complement); where the prediction is
+known to be off in a known way, the square of the error that it causes counts as variance. Segments are added where they
+bring most per second, then exchanged while that helps.
 
 Sources: Fedorov 1972, Theory of Optimal Experiments (sequential design and exchange); Pukelsheim 1993, Optimal Design
 of Experiments, ch. 3 (information for parameters of interest) and ch. 6 (matrix means); Atkinson, Fedorov 1975, The
@@ -35,6 +36,7 @@ class Goal:
     Attributes:
         names: of the quantities.
         information: Fisher information of each segment about all columns, shape (segments, p, p).
+        bias: product of all columns with each error of the prediction, by segment, shape (segments, p, b).
         prior: information before the recording, shape (p, p).
         wanted: weights of the columns in each quantity, shape (k, p).
         rivals: columns that are fitted beside each quantity, a mask of shape (k, p).
@@ -45,6 +47,7 @@ class Goal:
 
     names: tuple[str, ...]
     information: Floats
+    bias: Floats
     prior: Floats
     wanted: Floats
     rivals: NDArray[np.bool_]
@@ -52,16 +55,17 @@ class Goal:
     is_smallest: bool
     share: float
 
-    def left(self, total: Floats) -> Floats:
+    def left(self, counts: Floats) -> Floats:
         """Return the information about each quantity that is left when its rivals are fitted as well.
 
         Args:
-            total: information of references, shape (..., p, p).
+            counts: how often each segment is done, shape (..., segments).
 
         Returns:
-            Shape (..., k).
+            One over the mean squared error, shape (..., k).
         """
-        matrix = total + self.prior
+        matrix = np.tensordot(counts, self.information, axes=1) + self.prior
+        bias = np.tensordot(counts, self.bias, axes=1)
         out = np.empty((*matrix.shape[:-2], len(self.names)))
         groups: dict[bytes, list[int]] = {}
         for number in range(len(self.names)):
@@ -71,7 +75,9 @@ class Goal:
             part = matrix[..., mask[:, None], mask[None, :]]
             wanted = self.wanted[np.ix_(numbers, mask)]
             solved = np.linalg.solve(part, np.broadcast_to(wanted.T, (*part.shape[:-1], len(numbers))))
-            out[..., numbers] = 1.0 / np.maximum(np.einsum("kp,...pk->...k", wanted, solved), 1.0e-300)
+            shift = np.einsum("...pk,...pb->...kb", solved, bias[..., mask, :])
+            error = np.einsum("kp,...pk->...k", wanted, solved) + np.sum(shift**2, axis=-1)
+            out[..., numbers] = 1.0 / np.maximum(error, 1.0e-300)
         return out
 
     def best_alone(self, seconds: float, durations: Floats) -> Floats:
@@ -81,7 +87,7 @@ class Goal:
             seconds: of the reference [s].
             durations: of each segment [s].
         """
-        return np.max(self.left(self.information * (seconds / durations)[:, None, None]), axis=0)
+        return np.max(self.left(np.diag(seconds / durations)), axis=0)
 
 
 @dataclass(frozen=True)
@@ -118,7 +124,7 @@ class Design:
         """
         total: Floats = np.zeros(counts.shape[:-1])
         for goal, best in zip(self.goals, self.best, strict=True):
-            left = goal.left(np.tensordot(counts, goal.information, axes=1))
+            left = goal.left(counts)
             total = total + goal.share * _mean(np.log(left / best), goal)
         return total
 
@@ -140,7 +146,7 @@ class Design:
             if value <= before + _GAIN:
                 break
         efficiency = tuple(
-            goal.left(np.tensordot(counts.astype(float), goal.information, axes=1)) / best
+            goal.left(counts.astype(float)) / best
             for goal, best in zip(self.goals, self.best, strict=True)
         )
         return Choice(counts, efficiency)

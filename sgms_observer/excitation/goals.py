@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.excitation.design import Goal
+from sgms_observer.excitation.following import followed
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.question import Question, over_time, shapes
 from sgms_observer.excitation.segments import Place, Segment
@@ -46,11 +47,11 @@ class _Pieces:
     starts: Floats
     period: float
 
-    def information(self, model: Sensitivity, columns: Floats) -> Floats:
-        """Return the information of each segment, shape (segments, p, p)."""
+    def products(self, model: Sensitivity, columns: Floats, others: Floats) -> Floats:
+        """Return the products of columns with others over each segment, shape (segments, p, k)."""
         edges = -(-self.starts.astype(int) // model.stride)
         return np.array(
-            [columns[a:b].T @ columns[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)], dtype=np.float64
+            [columns[a:b].T @ others[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)], dtype=np.float64
         )
 
 
@@ -82,7 +83,10 @@ def goals_of(
     labels: list[tuple[str, ...]] = []
     hidden: tuple[str, ...] = ()
     for contact in believed if question.parameters else believed[:1]:
-        model = Sensitivity(axis, contact, pieces.position, period)
+        position = pieces.position
+        if not contact.is_from_file:
+            position = followed(position, period, axis, contact.friction)
+        model = Sensitivity(axis, contact, position, period)
         found = model.parameters()
         listed = model.slopes_of_listed()
         if question.parameters:
@@ -111,7 +115,8 @@ def _parameter_goal(
     wanted[:, : len(found.names)] = np.array(list(found.asked.values()))
     prior = np.diag([1.0] * len(found.names) + [_PRIOR_UNITS**-2] * listed.shape[1])
     rivals = np.ones(wanted.shape, dtype=bool)
-    return Goal(names, pieces.information(model, columns), prior, wanted, rivals, weight, False, share)
+    information, bias = (pieces.products(model, columns, others) for others in (columns, model.errors()))
+    return Goal(names, information, bias, prior, wanted, rivals, weight, False, share)
 
 
 def _effect_goal(
@@ -136,8 +141,10 @@ def _effect_goal(
     first = len(found.names) + listed.shape[1]
     if not columns:
         return None, tuple(question.effects)
-    information = pieces.information(model, np.column_stack([found.columns, listed, *columns]))
+    stacked = np.column_stack([found.columns, listed, *columns])
+    information, bias = (pieces.products(model, stacked, others) for others in (stacked, model.errors()))
     over = np.array(growth)
+    bias = bias * np.mean(over, axis=1)[:, None]
     information = information * (over @ over.T / len(_GRID))  # copies of a segment lie anywhere in time
     size = information.shape[1]
     prior = np.diag([1.0] * len(found.names) + [_PRIOR_UNITS**-2] * (size - len(found.names)))
@@ -158,7 +165,7 @@ def _effect_goal(
 
     def goal(mask: NDArray[np.bool_], keep: NDArray[np.int64]) -> Goal:
         return Goal(
-            tuple(names[k] for k in keep), information, prior, wanted[keep], mask[keep], per_effect[keep], True, 1.0
+            tuple(names[k] for k in keep), information, bias, prior, wanted[keep], mask[keep], per_effect[keep], True, 1.0
         )
 
     everything = np.arange(len(numbers))

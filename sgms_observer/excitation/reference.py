@@ -180,7 +180,7 @@ def _shows(design: Design, goals: Goals, choice: Choice) -> dict[int, str]:
         without[number] = 0.0
         lost: dict[str, float] = {}
         for goal, labels, best, now in zip(goals.goals, goals.labels, design.best, choice.efficiency, strict=True):
-            rest = goal.left(np.tensordot(without, goal.information, axes=1)) / best / now
+            rest = goal.left(without) / best / now
             for label, share in zip(labels, rest.tolist(), strict=True):
                 lost[label] = min(share, lost.get(label, 1.0))
         out[number] = ", ".join(sorted(lost, key=lambda label: lost[label])[:_SHOWN])

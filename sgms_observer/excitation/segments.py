@@ -6,6 +6,7 @@ and any order of them shows what each of them shows.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.excitation.limits import ExcitationLimits
-from sgms_observer.excitation.track import Track
+from sgms_observer.excitation.track import TooLongError, Track
 from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]
@@ -25,8 +26,9 @@ _SPEEDS = 9  # traverses, log-spaced
 _SLOWEST_SHARE = 0.01  # slowest traverse over the Stribeck velocity
 _SLOWEST_TIME = 3.0  # s, in which the slowest traverse passes the contact's own deflection
 _TRAVERSE_TIME = 0.3  # s at constant speed of the shortest traverse
-_AMPLITUDES = 9  # reversals, log-spaced
-_REVERSAL_FREQUENCIES = (1.0, 4.0)  # Hz
+_AMPLITUDES = 12  # reversals, log-spaced
+_REVERSAL_FREQUENCIES = (0.5, 2.0, 8.0)  # Hz
+_REVERSAL_TIME = 1.5  # s of reversals of one size
 _CYCLES = 3
 _SINES = (0.5, 1.5, 5.0, 15.0)  # Hz
 _SINE_SPEEDS = (3.0, 30.0)  # of the Stribeck velocity, beside the limit
@@ -107,14 +109,16 @@ def library(place: Place, limits: ExcitationLimits, period: float, seconds: floa
         seconds: time of the whole reference [s].
     """
     out = []
+    most = int(_LONGEST_SHARE * seconds / period)
     for segment in _segments(place, limits):
-        velocity = velocity_of(segment, place, limits, period)
-        if len(velocity) * period <= _LONGEST_SHARE * seconds:
-            out.append((segment, velocity))
+        with contextlib.suppress(TooLongError):
+            out.append((segment, velocity_of(segment, place, limits, period, most)))
     return out
 
 
-def velocity_of(segment: Segment, place: Place, limits: ExcitationLimits, period: float) -> Floats:
+def velocity_of(
+    segment: Segment, place: Place, limits: ExcitationLimits, period: float, most: int | None = None
+) -> Floats:
     """Return the velocity of each sample of a segment, the rest at its end included [m/s].
 
     Args:
@@ -122,8 +126,12 @@ def velocity_of(segment: Segment, place: Place, limits: ExcitationLimits, period
         place: where the motion is.
         limits: what the table may do.
         period: time between two samples [s].
+        most: samples that it may have at most; None for any number.
+
+    Raises:
+        TooLongError: if it has more.
     """
-    track = Track(period, limits, place.low, place.high, place.home)
+    track = Track(period, limits, place.low, place.high, place.home, most)
     segment.move(track)
     track.move(place.home, limits.speed)
     track.dwell(_REST)
@@ -187,17 +195,18 @@ def _reversals(place: Place, limits: ExcitationLimits) -> list[Segment]:
     sizes = np.geomspace(largest, limits.smallest, _AMPLITUDES).tolist()
     out = []
     for frequency in _REVERSAL_FREQUENCIES:
+        count = max(1, round(_REVERSAL_TIME * frequency))
         for size in sizes:
 
-            def swing(track: Track, size: float = size, frequency: float = frequency) -> None:
-                track.cycles(size, _CYCLES, frequency)
+            def swing(track: Track, size: float = size, count: int = count, frequency: float = frequency) -> None:
+                track.cycles(size, count, frequency)
 
-            name = f"{_CYCLES} of {limits.units.readable(2.0 * size)} at {frequency:g} Hz"
+            name = f"{count} of {limits.units.readable(2.0 * size)} at {frequency:g} Hz"
             out.append(Segment("reversals", name, swing))
 
-        def nested(track: Track, frequency: float = frequency) -> None:
+        def nested(track: Track, count: int = max(1, count // 3), frequency: float = frequency) -> None:
             for size in sizes:
-                track.cycles(size, 1, frequency)
+                track.cycles(size, count, frequency)
 
         name = f"from {limits.units.readable(2.0 * largest)} down to {limits.units.readable(2.0 * limits.smallest)}"
         out.append(Segment("nested reversals", f"{name} at {frequency:g} Hz", nested))

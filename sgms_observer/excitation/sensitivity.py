@@ -20,6 +20,7 @@ from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place
 from sgms_observer.formulas import vectorised
+from sgms_observer.identification.prepared import MOTION_OVER_BALANCE
 from sgms_observer.identification.simulation import ElementShape, friction_and_slopes
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.friction import FrictionSettings
@@ -39,11 +40,14 @@ SIZE = 0.1
 SPREAD_COUNT = 6
 """Elements that stand for a contact that the file does not know."""
 HALF_DECADE = 10.0**0.5
-"""Rough values of a start file are wrong by this factor, in either direction."""
+"""Rough values of a start file are wrong by this factor, in either direction; speeds of a fading friction, which nobody
+knows before identification, also by its square downwards."""
 _QUANTILE = 0.999  # of a force over time: its largest value but for single samples
 _DELAY_UNIT = 1.0e-3  # s
 _LEAST_RISE = 1.1  # static over Coulomb force: a file without Stribeck effect says nothing about where it would be
 _DIFFERENCE = 1.0e-4
+_LOWER_CORNER = 2.0**-0.5  # over the band: identification compares with what this low-pass shows
+_DRAWS = 4  # of the position's noise: what they have in common does not average out
 _PARAMETERS = ("offset", "actuator_delay", "mass_error")  # effects that are parameters of the force balance
 
 
@@ -61,7 +65,7 @@ class Contact:
 
 
 def contacts(friction: FrictionSettings, smallest: float) -> list[Contact]:
-    """Return the contact of the file, and two that differ from it by half a decade in speed and in deflections.
+    """Return the contact of the file, and others that differ from it by up to a decade in speed and in deflections.
 
     Args:
         friction: of the file.
@@ -84,7 +88,7 @@ def contacts(friction: FrictionSettings, smallest: float) -> list[Contact]:
         Contact(known, True),
         *(
             Contact(replace(spread, stribeck_velocity=factor * friction.stribeck_velocity), False)
-            for factor in (HALF_DECADE, 1.0 / HALF_DECADE)
+            for factor in (HALF_DECADE, 1.0 / HALF_DECADE, HALF_DECADE**-2)
         ),
     ]
 
@@ -178,6 +182,22 @@ class Sensitivity:
         """
         filtered = signal.sosfiltfilt(self._sections, columns, axis=0)[:: self.stride]
         return np.asarray(filtered * (self._weights if columns.ndim == 1 else self._weights[:, None]))
+
+    def errors(self) -> Floats:
+        """Return how far the friction is off because the motion that drives it is measured, shape (rows, 2).
+
+        The first column is for the low-pass that the measured motion passes, the second for its noise, which keeps a
+        contact at rest from resting. Neither averages out.
+        """
+        corner = min(2.0 * _LOWER_CORNER * MOTION_OVER_BALANCE * self.band * self.period, 0.9)
+        sections = signal.butter(4, corner, output="sos")
+        smooth = signal.sosfiltfilt(sections, self.position)
+        exact = self._elements(smooth, self._factor)[0]
+        noisy = np.zeros(len(exact))
+        for seed in range(_DRAWS):
+            noise = np.random.default_rng(seed).normal(0.0, self.axis.filter.position_noise, len(exact))
+            noisy += self._elements(smooth + signal.sosfiltfilt(sections, noise), self._factor)[0] / _DRAWS
+        return self.rows(np.column_stack([exact - self.friction, noisy - exact]))
 
     def parameters(self) -> Parameters:
         """Return the columns of the parameters of the force balance."""

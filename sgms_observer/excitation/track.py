@@ -15,6 +15,10 @@ Floats = NDArray[np.float64]
 _NOTHING = 1.0e-6  # of the smallest reversal: rounding, not a way to go
 
 
+class TooLongError(Exception):
+    """A track would have more samples than it may have."""
+
+
 @dataclass
 class Track:
     """A reference under construction.
@@ -24,6 +28,7 @@ class Track:
         limits: what the table may do.
         low, high: ends of the window that the motion stays in [m].
         at: position reached [m].
+        most: samples that it may have at most; None for any number.
         velocity: velocity of each sample, piece by piece [m/s].
         samples: how many there are.
     """
@@ -33,6 +38,7 @@ class Track:
     low: float
     high: float
     at: float
+    most: int | None = None
     velocity: list[Floats] = field(default_factory=list)
     samples: int = 0
 
@@ -52,7 +58,9 @@ class Track:
         Args:
             seconds: how long [s].
         """
-        self.append(np.zeros(max(1, round(seconds / self.period))))
+        count = max(1, round(seconds / self.period))
+        self._check(count)
+        self.append(np.zeros(count))
 
     def move(self, target: float, speed: float, acceleration: float | None = None) -> None:
         """Go to a position with raised-cosine ramps; rounding to samples only ever slows the move.
@@ -70,6 +78,7 @@ class Track:
         top = min(speed, self.limits.speed, math.sqrt(2.0 * largest * abs(distance) / math.pi))
         ramp = max(2, math.ceil(math.pi * top / (2.0 * largest) / self.period))
         flat = max(0, math.ceil(abs(distance) / (top * self.period)) - ramp)
+        self._check(2 * ramp + flat)
         up = 0.5 * (1.0 - np.cos(np.pi * (np.arange(ramp) + 0.5) / ramp))
         shape = np.concatenate([up, np.ones(flat), up[::-1]])
         self.append(shape * (distance / (float(np.sum(shape)) * self.period)))
@@ -89,8 +98,14 @@ class Track:
             math.sqrt(self.limits.acceleration / amplitude) / (2.0 * math.pi),
         )
         n = max(4, math.ceil(1.0 / (fastest * self.period)))
+        self._check(n * count)
         edge = amplitude * np.cos(2.0 * np.pi * np.arange(n + 1) / n)
         self.append(np.tile(np.diff(edge) / self.period, count))
+
+    def _check(self, count: int) -> None:
+        """Raise if so many samples more are too many."""
+        if self.most is not None and self.samples + count > self.most:
+            raise TooLongError
 
     def motion(self) -> Floats:
         """Return the velocity of all samples [m/s]."""
