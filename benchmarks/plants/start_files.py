@@ -77,8 +77,9 @@ def start_file(owner: dict[str, Any], start: Start) -> dict[str, Any]:
     friction["element_damping"] = [0.0] * len(fraction)
     friction["model"] = start.model
     if start.has_offset:
-        axis["effects"] = [*axis.get("effects", []), "offset"]
-        axis["offset"] = {"force": 0.0}
+        listed = axis.setdefault("effects", {})
+        listed["names"] = [*listed.get("names", []), "offset"]
+        listed["offset"] = {"force": 0.0}
     return file
 
 
