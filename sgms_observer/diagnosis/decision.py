@@ -35,6 +35,8 @@ START_LAG = 0.01
 """Start of the time in which sliding elements follow the Stribeck curve, where the file's contact has none [s]."""
 SLACK_OF_CONTACT = 10.0
 """Factor by which the slip deflections of a contact may differ from the file's."""
+LEAST_DELAY = 0.5
+"""Shortest delay with a name, in sample periods: whether an effort is held between samples makes as much."""
 AT_END = 1.0e-6
 """A parameter lies at the end of its range when it is this near, relative to the end."""
 WHOLE_RANGE = ("motion_share", "attraction_rate", "stop")
@@ -229,6 +231,8 @@ def physical(item: Candidate, court: Court) -> list[Test]:
         tests.append(
             at_most(item.name, "frequency over sample rate", values["frequency"] / rate, court.criteria.max_rate_share)
         )
+    if settings.name == "actuator_delay":
+        tests.append(at_least(item.name, "delay over sample period", values["delay"] * rate, LEAST_DELAY))
     if settings.name == "actuator_saturation":
         effort = np.abs(np.concatenate([motion.effort for motion in court.learn]))
         tests.append(
