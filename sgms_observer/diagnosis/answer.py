@@ -146,8 +146,9 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         names = ", ".join(item.accepted.candidate.name for item in found.rounds if item.accepted)
         test = at_least(names, "gap as reported: z-score", shrinks.z_score, criteria.interval_z_score)
         part = at_most(names, "gap as reported, as a share of the effort", rms(after) / effort_rms(motions), 1.0)
-        tests += [test, part]
-        is_borne_out = test.passed and part.passed and contradiction is None
+        grown = at_most(names, "gap as reported, over the gap before", rms(after) / max(rms(before), 1e-300), 1.0)
+        tests += [test, part, grown]
+        is_borne_out = test.passed and part.passed and grown.passed and contradiction is None
         if not is_borne_out:  # the model as it is written does not bear the names out
             accepted, model, fit, after = [], found.before.model, found.before, before
     learnt: tuple[Learnt, ...] = ()
