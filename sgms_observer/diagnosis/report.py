@@ -92,9 +92,9 @@ def diagnosis_page(
 
 def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
     """Return the section on the tracking error that the compensation would leave."""
-    title = "Tracking error predicted in closed loop"
+    heading = "Tracking error predicted in closed loop"
     if tracking is None:
-        return Section(title, ["The simulated loop does not stay finite with stage.controller of the file."])
+        return Section(heading, ["The simulated loop does not stay finite with stage.controller of the file."])
     rows = [
         (text, units.readable(error.rms), units.readable(error.peak))
         for text, error in (
@@ -112,7 +112,7 @@ def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
     caution = tracking.caution(units)
     if caution:
         text.append(f"Caution: {caution}.")
-    return Section(title, text, [Table(("tracking error", "rms", "peak"), rows)])
+    return Section(heading, text, [Table(("tracking error", "rms", "peak"), rows)])
 
 
 def sentence(answer: Answer) -> str:
