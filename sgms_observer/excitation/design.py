@@ -146,8 +146,7 @@ class Design:
             if value <= before + _GAIN:
                 break
         efficiency = tuple(
-            goal.left(counts.astype(float)) / best
-            for goal, best in zip(self.goals, self.best, strict=True)
+            goal.left(counts.astype(float)) / best for goal, best in zip(self.goals, self.best, strict=True)
         )
         return Choice(counts, efficiency)
 
@@ -185,9 +184,5 @@ def spread_evenly(counts: NDArray[np.int64]) -> list[int]:
     Args:
         counts: how often each segment is done, shape (segments,).
     """
-    places = [
-        ((copy + 0.5) / count, number)
-        for number, count in enumerate(counts.tolist())
-        for copy in range(count)
-    ]
+    places = [((copy + 0.5) / count, number) for number, count in enumerate(counts.tolist()) for copy in range(count)]
     return [number for _place, number in sorted(places)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from sgms_observer.excitation.following import followed
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.question import Question, over_time, shapes
 from sgms_observer.excitation.segments import Place, Segment
-from sgms_observer.excitation.sensitivity import Contact, Parameters, Sensitivity, contacts
+from sgms_observer.excitation.sensitivity import Parameters, Sensitivity, contacts
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 Floats = NDArray[np.float64]
@@ -30,12 +31,10 @@ class Goals:
 
     Attributes:
         goals: the goals.
-        labels: of each goal, for each of its quantities the parameter or effect that it belongs to.
         hidden: effects that stay hidden within the limits.
     """
 
     goals: tuple[Goal, ...]
-    labels: tuple[tuple[str, ...], ...]
     hidden: tuple[str, ...]
 
 
@@ -50,9 +49,7 @@ class _Pieces:
     def products(self, model: Sensitivity, columns: Floats, others: Floats) -> Floats:
         """Return the products of columns with others over each segment, shape (segments, p, k)."""
         edges = -(-self.starts.astype(int) // model.stride)
-        return np.array(
-            [columns[a:b].T @ others[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)], dtype=np.float64
-        )
+        return np.array([columns[a:b].T @ others[a:b] for a, b in pairwise(edges.tolist())], dtype=np.float64)
 
 
 def goals_of(
@@ -80,7 +77,6 @@ def goals_of(
     pieces = _Pieces(place.home + np.cumsum(velocity) * period, starts, period)
     believed = contacts(axis.friction, limits.smallest)
     goals: list[Goal] = []
-    labels: list[tuple[str, ...]] = []
     hidden: tuple[str, ...] = ()
     for contact in believed if question.parameters else believed[:1]:
         position = pieces.position
@@ -91,21 +87,15 @@ def goals_of(
         listed = model.slopes_of_listed()
         if question.parameters:
             goals.append(_parameter_goal(pieces, model, found, listed, 1.0 / len(believed)))
-            labels.append(goals[-1].names)
         if contact.is_from_file and question.effects:
             durations = np.diff(starts) * period
-            goal, hidden = _effect_goal(
-                question, axis, limits, place, pieces, model, found, listed, durations, seconds
-            )
+            goal, hidden = _effect_goal(question, axis, limits, place, pieces, model, found, listed, durations, seconds)
             if goal is not None:
                 goals.append(goal)
-                labels.append(goal.names)
-    return Goals(tuple(goals), tuple(labels), hidden)
+    return Goals(tuple(goals), hidden)
 
 
-def _parameter_goal(
-    pieces: _Pieces, model: Sensitivity, found: Parameters, listed: Floats, share: float
-) -> Goal:
+def _parameter_goal(pieces: _Pieces, model: Sensitivity, found: Parameters, listed: Floats, share: float) -> Goal:
     """Return the goal of narrow relative intervals of all parameters."""
     columns = np.column_stack([found.columns, listed])
     names = tuple(found.asked)
@@ -165,13 +155,12 @@ def _effect_goal(
 
     def goal(mask: NDArray[np.bool_], keep: NDArray[np.int64]) -> Goal:
         return Goal(
-            tuple(names[k] for k in keep), information, bias, prior, wanted[keep], mask[keep], per_effect[keep], True, 1.0
-        )
+            tuple(names[k] for k in keep), information, bias, prior, wanted[keep], mask[keep], per_effect[keep],
+            True, 1.0,
+        )  # fmt: skip
 
     everything = np.arange(len(numbers))
-    is_told, is_seen = (
-        goal(mask, everything).best_alone(seconds, durations) >= MIN_Z_SCORE**2 for mask in masks
-    )
+    is_told, is_seen = (goal(mask, everything).best_alone(seconds, durations) >= MIN_Z_SCORE**2 for mask in masks)
     chosen = np.where(is_told[:, None], masks[0], masks[1])
     keep = np.flatnonzero(is_told | is_seen)
     shown = {names[k] for k in keep}

@@ -134,9 +134,7 @@ class Sensitivity:
         self._shared = np.array([ratio, friction.stribeck_velocity, rate])
         self._shape = ElementShape.of(friction, friction.model)
         self.stribeck: Floats = np.asarray(
-            stribeck_level(
-                self.velocity, friction.static_force, friction.coulomb_force, friction.stribeck_velocity
-            )
+            stribeck_level(self.velocity, friction.static_force, friction.coulomb_force, friction.stribeck_velocity)
         )
         listed = [item for item in axis.effects if effect(item.name).place in (Place.ADDED_FORCE, Place.LEVEL_FACTOR)]
         self._force, self._factor = self._evaluate(listed, np.zeros(len(position)))
@@ -155,9 +153,7 @@ class Sensitivity:
 
     def _elements(self, position: Floats, factor: Floats) -> tuple[Floats, Floats]:
         """Return the elements' force and its slopes."""
-        return friction_and_slopes(
-            position, self.period, self._kappa, self._level, self._shared, self._shape, factor
-        )
+        return friction_and_slopes(position, self.period, self._kappa, self._level, self._shared, self._shape, factor)
 
     def _needed(self, position: Floats, velocity: Floats, acceleration: Floats, friction: Floats) -> Floats:
         """Return the effort without added forces."""
