@@ -4,8 +4,9 @@
 
 Intervals: random tables (those of ``benchmarks/identification.py``, 0 is Table I of the paper) follow both references,
 made from the same wrong start file, at 1 kHz with encoder steps, noise and their own controllers. ``identify`` runs on
-both recordings as users run it. The table shows the half 95 % interval of each parameter under the recipe over that
-under the design: above 1 the design is better. A parameter that only one of them finds counts as not comparable.
+both recordings, with the number of elements given (``--elements``), so that the same parameters are compared. The list
+shows the half 95 % interval of each parameter under the recipe over that under the design: above 1 the design is
+better. A parameter that only one of them finds counts as not comparable.
 
 Pairs (``--pairs``): one effect acts in the simulated stage; the evidence for it against a rival is by how much the
 whitened squared residual is larger when the rival is refitted in its place, with all friction parameters free within
@@ -73,8 +74,9 @@ def followed_by(axis: AxisSettings, position: Floats, seed: int) -> tuple[Record
 def widths_of(number: int, position: Floats) -> dict[str, float]:
     """Return half the 95 % interval of each parameter that identification finds [%]."""
     axis = random_table(number, "sgms")
-    result = identify(followed_by(axis, position, 10 + number), START, IdentifyOptions(model="sgms"))
-    rows = compare(result, truth(axis))
+    true = truth(axis)
+    result = identify(followed_by(axis, position, 10 + number), START, IdentifyOptions("sgms", count=true.count))
+    rows = compare(result, true)
     return {row["name"]: row["half_width_percent"] for row in rows if np.isfinite(row["half_width_percent"])}
 
 

@@ -134,15 +134,16 @@ class Design:
         value = float(self.value(counts.astype(float)))
         for _ in range(_PASSES):
             before = value
-            for number in np.flatnonzero(counts):
-                if counts[number] == 0:
-                    continue
-                less = counts.copy()
-                less[number] -= 1
-                other = self._filled(less)
-                new = float(self.value(other.astype(float)))
-                if new > value + _GAIN:
-                    counts, value = other, new
+            for number in np.flatnonzero(counts).tolist():
+                for copies in (1, 2, int(counts[number])):
+                    if not 0 < copies <= counts[number]:
+                        continue
+                    less = counts.copy()
+                    less[number] -= copies
+                    other = self._filled(less)
+                    new = float(self.value(other.astype(float)))
+                    if new > value + _GAIN:
+                        counts, value = other, new
             if value <= before + _GAIN:
                 break
         efficiency = tuple(
