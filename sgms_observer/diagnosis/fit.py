@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +29,7 @@ FREED_ELEMENTS = np.log(3.0)
 """The same of an element's stiffness and share: a factor of three."""
 STEP = 1.0e-4
 """Step of numerical derivatives, in units of the parameters."""
-UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,), "gravity": (2,)}
+UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,), "dwell_breakaway": (3,), "gravity": (2,)}
 """Parameters that are a unit of others, or follow from the joint, and are never fitted: (effect, indices)."""
 REFRESH = 3
 """Steps after which derivatives by the nominal parameters are computed anew."""
@@ -175,6 +176,7 @@ def refit(
     iterations: int = _MAX_ITERATIONS,
     nominal_columns: Floats | None = None,
     freedom: Freedom = Freedom(),
+    workers: int = 1,
 ) -> Refit:
     """Fit nominal parameters and effects by Levenberg-Marquardt with numerical derivatives.
 
@@ -189,6 +191,7 @@ def refit(
         nominal_columns: derivatives of the whitened residual by the nominal parameters, when they are known well
             enough: they hardly change while an effect is fitted.
         freedom: nominal parameters that may move beyond the tolerance.
+        workers: threads that share the derivatives.
 
     Returns:
         The best point found.
@@ -237,13 +240,19 @@ def refit(
     if nominal_columns is not None:
         jacobian[:, :n] = np.vstack([nominal_columns, np.diag(1.0 / widths)])
     units = np.concatenate([1.0 / widths, np.ones(len(free))])
+
+    def derivative(k: int) -> Floats:
+        step = STEP if x[k] + STEP <= high[k] else -STEP
+        shifted = x.copy()
+        shifted[k] += step
+        return np.asarray((residual(shifted) - here) / step)
+
     age = 0
     for _ in range(iterations):
-        for k in range(n if nominal_columns is not None or age > 0 else 0, len(x)):
-            step = STEP if x[k] + STEP <= high[k] else -STEP
-            shifted = x.copy()
-            shifted[k] += step
-            jacobian[:, k] = (residual(shifted) - here) / step
+        wanted = range(n if nominal_columns is not None or age > 0 else 0, len(x))
+        with ThreadPoolExecutor(max_workers=workers) as pool:
+            for k, column in zip(wanted, pool.map(derivative, wanted), strict=True):
+                jacobian[:, k] = column
         normal, gradient = jacobian.T @ jacobian, jacobian.T @ here
         improved = 0.0
         for _attempt in range(6):
@@ -292,6 +301,7 @@ class Refits:
         tolerance: of its parameters.
         freedom: nominal parameters that may move beyond the tolerance.
         held: effects of the owner's file that keep their values.
+        workers: threads that share the derivatives of one fit.
     """
 
     judged: Judged
@@ -299,6 +309,7 @@ class Refits:
     tolerance: float
     freedom: Freedom = Freedom()
     held: frozenset[str] = frozenset()
+    workers: int = 1
 
     def of(
         self,
@@ -318,7 +329,9 @@ class Refits:
             columns: derivatives by the nominal parameters where they are known, see ``refit``.
         """
         still = [*(kept(effects) if fixed is None else fixed), *self.held_parameters(effects)]
-        return refit(self.judged, self.nominal, self.tolerance, effects, start, still, steps, columns, self.freedom)
+        return refit(
+            self.judged, self.nominal, self.tolerance, effects, start, still, steps, columns, self.freedom, self.workers
+        )
 
     def held_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
         """Return the parameters of effects that keep the values of the owner's file, (effect, parameter)."""

@@ -165,8 +165,11 @@ LEVEL_EFFECTS = (
             EffectParameter(
                 "memory_distance", "m", 1.0e-4, 1.0e-8, 1.0, "travel over which it is forgotten", acts_on="position"
             ),
+            EffectParameter(
+                "rest_velocity", "m/s", 1.0e-4, 1.0e-9, 1.0, "speed below which the contact rests", acts_on="velocity"
+            ),
         ),
-        "s -> s (1 + A x), dx/dt = (1 - x) / tau at rest, dx/dt = -|v| x / d in motion",
+        "s -> s (1 + A x), dx/dt = exp(-(v / v_0)^2) (1 - x) / tau - |v| x / d",
         "a peak at break-away that grows with the rest before it",
         "rests of several lengths before equal motions",
         ("stribeck", "presliding"),
