@@ -84,12 +84,14 @@ def goals_of(
             position = followed(position, period, axis, contact.friction)
         model = Sensitivity(axis, contact, position, period)
         found = model.parameters()
-        listed = model.slopes_of_listed()
+        listed_owners, listed = model.slopes_of_listed()
         if question.parameters:
             goals.append(_parameter_goal(pieces, model, found, listed, 1.0 / len(believed)))
         if contact.is_from_file and question.effects:
             durations = np.diff(starts) * period
-            goal, hidden = _effect_goal(question, axis, limits, place, pieces, model, found, listed, durations, seconds)
+            goal, hidden = _effect_goal(
+                question, axis, limits, place, pieces, model, found, listed_owners, listed, durations, seconds
+            )
             if goal is not None:
                 goals.append(goal)
     return Goals(tuple(goals), hidden)
@@ -111,7 +113,8 @@ def _parameter_goal(pieces: _Pieces, model: Sensitivity, found: Parameters, list
 
 def _effect_goal(
     question: Question, axis: AxisSettings, limits: ExcitationLimits, place: Place, pieces: _Pieces,
-    model: Sensitivity, found: Parameters, listed: Floats, durations: Floats, seconds: float,
+    model: Sensitivity, found: Parameters, listed_owners: Sequence[str], listed: Floats, durations: Floats,
+    seconds: float,
 ) -> tuple[Goal | None, tuple[str, ...]]:  # fmt: skip
     """Return the goal that no effect stays hidden behind parameters and effects like it, and those that do anyway."""
     wanted_names = list(dict.fromkeys([*question.effects, *(r for name in question.effects for r in
@@ -146,6 +149,8 @@ def _effect_goal(
         for name, effect_name in (("offset", "offset"), ("delay", "actuator_delay")):
             if owners[k] == effect_name:
                 masks[:, row, found.names.index(name)] = False
+        own = [len(found.names) + j for j, owner in enumerate(listed_owners) if owner == owners[k]]
+        masks[:, row, own] = False  # an effect of the file is its own columns' question
         rivals = [first + j for j, owner in enumerate(owners) if owner in question.rivals(owners[k])]
         masks[0, row, rivals] = True
     names = tuple(owners[k] for k in numbers)

@@ -258,7 +258,10 @@ def _summary(
             + " of what the best single kind of motion would bring in the same time"
         )
     if hidden:
-        lines.append(f"Warning: {axis.name}: within these limits no reference shows {', '.join(hidden)}.")
+        lines.append(
+            f"Warning: {axis.name}: within these limits no reference tells {', '.join(hidden)} from the parameters and"
+            " the other effects of the file; allow more stroke, speed or time."
+        )
     return tuple(lines)
 
 

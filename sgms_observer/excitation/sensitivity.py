@@ -261,9 +261,9 @@ class Sensitivity:
             return np.zeros(len(self._weights))
         return self.rows(SIZE * self.contact.friction.coulomb_force / largest * column)
 
-    def slopes_of_listed(self) -> Floats:
-        """Return the columns of the parameters of the file's own effects, shape (rows, k)."""
-        out = []
+    def slopes_of_listed(self) -> tuple[tuple[str, ...], Floats]:
+        """Return the columns of the parameters of the file's own effects, shape (rows, k), and each one's effect."""
+        owners, out = [], []
         for item in self.axis.effects:
             if item.name in _PARAMETERS:
                 continue
@@ -278,5 +278,6 @@ class Sensitivity:
                 )
                 rows = self.unit_rows(change / step)
                 if np.any(rows):
+                    owners.append(item.name)
                     out.append(rows)
-        return np.column_stack(out) if out else np.zeros((len(self._weights), 0))
+        return tuple(owners), np.column_stack(out) if out else np.zeros((len(self._weights), 0))

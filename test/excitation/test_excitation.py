@@ -89,6 +89,14 @@ def test_the_default_hides_nothing_that_the_joint_can_show() -> None:
     assert "rad/s^2" in made.summary[0]
 
 
+def test_an_effect_of_the_file_is_not_hidden_by_itself() -> None:
+    joint = replace(JOINT, effects=(EffectSettings("gravity", (20.0, 0.3, 1.0)),))
+    made = design_excitation(
+        joint, CAUTIOUS_LIMITS[REVOLUTE], ("gravity", "asymmetric_coulomb"), seconds=15.0, rate=200.0
+    )
+    assert set(made.efficiency) == {"gravity", "asymmetric_coulomb"} and not made.hidden
+
+
 def test_what_is_bound_to_place_gets_the_stroke_and_what_is_not_does_not() -> None:
     placed = design_excitation(AXIS, LIMITS, ("cogging", "position_dependent_friction"), seconds=20.0)
     contact = design_excitation(AXIS, LIMITS, ("presliding",), seconds=20.0)
