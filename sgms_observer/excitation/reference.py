@@ -59,9 +59,9 @@ class Excitation:
         position: [m], shape (n,).
         velocity: [m/s], shape (n,).
         sections: what each stretch of it is.
-        expected: half the 95 % interval of each parameter over its value that is expected if the file is right; empty
-            where parameters were not asked for.
-        efficiency: by effect: information that it brings, over that of the best single kind of motion.
+        expected: half the 95 % interval of each parameter over its value that is expected if the file is right [-];
+            empty where parameters were not asked for.
+        efficiency: by effect: information that it brings, over that of the best single kind of motion [-].
         hidden: effects that were asked for and stay hidden within the limits.
         summary: sentences about range, peaks, duration and content.
     """

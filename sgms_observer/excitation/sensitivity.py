@@ -38,7 +38,8 @@ ROW_RATE = 2.5
 SIZE = 0.1
 """Largest force of an effect of unit strength within the limits, over the Coulomb force."""
 SPREAD_COUNT = 6
-"""Elements that stand for a contact that the file does not know."""
+"""Elements that stand for a contact that the file does not know; their shares rise with the root of the deflection, as
+those of a contact whose force grows with the root of the way: little is carried by what slips first."""
 HALF_DECADE = 10.0**0.5
 """Rough values of a start file are wrong by this factor, in either direction; speeds of a fading friction, which nobody
 knows before identification, also by its square downwards."""
@@ -77,11 +78,11 @@ def contacts(friction: FrictionSettings, smallest: float) -> list[Contact]:
     places = np.geomspace(
         max(smallest, float(deflection.min()) / HALF_DECADE), HALF_DECADE * float(deflection.max()), SPREAD_COUNT
     )
-    even = 1.0 / SPREAD_COUNT
+    shares = np.sqrt(places) / np.sum(np.sqrt(places))
     spread = replace(
         known,
-        element_stiffness=tuple((even * friction.coulomb_force / places).tolist()),
-        element_fraction=(even,) * SPREAD_COUNT,
+        element_stiffness=tuple((shares * friction.coulomb_force / places).tolist()),
+        element_fraction=tuple(shares.tolist()),
         element_damping=(0.0,) * SPREAD_COUNT,
     )
     return [
