@@ -134,20 +134,20 @@ class Design:
         value = float(self.value(counts.astype(float)))
         for _ in range(_PASSES):
             before = value
-            for number in np.flatnonzero(counts):
-                if counts[number] == 0:
-                    continue
-                less = counts.copy()
-                less[number] -= 1
-                other = self._filled(less)
-                new = float(self.value(other.astype(float)))
-                if new > value + _GAIN:
-                    counts, value = other, new
+            for number in np.flatnonzero(counts).tolist():
+                for copies in (1, 2, int(counts[number])):
+                    if not 0 < copies <= counts[number]:
+                        continue
+                    less = counts.copy()
+                    less[number] -= copies
+                    other = self._filled(less)
+                    new = float(self.value(other.astype(float)))
+                    if new > value + _GAIN:
+                        counts, value = other, new
             if value <= before + _GAIN:
                 break
         efficiency = tuple(
-            goal.left(counts.astype(float)) / best
-            for goal, best in zip(self.goals, self.best, strict=True)
+            goal.left(counts.astype(float)) / best for goal, best in zip(self.goals, self.best, strict=True)
         )
         return Choice(counts, efficiency)
 
@@ -185,9 +185,5 @@ def spread_evenly(counts: NDArray[np.int64]) -> list[int]:
     Args:
         counts: how often each segment is done, shape (segments,).
     """
-    places = [
-        ((copy + 0.5) / count, number)
-        for number, count in enumerate(counts.tolist())
-        for copy in range(count)
-    ]
+    places = [((copy + 0.5) / count, number) for number, count in enumerate(counts.tolist()) for copy in range(count)]
     return [number for _place, number in sorted(places)]
