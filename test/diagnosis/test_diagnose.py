@@ -106,7 +106,7 @@ def test_residual_log_holds_what_the_gap_is_made_of(case: tuple[CasePaths, Path]
         effort = {}
         for topic in (*squares, "modelled_before", "modelled", "effects"):
             states = read_joint_states(log, f"{bag.name}/{topic}")
-            assert states.names == (["cogging"] if topic == "effects" else ["x"])
+            assert list(states.names) == (["cogging"] if topic == "effects" else ["x"])
             effort[topic] = states.effort[:, 0]
         assert effort["modelled"] + effort["residual"] == pytest.approx(effort["measured"])
         assert effort["modelled_before"] + effort["residual_before"] == pytest.approx(effort["measured"])

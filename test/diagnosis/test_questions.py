@@ -80,9 +80,8 @@ def with_test(name: str, value: float) -> tuple[Any, ...]:
 def test_all_is_well() -> None:
     found = states(answer())
     assert {state for state, _ in found.values()} == {GOOD}
-    assert {light.topic for light in questions_of(answer(), (Closing(1.0, 2.0), Closing(0.5, 1.0)), Options(), Units())} == {
-        "Data", "Convergence", "Believability"
-    }  # fmt: skip
+    lights = questions_of(answer(), (Closing(1.0, 2.0), Closing(0.5, 1.0)), Options(), Units())
+    assert {light.topic for light in lights} == {"Data", "Convergence", "Believability"}
     pitch = found["Is there a 12.0 mm pitch?"][1]
     assert "by 9.1 standard errors, 3 are needed" in pitch and "from 5 to 2 %" in pitch and "0.98" in pitch
     travel = found["Do the recordings show the friction?"][1]
@@ -96,15 +95,15 @@ def test_all_is_well() -> None:
          "The axis hardly slides: move."),
         ({"state": SimpleNamespace(learn=(motion(),), held=())},
          "Was the model judged on recordings that it was not fitted to?", UNSURE, "--holdout"),
-        ({"after": SimpleNamespace(model=MODEL, logs=np.zeros(1), is_converged=False)}, "Did the fits converge?", UNSURE,
-         "the augmented model was not small"),
+        ({"after": SimpleNamespace(model=MODEL, logs=np.zeros(1), is_converged=False)}, "Did the fits converge?",
+         UNSURE, "the augmented model was not small"),
         ({"tests": with_test("share of the effort", 0.4)}, "Does the model explain the effort?", BAD, "33.3 %"),
         ({"tests": with_test("surely predictable", 0.5)}, "Is what is left noise?", BAD, "no name in the catalogue"),
         ({"tests": with_test("surely predictable", 0.5), "learnt": (SimpleNamespace(),)}, "Is what is left noise?",
          UNSURE, "A learnt map"),
         ({"tests": with_test("gap over noise", 20.0)}, "Is what is left noise?", UNSURE, "20 times the noise"),
-        ({"tests": with_test("friction not", -5.0)}, "Does the feedforward leave less friction with the new model?", BAD,
-         "not added"),
+        ({"tests": with_test("friction not", -5.0)}, "Does the feedforward leave less friction with the new model?",
+         BAD, "not added"),
         ({"tests": with_test("friction not", 1.0)}, "Does the feedforward leave less friction with the new model?",
          UNSURE, "may be chance"),
         ({"changed": (Changed("friction.coulomb_force", 6.0, 4.6, 0.1, 0.7),)}, "Did values of the file change?", GOOD,
