@@ -8,6 +8,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from sgms_observer.application.predicted_tracking import predict_tracking
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.closing import Closing, can_look_ahead, closing
 from sgms_observer.diagnosis.criteria import at_least
@@ -16,6 +17,7 @@ from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
 from sgms_observer.diagnosis.result import write_augmented, write_result
 from sgms_observer.diagnosis.traces import traces_of
+from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.diagnosis.workflow import Options, diagnose
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.offline.band import choose_band
@@ -65,6 +67,7 @@ class DiagnoseResult:
 
     answer: Answer
     closings: tuple[Closing, ...]
+    tracking: PredictedTracking | None
     notes: tuple[str, ...]
     units: Units
 
@@ -118,12 +121,13 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
         else:
             answer = replace(answer, tests=(*answer.tests, test))
         closings = (before, later)
-    write_result(answer, closings, axis.units, folder)
+        tracking = predict_tracking(record, axis, written, band.corner)
+    write_result(answer, closings, tracking, axis.units, folder)
     traces = traces_of(answer)
     write_residual_log(traces, axis.name, folder)
     run = Run(axis, options, [*request.bags, *request.holdout], notes)
-    write_page(diagnosis_page(answer, traces, closings, run), folder)
-    return DiagnoseResult(answer, closings, tuple(notes), axis.units)
+    write_page(diagnosis_page(answer, traces, closings, tracking, run), folder)
+    return DiagnoseResult(answer, closings, tracking, tuple(notes), axis.units)
 
 
 def _axes(settings: Settings, request: DiagnoseRequest) -> tuple[AxisSettings, AxisSettings | None]:

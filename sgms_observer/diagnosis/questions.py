@@ -201,7 +201,11 @@ def _rest(answer: Answer) -> Light:
 def _feedforward(answer: Answer, closings: Sequence[Closing], units: Units) -> Light:
     """Ask whether the compensation is better off with the answer."""
     before, after = (item.compensation for item in closings)
-    facts = f"Friction not cancelled by the feedforward: {before:.3g} before, {after:.3g} {units.effort} rms after."
+    facts = (
+        f"Friction not cancelled by the feedforward along {closings[1].along}: {before:.3g} before,"
+        f" {after:.3g} {units.effort} rms after, counted while it follows the motion"
+        f" ({100.0 * closings[1].share:.0f} % of the time)."
+    )
     question = "Does the feedforward leave less friction with the new model?"
     test = _test(answer, "friction not cancelled by the feedforward")
     if test is None:

@@ -29,9 +29,10 @@ from sgms_observer.diagnosis.report_tables import (
     test_tables,
 )
 from sgms_observer.diagnosis.traces import Trace
+from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.diagnosis.workflow import Options
 from sgms_observer.effects.catalogue import effect
-from sgms_observer.report.page import Page, Section
+from sgms_observer.report.page import Page, Section, Table
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import Units
 
@@ -53,13 +54,20 @@ class Run:
     notes: Sequence[str]
 
 
-def diagnosis_page(answer: Answer, traces: Sequence[Trace], closings: Sequence[Closing], run: Run) -> Page:
+def diagnosis_page(
+    answer: Answer,
+    traces: Sequence[Trace],
+    closings: Sequence[Closing],
+    tracking: PredictedTracking | None,
+    run: Run,
+) -> Page:
     """Return the report.
 
     Args:
         answer: of the diagnosis.
         traces: model and measurement of the recordings that the gap was measured on.
         closings: observer and compensation before and after.
+        tracking: predicted in closed loop; None where the loop does not stay finite.
         run: what was read, and how it was run.
     """
     units = run.axis.units
@@ -69,6 +77,7 @@ def diagnosis_page(answer: Answer, traces: Sequence[Trace], closings: Sequence[C
         sentence(answer),
         [
             Section("What to do next", [next_step(answer)]),
+            _tracking(tracking, units),
             _answer(answer, traces, units),
             _fit(answer, traces, units),
             _where(answer, units),
@@ -79,6 +88,31 @@ def diagnosis_page(answer: Answer, traces: Sequence[Trace], closings: Sequence[C
         [f"Warning: {text}." for text in answer.warnings],
         questions_of(answer, closings, run.options, units),
     )
+
+
+def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
+    """Return the section on the tracking error that the compensation would leave."""
+    title = "Tracking error predicted in closed loop"
+    if tracking is None:
+        return Section(title, ["The simulated loop does not stay finite with stage.controller of the file."])
+    rows = [
+        (text, units.readable(error.rms), units.readable(error.peak))
+        for text, error in (
+            ("recorded", tracking.recorded),
+            ("without compensation", tracking.without),
+            ("with that of the file as given", tracking.given),
+            ("with that of augmented.yaml", tracking.augmented),
+        )
+        if error is not None
+    ]
+    text = [
+        f"The stage that augmented.yaml describes follows {tracking.along} for {tracking.seconds:.3g} s with"
+        " stage.controller of the file and the compensation's gain and limit."
+    ]
+    caution = tracking.caution(units)
+    if caution:
+        text.append(f"Caution: {caution}.")
+    return Section(title, text, [Table(("tracking error", "rms", "peak"), rows)])
 
 
 def sentence(answer: Answer) -> str:

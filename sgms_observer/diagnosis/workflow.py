@@ -235,9 +235,9 @@ def diagnose(
     state = State(recordings, learn, held, refits, refits.of(own, None, STEPS))
     state = state.refitted(state.current, AGAIN).timed()
     state = state.refitted(state.current, AGAIN)
-    notes = list(audited.notes)
+    warnings = list(audited.warnings)
     if axis.filter.effort_is_held and state.recordings.lag < NOT_HELD:
-        notes.append("the effort is not held between samples: set filter.effort_is_held to false")
+        warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
     found = state
     rounds: tuple[Round, ...] = ()
     if not audited.is_poor:
@@ -247,8 +247,8 @@ def diagnose(
     before, after, after_refits = _as_written(found, state, nominal)
     court = state.court(options)
     return Diagnosis(
-        nominal, own, found, state, before, after, after_refits, tuple(rounds), court, audited.resolution, tuple(notes),
-        audited.warnings, audited.is_poor,
+        nominal, own, found, state, before, after, after_refits, tuple(rounds), court, audited.resolution,
+        audited.notes, tuple(warnings), audited.is_poor,
     )  # fmt: skip
 
 

@@ -94,6 +94,27 @@ def run_pictures(run: Run, window: tuple[float, float], name: str = "") -> tuple
     )
 
 
+def tracking_picture(run: Run, before: tuple[float, float], after: tuple[float, float], name: str) -> Picture:
+    """Draw the tracking error without and with compensation, on one scale.
+
+    Args:
+        run: the whole run.
+        before: part without compensation [s].
+        after: part with compensation [s].
+        name: of the picture.
+    """
+    caption = "Tracking error without compensation, then with it, on one scale."
+    parts = [run.between(*window) for window in (before, after)]
+    errors = [part.position - part.reference for part in parts]
+    factor, unit = _readable(np.concatenate(errors), run.units)
+    with sheet(name, caption, rows=2, height=1.9, sharey=True) as drawn:
+        for axes, part, error, word in zip(drawn.axes, parts, errors, ("without", "with"), strict=True):
+            _line(axes, part.time, factor * error, MEASURED)
+            axes.set(ylabel=f"tracking error [{unit}]", title=f"{word} compensation")
+        drawn.axes[1].set_xlabel("time [s]")
+    return drawn.picture
+
+
 def _motion(run: Run, name: str) -> Picture:
     caption = "Position with its set-point, tracking error and estimated velocity."
     factor, unit = _readable(run.position, run.units)
