@@ -70,8 +70,9 @@ def test_report_asks_for_the_pitch_that_was_found(case: tuple[CasePaths, Path]) 
     page = (case[1] / "report.html").read_text()
     item = json.loads((case[1] / "result.json").read_text())["effects"][0]
     pitch = f"{1e3 * item['parameters']['pitch']:#.3g}".rstrip(".")
-    found = re.search(rf'<li class="(\w+)"><span class="lamp"[^>]*>.</span><span class="question">Is there a {pitch} mm pitch'
-                      r"\?</span> <strong>([^<]+)</strong> ([^<]+)</li>", page)  # fmt: skip
+    question = rf'<span class="question">Is there a {pitch} mm pitch\?</span>'
+    lamp = r'<li class="(\w+)"><span class="lamp"[^>]*>.</span>'
+    found = re.search(rf"{lamp}{question} <strong>([^<]+)</strong> ([^<]+)</li>", page)
     assert found is not None
     assert found[1] == ("unsure" if item["alternatives"] else "good")
     assert f"Confidence {item['confidence']:.2f}." in found[3]
