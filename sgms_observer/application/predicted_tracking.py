@@ -63,7 +63,7 @@ def predict_tracking(
         errors.append((part.position - reference)[first:])
         recorded = TrackingError.of(errors[-1])
     without, given_error, augmented_error = (TrackingError.of(error) for error in errors[:3])
-    time = part.period * np.arange(first, count)
+    time = np.asarray(part.period * np.arange(first, count), dtype=np.float64)
     return PredictedTracking(
         without, given_error, augmented_error, recorded, part.duration, time, tuple(errors)
     )
