@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from sgms_observer.application.predicted_tracking import predict_tracking
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.closing import Closing, can_look_ahead, closing
-from sgms_observer.diagnosis.criteria import at_least
+from sgms_observer.diagnosis.criteria import at_most
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
@@ -112,9 +112,9 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
             return written, closing(record, written, record.period, band.corner)
 
         written, later = after()
-        fall = improvement(before.blocks, later.blocks).z_score
-        least = -options.criteria.min_z_score
-        test = at_least("model", "friction not cancelled by the feedforward: z-score of its fall", fall, least)
+        growth = improvement(later.blocks, before.blocks).z_score
+        most = options.criteria.min_z_score
+        test = at_most("model", "friction not cancelled by the feedforward: z-score of its growth", growth, most)
         if can_look_ahead(written) and not test.passed and (answer.effects or answer.learnt):
             answer = answer_of(found, axis, options, test)
             written, later = after()

@@ -25,7 +25,10 @@ class FilterSettings:
     window: float = setting(3.0e-3, "length of the polynomial's window", "s", above=0.0)
     degree: int = setting(3, "degree of the polynomial", minimum=2, maximum=6)
     position_noise: float = setting(
-        5.0e-9, "standard deviation of the position measurement, the encoder's steps (step / sqrt 12) included", "m", above=0.0
+        5.0e-9,
+        "standard deviation of the position measurement, the encoder's steps (step / sqrt 12) included",
+        "m",
+        above=0.0,
     )
     jerk_density: float = setting(
         1.0, "spectral density of the jerk for the kalman filter", "m/s^3/sqrt(Hz)", above=0.0
