@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sgms_observer.nodes.horizons import HorizonExchange
 from sgms_observer.nodes.intake import Intake
 from sgms_observer.nodes.statistics import AxisStatistics, StepClock
 from sgms_observer.observer.all_axes import AllAxes
 from sgms_observer.observer.axis_observer import AxisObserver
+from sgms_observer.observer.trial import run_all_kernels
 from sgms_observer.observer.outgoing import Outgoing, OutgoingBlock, ParameterReport
 from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.settings.axis import Settings
-
-_WARM_UP_SAMPLES = 3000
 
 
 @dataclass(frozen=True)
@@ -53,13 +53,14 @@ class Engine:
         self.statistics = [AxisStatistics() for _ in settings.axes]
         self.latest: dict[int, Estimates] = {}
         self.intake = Intake(settings.scales, settings.sample_period)
+        self.horizons = HorizonExchange(settings, self._all_axes)
         self._outgoing = Outgoing(settings)
 
     def warm_up(self) -> None:
         """Run every kernel once, so that none is compiled or loaded when the first sample arrives."""
         for axis in self.settings.axes:
             enabled = replace(axis, compensation=replace(axis.compensation, enabled=True))
-            AxisObserver(enabled, self.settings.sample_period).step(_trial(self.settings.sample_period))
+            run_all_kernels(AxisObserver(enabled, self.settings.sample_period))
 
     def process(self) -> Processed:
         """Estimate over everything that came in and is complete."""
@@ -98,6 +99,7 @@ class Engine:
             pairing.counts = old.counts
         self._outgoing = Outgoing(self.settings)
         self.latest.clear()
+        self.horizons.reset()
         self._all_axes.reset()
 
     def continue_compensation(self, number: int, output: float) -> None:
@@ -118,17 +120,4 @@ class Engine:
         self.settings = settings
         for observer, axis in zip(self.observers, settings.axes, strict=True):
             observer.compensator.configure(axis.compensation)
-
-
-def _trial(period: float) -> Samples:
-    """Return made-up samples of a small motion, only good for running the kernels."""
-    count = np.arange(_WARM_UP_SAMPLES)
-    seconds = count * period
-    position = 1.0e-4 * np.sin(40.0 * seconds)
-    return Samples(
-        stamp_ns=np.rint(seconds * 1e9).astype(np.int64),
-        position=position,
-        effort=np.sign(np.cos(40.0 * seconds)),
-        reference_position=position,
-        reference_velocity=4.0e-3 * np.cos(40.0 * seconds),
-    )
+        self.horizons.configure(settings)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,6 +16,7 @@ from rclpy.qos import ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.application.kernels import OF_OBSERVER
 from sgms_observer.bags.diagnostics_cdr import encode_diagnostics
@@ -24,10 +26,17 @@ from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, parameter_entry, scale_sentences
 from sgms_observer.nodes.statistics import Growth, Sentences
-from sgms_observer.nodes.topics import JointStateTopics, subscribe
+from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe, subscribe_horizon
 from sgms_observer.nodes.watchdog import SHORTEST_PERIOD, Watchdog
 from sgms_observer.observer.learnt import learnt_changes, learnt_remarks
-from sgms_observer.observer.outgoing import COMPENSATION, JOINT_STATE_TOPICS, PARAMETERS, OutgoingBlock
+from sgms_observer.observer.outgoing import (
+    COMPENSATION,
+    HORIZON,
+    JOINT_STATE_TOPICS,
+    PARAMETERS,
+    REFERENCE_HORIZON,
+    OutgoingBlock,
+)
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.parameter_file import overlaid, parameter_tree
 from sgms_observer.settings.write import write_settings
@@ -61,6 +70,7 @@ class ObserverNode(ManagedNode):
         self._engine: Engine | None = None
         self._topics: JointStateTopics | None = None
         self._commands: CommandTopic | None = None
+        self._horizons: Publisher | None = None
         self._subscriptions_of_inputs: list[Subscription] = []
         self._is_scheduled = False
         self._pause = 0.0
@@ -88,6 +98,7 @@ class ObserverNode(ManagedNode):
         """Make publishers and subscriptions."""
         self._topics = JointStateTopics(self, JOINT_STATE_TOPICS)
         self._commands = CommandTopic(self)
+        self._horizons = self.create_publisher(JointTrajectory, HORIZON, HORIZON_QOS)
         is_one_topic = self.resolve_topic_name("position") == self.resolve_topic_name("control_effort")
         inputs = (
             {"position": self._on_both}
@@ -98,6 +109,9 @@ class ObserverNode(ManagedNode):
         self._subscriptions_of_inputs = [
             subscribe(self, topic, self.guarded(callback)) for topic, callback in inputs.items()
         ]
+        self._subscriptions_of_inputs.append(
+            subscribe_horizon(self, REFERENCE_HORIZON, self.guarded(self._on_reference_horizon))
+        )
         self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
 
     def begin(self) -> None:
@@ -115,6 +129,8 @@ class ObserverNode(ManagedNode):
     def end(self) -> None:
         """Leave no compensation behind: to zero within the slew limit, and what is left after a second at once."""
         watchdog, begun = self._watchdog, time.monotonic()
+        if self.context.ok() and self._engine is not None:
+            self._publish_horizons(self._engine.horizons.let_go(self.get_clock().now().nanoseconds))
         while self.context.ok() and watchdog is not None and any(watchdog.outputs):
             now = time.monotonic()
             forces = watchdog.silent(now, is_ending=True)
@@ -141,6 +157,9 @@ class ObserverNode(ManagedNode):
             self._topics.destroy()
         if self._commands is not None:
             self._commands.destroy()
+        if self._horizons is not None:
+            self.destroy_publisher(self._horizons)
+        self._horizons = None
         self._watch_timer = self._watchdog = self._topics = self._commands = self._engine = None
 
     def on_tuned(self) -> None:
@@ -183,6 +202,13 @@ class ObserverNode(ManagedNode):
             self._working_engine().intake.reference(message)
             self._schedule()
 
+    def _on_reference_horizon(self, message: bytes) -> None:
+        if self.is_active:
+            engine = self._working_engine()
+            engine.intake.counts.messages += 1
+            if not engine.horizons.take_reference(message, self.get_clock().now().nanoseconds):
+                engine.intake.counts.malformed += 1
+
     def _schedule(self) -> None:
         """Have complete samples processed behind the events that wait already."""
         if not self._is_scheduled and self._working_engine().intake.has_samples:
@@ -203,6 +229,7 @@ class ObserverNode(ManagedNode):
             self._watchdog.feed(number, float(estimates.compensation[-1]), now)
         if processed.estimates and self._commands is not None:
             self._commands.publish(self._watchdog.outputs)
+        self._publish_horizons(self._working_engine().horizons.give(processed.estimates))
         if self._pause > 0.0:
             time.sleep(self._pause)
 
@@ -215,6 +242,12 @@ class ObserverNode(ManagedNode):
             for number, force in forces.items():
                 self._working_engine().continue_compensation(number, force)
             self._publish_compensation(forces)
+
+    def _publish_horizons(self, messages: Iterable[bytes]) -> None:
+        """Publish horizons, if anybody listens."""
+        if self._horizons is not None and self._horizons.get_subscription_count():
+            for message in messages:
+                self._horizons.publish(message)
 
     def _publish_compensation(self, forces: dict[int, float]) -> None:
         """Publish forces that no sample led to.

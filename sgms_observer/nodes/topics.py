@@ -11,6 +11,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.bags.blocks import BY_ARRAYS, encode_joint_states
 from sgms_observer.bags.cdr import JointStateEncoder
@@ -20,6 +21,13 @@ from sgms_observer.observer.outgoing import OutgoingBlock
 SAMPLE_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=10_000,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+#: Horizons: a newer one replaces the one before it.
+HORIZON_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
@@ -37,6 +45,20 @@ def subscribe(node: Node, topic: str, callback: Callable[[bytes], None]) -> Subs
     """
     options = QoSOverridingOptions(policy_kinds=(QoSPolicyKind.RELIABILITY, QoSPolicyKind.DEPTH))
     return node.create_subscription(JointState, topic, callback, SAMPLE_QOS, raw=True, qos_overriding_options=options)
+
+
+def subscribe_horizon(node: Node, topic: str, callback: Callable[[bytes], None]) -> Subscription:
+    """Subscribe to a topic of horizons, likewise.
+
+    Args:
+        node: the node.
+        topic: relative name.
+        callback: takes one message.
+    """
+    options = QoSOverridingOptions(policy_kinds=(QoSPolicyKind.RELIABILITY, QoSPolicyKind.DEPTH))
+    return node.create_subscription(
+        JointTrajectory, topic, callback, HORIZON_QOS, raw=True, qos_overriding_options=options
+    )
 
 
 class JointStateTopics:

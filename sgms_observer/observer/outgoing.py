@@ -21,6 +21,8 @@ STD = "friction_std"
 COMPENSATION = "friction_compensation"
 ELEMENTS = "friction_elements"
 PARAMETERS = "friction_parameters"
+HORIZON = "compensation_horizon"
+REFERENCE_HORIZON = "reference_horizon"
 JOINT_STATE_TOPICS = (COMPENSATION, ESTIMATE, STD, ELEMENTS)
 
 PARAMETERS_EVERY_NS = 100_000_000
