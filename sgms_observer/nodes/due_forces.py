@@ -25,7 +25,7 @@ class DueForces:
     reaches. The newest one that has begun counts. Where none reaches, single values count: a message of sample time s
     predicts the friction at s + ``lead``, and is in time if it is there by then.
 
-    What comes later, or is held because nothing follows, counts less from sample to sample and nothing after ``timeout``.
+    What comes later, or is held because nothing follows, counts less from sample to sample: nothing after ``timeout``.
     It counts nothing at all where it may push the wrong way: when the set-point has turned round since the time it was
     made for, or when it acts against the motion. What comes again after that comes within ``timeout`` too.
 
@@ -131,12 +131,11 @@ class DueForces:
         elapsed = min(max(0, stamp - self._latest_ns), self._timeout_ns)
         step = elapsed / self._timeout_ns if self._latest_ns > _LONG_AGO else 0.0
         age = stamp - self._due_ns
-        wanted = 1.0
-        if age > self._grace_ns:
-            pushes_back = self._force * self._direction < 0.0
-            wanted = 0.0 if pushes_back or self._turned_ns > self._due_ns else 1.0 - age / self._timeout_ns
-        if wanted <= 0.0:
-            self._share = 0.0
+        if age <= self._grace_ns or self._due_ns == _LONG_AGO:
+            wanted = 1.0
+        elif self._force * self._direction < 0.0 or self._turned_ns > self._due_ns:
+            wanted = self._share = 0.0
         else:
-            self._share += min(max(wanted - self._share, -step), step)
+            wanted = max(0.0, 1.0 - age / self._timeout_ns)
+        self._share += min(max(wanted - self._share, -step), step)
         return self._share * self._force
