@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sgms_observer.nodes.horizons import HorizonExchange
 from sgms_observer.nodes.intake import Intake
 from sgms_observer.nodes.statistics import AxisStatistics, StepClock
 from sgms_observer.observer.all_axes import AllAxes
 from sgms_observer.observer.axis_observer import AxisObserver
-from sgms_observer.observer.trial import run_all_kernels
 from sgms_observer.observer.outgoing import Outgoing, OutgoingBlock, ParameterReport
-from sgms_observer.observer.samples import Estimates, Samples
+from sgms_observer.observer.samples import Estimates, Floats, Samples
+from sgms_observer.observer.trial import run_all_kernels
 from sgms_observer.settings.axis import Settings
+
+Stamps = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,12 @@ class Engine:
         self.latest: dict[int, Estimates] = {}
         self.intake = Intake(settings.scales, settings.sample_period)
         self.horizons = HorizonExchange(settings, self._all_axes)
+        for number, observer in enumerate(self.observers):
+            observer.on_compensation = partial(self._take_compensation, number)
+        self._send: Callable[[OutgoingBlock], None] | None = None
+        self._forces: dict[int, tuple[Stamps, Floats]] = {}
+        self._expected = 0
+        self._is_sent = False
         self._outgoing = Outgoing(settings)
 
     def warm_up(self) -> None:
@@ -62,22 +72,40 @@ class Engine:
             enabled = replace(axis, compensation=replace(axis.compensation, enabled=True))
             run_all_kernels(AxisObserver(enabled, self.settings.sample_period))
 
-    def process(self) -> Processed:
-        """Estimate over everything that came in and is complete."""
+    def process(self, send: Callable[[OutgoingBlock], None] | None = None) -> Processed:
+        """Estimate over everything that came in and is complete.
+
+        Args:
+            send: takes each block of compensations as soon as it is there; without it they come with the others.
+        """
         blocks: list[OutgoingBlock] = []
         reports: list[ParameterReport] = []
         estimates: dict[int, Estimates] = {}
+        self._send = send
         for group in self._groups():
             estimates = {}
+            self._forces, self._expected, self._is_sent = {}, len(group), False
             start = time.perf_counter()
             for number, block in self._all_axes.step(group):
                 self.clock.add(time.perf_counter() - start, len(group[number].stamp_ns))
-                self.statistics[number].add(block)
                 estimates[number] = self.latest[number] = block
                 start = time.perf_counter()
-            blocks += self._outgoing.blocks(estimates)
+            for block in () if self._is_sent else self._outgoing.compensations(estimates):
+                blocks.append(block) if send is None else send(block)
+            blocks += self._outgoing.others(estimates)
+            for number, found in estimates.items():
+                self.statistics[number].add(found)
             reports += self._outgoing.reports(estimates)
         return Processed(estimates, blocks, reports)
+
+    def _take_compensation(self, number: int, stamps: Stamps, forces: Floats) -> None:
+        """Send the compensations of a group as soon as its last axis has its own."""
+        self._forces[number] = stamps, forces
+        if self._send is not None and len(self._forces) == self._expected:
+            block = self._outgoing.compensation_of_all(self._forces)
+            if block is not None:
+                self._is_sent = True
+                self._send(block)
 
     def _groups(self) -> Iterator[dict[int, Samples]]:
         """Yield the new samples by axis; a second block of an axis, which follows a reset of the clock, comes later."""

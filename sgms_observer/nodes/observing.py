@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable
 from dataclasses import replace
@@ -44,14 +45,17 @@ from sgms_observer.settings.write import write_settings
 _REPORT_PERIOD = 1.0  # s
 _LONGEST_END = 1.0  # s for the compensation to go to zero within its slew limit when the node stops
 _COMMAND_LINE = "_ros2cli"  # how the nodes of `ros2 topic echo` and `hz` are called
+_IDLE_SHARE = 0.25  # of a sample period without an event, after which none is taken to wait
+_OWN_CLOCK_NS = 10_000_000_000  # stamps less than this behind the node's clock are taken as its own
 _SHORTEST_REPORT = 0.8  # s; the first after the activation tells of about a period as well
 
 
 class ObserverNode(ManagedNode):
     """Observes every axis of its parameters.
 
-    Messages are decoded as they arrive. The first complete sample posts one task behind all events that wait already:
-    the task estimates over everything that is complete by then, so blocks grow by themselves when the machine is late.
+    Messages are decoded as they arrive. A complete sample that comes while the node is idle is estimated at once. One that
+    comes sooner after the last posts a task behind all events that wait already: the task estimates over everything
+    that is complete by then, so blocks grow by themselves when the machine is late.
     Samples that come faster than ``gather_time`` are gathered: after each block the node sleeps that long while
     messages arrive. A block of four costs as much as a single sample, and nothing has to wake this thread for each.
 
@@ -73,6 +77,10 @@ class ObserverNode(ManagedNode):
         self._horizons: Publisher | None = None
         self._subscriptions_of_inputs: list[Subscription] = []
         self._is_scheduled = False
+        self._is_late = False
+        self._idle_since = 0.0
+        self._surely_idle = math.inf
+        self._oldest_ns = 0
         self._pause = 0.0
         self._task = self.guarded(self._process)
         self._reported_at = time.monotonic()
@@ -118,6 +126,7 @@ class ObserverNode(ManagedNode):
         """Start from nothing: what came before is not trusted."""
         settings = self.settings
         self._pause = settings.gather_time if settings.sample_period < settings.gather_time else 0.0
+        self._surely_idle = math.inf if self._pause > 0.0 else _IDLE_SHARE * settings.sample_period
         self._working_engine().reset()
         self._reported_at = time.monotonic()
         self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
@@ -166,6 +175,8 @@ class ObserverNode(ManagedNode):
         """Take over the compensation's settings; beside another observer none is given out, whatever they say."""
         settings = self.settings if not self._rivals else without_compensation(self.settings)
         self._working_engine().tune_compensation(settings)
+        compensations = [axis.compensation for axis in settings.axes]
+        self._oldest_ns = round(1e9 * max(found.look_ahead + found.timeout for found in compensations))
         if self._watchdog is not None:
             self._watchdog.configure(settings.axes)
             self._watch_by(self._watchdog)
@@ -210,8 +221,12 @@ class ObserverNode(ManagedNode):
                 engine.intake.counts.malformed += 1
 
     def _schedule(self) -> None:
-        """Have complete samples processed behind the events that wait already."""
-        if not self._is_scheduled and self._working_engine().intake.has_samples:
+        """Have complete samples processed: at once, or behind the events that wait already where there may be some."""
+        if self._is_scheduled or not self._working_engine().intake.has_samples:
+            return
+        if time.monotonic() - self._idle_since > self._surely_idle:
+            self._process()
+        else:
             self._is_scheduled = True
             self.own_executor.create_task(self._task)
 
@@ -219,7 +234,7 @@ class ObserverNode(ManagedNode):
         self._is_scheduled = False
         if not self.is_active or self._topics is None or self._watchdog is None:
             return
-        processed = self._working_engine().process()
+        processed = self._working_engine().process(self._send_compensation)
         for block in processed.blocks:
             self._topics.publish(block)
         for report in processed.reports:
@@ -228,10 +243,31 @@ class ObserverNode(ManagedNode):
         for number, estimates in processed.estimates.items():
             self._watchdog.feed(number, float(estimates.compensation[-1]), now)
         if processed.estimates and self._commands is not None:
-            self._commands.publish(self._watchdog.outputs)
+            outputs = self._watchdog.outputs
+            self._commands.publish([0.0] * len(outputs) if self._is_late else outputs)
         self._publish_horizons(self._working_engine().horizons.give(processed.estimates))
         if self._pause > 0.0:
             time.sleep(self._pause)
+        self._idle_since = time.monotonic()
+
+    def _send_compensation(self, block: OutgoingBlock) -> None:
+        """Publish compensations, but for those that come too late for whoever applies them.
+
+        A stamp that is far from this node's clock belongs to another one: nobody knows how old it is.
+        """
+        now_ns = time.time_ns()  # the node's own clock takes twenty times as long to ask, and simulated time is never late
+        self._is_late = self._oldest_ns < now_ns - int(block.stamp_ns[-1]) < _OWN_CLOCK_NS
+        if now_ns - int(block.stamp_ns[0]) > self._oldest_ns and self._topics is not None:
+            age = now_ns - block.stamp_ns
+            in_time = (age <= self._oldest_ns) | (age >= _OWN_CLOCK_NS)
+            self._working_engine().intake.counts.too_late += len(in_time) - int(np.count_nonzero(in_time))
+            block = replace(
+                block,
+                stamp_ns=block.stamp_ns[in_time],
+                values={name: values[in_time] for name, values in block.values.items()},
+            )
+        if self._topics is not None and len(block.stamp_ns):
+            self._topics.publish(block, is_heard=True)
 
     def _watch(self) -> None:
         """Bring the compensation of every axis to zero whose samples stopped."""

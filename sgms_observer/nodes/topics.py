@@ -76,14 +76,15 @@ class JointStateTopics:
         }
         self._encoders: dict[tuple[str, tuple[str, ...]], JointStateEncoder] = {}
 
-    def publish(self, block: OutgoingBlock) -> None:
+    def publish(self, block: OutgoingBlock, is_heard: bool = False) -> None:
         """Send every message of a block, if anybody listens.
 
         Args:
             block: messages of one of the topics.
+            is_heard: whether somebody is taken to listen; to ask takes a fifth of the time of a message.
         """
         publisher = self._publishers[block.topic]
-        if not publisher.get_subscription_count():
+        if not is_heard and not publisher.get_subscription_count():
             return
         publish = publisher.publish
         if len(block.stamp_ns) >= BY_ARRAYS:

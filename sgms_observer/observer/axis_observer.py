@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sgms_observer.compensation.feedforward import Compensator
 from sgms_observer.compensation.horizon import Horizon, KnownMotion, grid_of
@@ -74,6 +76,10 @@ class AxisObserver:
         axis: checked settings of the axis.
         sample_period: nominal time between two samples [s].
 
+    Attributes:
+        on_compensation: told stamps [ns] and compensations [N] of each block as soon as they are there, before anything
+            else is made of them.
+
     Raises:
         ConfigurationError: if the settings do not fit the sample period.
     """
@@ -90,6 +96,7 @@ class AxisObserver:
         self._ahead_state = self.effects.initial_state()
         self._origin_ns: int | None = None
         self._latest_effort = 0.0
+        self.on_compensation: Callable[[NDArray[np.int64], Floats], None] | None = None
         self._zeros, self._ones = np.zeros(1), np.ones(1)
 
     def reset(self) -> None:
@@ -154,6 +161,8 @@ class AxisObserver:
         if self.effects.has_force_or_level:
             force, factor = self._effects_ahead(samples, motion, ahead, other)
         compensation = self.compensator.step_tables(motion.table, results.table, ahead, force, factor)
+        if self.on_compensation is not None:
+            self.on_compensation(samples.stamp_ns, compensation)
         return Estimates.of(
             stamp_ns=samples.stamp_ns,
             position=motion.present_position,

@@ -91,9 +91,40 @@ class Outgoing:
         Returns:
             Blocks of messages; axes with the same stamps share a message.
         """
+        return [*self.compensations(estimates), *self.others(estimates)]
+
+    def compensations(self, estimates: Mapping[int, Estimates]) -> list[OutgoingBlock]:
+        """Return those of ``blocks`` that a controller waits for.
+
+        Args:
+            estimates: as for ``blocks``.
+        """
+        return [self._effort(COMPENSATION, axes, group, "compensation") for axes, group in _by_stamps(estimates)]
+
+    def compensation_of_all(
+        self, forces: Mapping[int, tuple[NDArray[np.int64], Floats]]
+    ) -> OutgoingBlock | None:
+        """Return what ``compensations`` gives for axes whose stamps agree, without their estimates; None for others.
+
+        Args:
+            forces: number of the axis to the stamps [ns] of its block and the compensations [N].
+        """
+        blocks = list(forces.values())
+        stamps, force = blocks[0]
+        names = tuple(self._axes[axis] for axis in forces)
+        if len(blocks) == 1:
+            return OutgoingBlock(COMPENSATION, names, stamps, {"effort": force[:, np.newaxis]})
+        if any(not np.array_equal(stamps, others) for others, _ in blocks[1:]):
+            return None
+        return OutgoingBlock(COMPENSATION, names, stamps, {"effort": np.stack([force for _, force in blocks], axis=1)})
+
+    def others(self, estimates: Mapping[int, Estimates]) -> list[OutgoingBlock]:
+        """Return the rest of ``blocks``.
+
+        Args:
+            estimates: as for ``blocks``.
+        """
         found = []
-        for axes, group in _by_stamps(estimates):
-            found.append(self._effort(COMPENSATION, axes, group, "compensation"))
         published = {
             axis: rows for axis, block in estimates.items() if (rows := self._published(axis, block)) is not None
         }
