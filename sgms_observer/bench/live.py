@@ -57,20 +57,20 @@ def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = 
         conductor.start("listener", "sgms_observer.nodes.bench_listener", listener)
         conductor.wait_active("observer_node")
         conductor.wait_subscribers({_COMPENSATION: 1, RELAYED: 1, "position": 2, "control_effort": 2})
-        publisher = ["--count", str(count), "--rate", str(rate), "--out", str(sent_file)]
+        sending = ["--count", str(count), "--rate", str(rate), "--out", str(sent_file)]
         used = {name: seconds_used(conductor.process_id(name)) for name in ("observer_node", "relay")}
-        conductor.start("publisher", "sgms_observer.nodes.bench_publisher", publisher)
+        conductor.start("publisher", "sgms_observer.nodes.bench_publisher", sending)
         conductor.wait(sent_file.exists, "the publisher to send everything")
-        share = {name: (seconds_used(conductor.process_id(name)) - before) * rate / count for name, before in used.items()}
-        publisher_share = seconds_used(conductor.process_id("publisher")) * rate / count
+        used = {name: seconds_used(conductor.process_id(name)) - before for name, before in used.items()}
+        publisher = seconds_used(conductor.process_id("publisher"))
         for name in ("observer_node", "relay", "listener"):
             _wait_until_idle(conductor.process_id(name))
         for name in ("listener", "publisher", "relay", "observer_node"):
             conductor.stop(name)
     sent = np.load(sent_file)
     with np.load(heard_file) as heard:
-        own, relay = (_received(sent, heard[topic], share[name]) for topic, name in
-                      ((_COMPENSATION, "observer_node"), (RELAYED, "relay")))  # fmt: skip
+        own = _received(sent, heard[_COMPENSATION], used["observer_node"] * rate / count)
+        relay = _received(sent, heard[RELAYED], used["relay"] * rate / count)
     ratio = {key: round(own["latency_us"][key] / relay["latency_us"][key], 2) for key in ("p50", "p99")}
     late = _percentiles((sent[1] - sent[0]) * 1e-3)
     return {
@@ -81,7 +81,7 @@ def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = 
         "over_relay": ratio,
         "seconds": seconds,
         "publisher_late_us": late,
-        "publisher_cpu_share": round(publisher_share, 3),
+        "publisher_cpu_share": round(publisher * rate / count, 3),
     }
 
 

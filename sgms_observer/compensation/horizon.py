@@ -22,7 +22,6 @@ from sgms_observer.estimators.layout import (
     VISCOUS,
     Floats,
     Integers,
-    ModelArrays,
     apply_parameters,
 )
 from sgms_observer.jit import njit
@@ -185,7 +184,7 @@ def horizon_block(
                 advance_elements(forces, modes, travel - forth, abs(0.5 * motion[1, k]), factor, row, bars)
             else:
                 advance_elements(forces, modes, travel, abs(travel) / h, factor, row, bars)
-        if abs(motion[1, k]) > scalars[STANDSTILL]:
+        if scalars[STANDSTILL] == 0.0 or abs(motion[1, k]) > scalars[STANDSTILL]:
             raw = row[VISCOUS] * motion[1, k]
             for i in range(n_z):
                 raw += forces[i]

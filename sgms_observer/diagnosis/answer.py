@@ -14,6 +14,7 @@ from sgms_observer.diagnosis.advice import Named, detectable, next_experiment
 from sgms_observer.diagnosis.ceiling import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
+from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.evidence import Improvement, blocks_of, improvement
 from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
 from sgms_observer.diagnosis.gap import Gap, effort_rms, halves, interval, noise_floor, residuals, rms
@@ -165,7 +166,9 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         total = residuals(final, motions)
     whole_motions = found.state.held or found.state.learn
     noise = noise_floor(whole_motions, found.state.current.model, found.state.refits.judged.noise, options.seed)
-    floor = _floor(noise, before, after, total, free, surely)
+    unnamed = _unnamed(found, criteria) if has_held_out else None
+    floor = _floor(noise, before, after, total, free, surely, unnamed)
+    surely = max(surely, unnamed.predictable(criteria) if unnamed else 0.0)
     percent = 100.0 / effort_rms(motions)
     named_after = rms(after) * percent
     gap = Gap(
@@ -192,7 +195,7 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     effects = _named(found, accepted, fit, motions, gap, percent, axis, options)
     effects += _read_off(found)
     changed = changed_values(found, fit, options) if fit is not found.before else ()
-    verdict = _verdict(found, effects, rest, (whole, near, misled))
+    verdict = _verdict(found, effects, rest, bool(learnt), whole, (near, misled))
     if verdict == "cannot_tell" and whole.passed and not found.is_poor:
         warnings.append(
             f"the gap is {over:.0f} times the noise, and the recordings to learn from do not show why: learn from"
@@ -246,12 +249,22 @@ def _floor(
     total: Sequence[Floats],
     free: FreeForm,
     surely: float,
+    unnamed: Decision | None,
 ) -> float:
     """Return what no predictor removes [N]: noise and encoder, or what the best predictor leaves if that is more."""
     left = [rms(before), rms(after), rms(total)]
     if surely > 0.0:
         left.append(rms([one - guess for one, guess in zip(after, free.predicted, strict=True)]))
+    if unnamed is not None:
+        left.append(rms(unnamed.evidence.force))
     return max(noise, min(left))
+
+
+def _unnamed(found: Diagnosis, criteria: Criteria) -> Decision | None:
+    """Return the effect that surely predicts most of the rest although it did not pass every test, or None."""
+    last = found.rounds[-1].decisions if found.rounds and found.rounds[-1].accepted is None else ()
+    sure = [item for item in last if item.candidate.settings is not None and item.predictable(criteria) > 0.0]
+    return max(sure, key=lambda item: item.predictable(criteria), default=None)
 
 
 def _free_name(effects: Sequence[EffectSettings]) -> str:
@@ -275,19 +288,25 @@ def _added(
     return back.fall / back.before if back.z_score > criteria.min_z_score and back.before > 0.0 else 0.0
 
 
-def _verdict(found: Diagnosis, effects: Sequence[Named], rest: Test, trust: Sequence[Test]) -> str:
+def _verdict(
+    found: Diagnosis, effects: Sequence[Named], rest: Test, is_learnt: bool, whole: Test, trust: Sequence[Test]
+) -> str:
     """Return the verdict.
 
     Args:
         found: the diagnosis.
         effects: what was named.
         rest: test of the surely predictable share of the rest.
+        is_learnt: whether a learnt term closes some of it.
+        whole: test that the model with the names explains the effort.
         trust: tests that the silence of the recordings means something.
     """
     if found.is_poor:
         return "cannot_tell"
     if effects:
         return "ambiguous" if any(item.alternatives for item in effects) else "effect_found"
+    if not whole.passed and not is_learnt:
+        return "cannot_tell"
     if not rest.passed:
         return "unknown_effect"
     return "no_effect" if all(test.passed for test in trust) else "cannot_tell"

@@ -1,4 +1,4 @@
-"""A process that gives out one message for each sample of two topics, with nothing computed, until it is told to stop."""
+"""A process that gives out one message for each sample of two topics, with nothing computed, until it is stopped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Horizons between messages and axes: the reference that is known ahead in, the compensation ahead out. No ROS in here."""
+"""Horizons between messages and axes: the reference ahead in, the compensation ahead out. No ROS in here."""
 
 from __future__ import annotations
 
@@ -31,9 +31,7 @@ def encode_reference(settings: Settings, now_ns: int, time_ns: np.ndarray, motio
         motions: name of the axis to its position and velocity [SI units], shape (2, n) each.
     """
     scales = np.array([axis.position_scale for axis in settings.axes if axis.name in motions])
-    positions, velocities = (
-        np.stack([motion[row] for motion in motions.values()], axis=1) / scales for row in (0, 1)
-    )
+    positions, velocities = (np.stack([motion[row] for motion in motions.values()], axis=1) / scales for row in (0, 1))
     return encode_trajectory(now_ns, tuple(motions), time_ns, {"positions": positions, "velocities": velocities})
 
 

@@ -59,7 +59,8 @@ class StageNode(ManagedNode):
     a machine does not run while the one who simulates it stands still, and the observer is not late for it. A
     compensation goes into the effort at the time it was made for, ``look_ahead`` after its stamp, or at once when it
     comes later, as ``DueForces`` says; where ``compensation_horizon`` reaches, the value that it has for the sample's
-    own time goes in instead. For that the stage tells its reference ahead. The effort of ``reference`` says what went in. ``position``, ``control_effort`` and ``reference`` are in topic units, which ``position_scale`` and
+    own time goes in instead. For that the stage tells its reference ahead. The effort of ``reference`` says what went
+    in. ``position``, ``control_effort`` and ``reference`` are in topic units, which ``position_scale`` and
     ``effort_scale`` bring to SI; compensations and the truth are in SI.
 
     Args:
@@ -218,8 +219,7 @@ class StageNode(ManagedNode):
         self._latest_ns = int(stamps[-1])
         names = tuple(axis.name for axis in self.settings.axes)
         seen = [
-            record.samples.in_topic_units(axis.scales)
-            for record, axis in zip(records, self.settings.axes, strict=True)
+            record.samples.in_topic_units(axis.scales) for record, axis in zip(records, self.settings.axes, strict=True)
         ]
         reference = {field: _columns(seen, f"reference_{field}") for field in ("position", "velocity")}
         truth = {"position": "position", "velocity": "velocity", "effort": "friction"}

@@ -53,9 +53,9 @@ _SHORTEST_REPORT = 0.8  # s; the first after the activation tells of about a per
 class ObserverNode(ManagedNode):
     """Observes every axis of its parameters.
 
-    Messages are decoded as they arrive. A complete sample that comes while the node is idle is estimated at once. One that
-    comes sooner after the last posts a task behind all events that wait already: the task estimates over everything
-    that is complete by then, so blocks grow by themselves when the machine is late.
+    Messages are decoded as they arrive. A complete sample that comes while the node is idle is estimated at once. One
+    that comes sooner after the last posts a task behind all events that wait already: the task estimates over
+    everything that is complete by then, so blocks grow by themselves when the machine is late.
     Samples that come faster than ``gather_time`` are gathered: after each block the node sleeps that long while
     messages arrive. A block of four costs as much as a single sample, and nothing has to wake this thread for each.
 
@@ -255,7 +255,7 @@ class ObserverNode(ManagedNode):
 
         A stamp that is far from this node's clock belongs to another one: nobody knows how old it is.
         """
-        now_ns = time.time_ns()  # the node's own clock takes twenty times as long to ask, and simulated time is never late
+        now_ns = time.time_ns()  # twenty times as quick as the node's own clock; simulated time is never late
         self._is_late = self._oldest_ns < now_ns - int(block.stamp_ns[-1]) < _OWN_CLOCK_NS
         if now_ns - int(block.stamp_ns[0]) > self._oldest_ns and self._topics is not None:
             age = now_ns - block.stamp_ns

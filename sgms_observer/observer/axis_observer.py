@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sgms_observer.compensation.feedforward import Compensator
 from sgms_observer.compensation.horizon import Horizon, KnownMotion, grid_of
 from sgms_observer.compensation.motion_ahead import AHEAD_ACCELERATION, AHEAD_POSITION, AHEAD_VELOCITY
+from sgms_observer.compensation.standstill import standstill_velocity
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.estimators.estimator import Estimator
 from sgms_observer.estimators.interval import stribeck_level
@@ -90,7 +91,13 @@ class AxisObserver:
         self.effects = CompiledEffects(axis.effects, sample_period)
         self.differentiator = Differentiator(axis.filter, sample_period)
         self.estimator = Estimator(axis.estimator, axis.friction, axis.mass + self.effects.added_mass)
-        self.compensator = Compensator(axis.compensation, self.estimator.model, self.estimator.parameters, self.effects)
+        self.compensator = Compensator(
+            axis.compensation,
+            self.estimator.model,
+            self.estimator.parameters,
+            self.effects,
+            standstill_velocity(axis.filter, sample_period),
+        )
         self.deadline_misses = 0
         self._effects_state = self.effects.initial_state()
         self._ahead_state = self.effects.initial_state()
@@ -222,10 +229,10 @@ class AxisObserver:
     def _follows(self, known: KnownMotion, stamp: int) -> bool:
         """Return whether the set-point of the latest sample lies on the reference that is known ahead.
 
-        Two periods of its largest speed, and what counts as standing still, are for stamps and rounding.
+        Two periods of its largest speed are for the stamps, eight units in the last place for the scales.
         """
         allowed = 2.0 * self.sample_period * known.largest_speed
-        allowed += self.axis.compensation.standstill_velocity * self.axis.compensation.timeout
+        allowed += 8.0 * float(np.spacing(np.abs(known.position).max()))
         if not known.time_ns[0] <= stamp:
             return False
         return bool(abs(known.at(np.array([stamp]))[0][0] - self.compensator.set_point) <= allowed)

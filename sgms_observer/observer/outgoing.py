@@ -101,9 +101,7 @@ class Outgoing:
         """
         return [self._effort(COMPENSATION, axes, group, "compensation") for axes, group in _by_stamps(estimates)]
 
-    def compensation_of_all(
-        self, forces: Mapping[int, tuple[NDArray[np.int64], Floats]]
-    ) -> OutgoingBlock | None:
+    def compensation_of_all(self, forces: Mapping[int, tuple[NDArray[np.int64], Floats]]) -> OutgoingBlock | None:
         """Return what ``compensations`` gives for axes whose stamps agree, without their estimates; None for others.
 
         Args:

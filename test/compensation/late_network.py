@@ -103,9 +103,7 @@ def largest_error(
                 ahead = np.arange(-BEFORE, axis.compensation.horizon + 2 * EVERY, 1e-3)
                 position, velocity = table.stages[0].reference_ahead(ahead)
                 times = stamp + round(PERIOD * 1e9) + np.rint(ahead * 1e9).astype(np.int64)
-                horizon = observer.horizon(
-                    estimates, KnownMotion(times, position, velocity), axis.compensation.horizon
-                )
+                horizon = observer.horizon(estimates, KnownMotion(times, position, velocity), axis.compensation.horizon)
                 if horizon is not None:
                     heapq.heappush(arrivals, (arrives, 2 * k + 1, horizon))
     return float(np.max(np.abs(error[round(SETTLE / PERIOD) :])))
