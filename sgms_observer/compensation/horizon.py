@@ -60,8 +60,8 @@ class KnownMotion:
             position: as the attribute.
             velocity: as the attribute; None for straight lines between the points.
         """
-        follows = np.concatenate([[True], time_ns[1:] > np.maximum.accumulate(time_ns)[:-1]]) if len(time_ns) else []
-        keep = np.asarray(follows, dtype=bool) & np.isfinite(position)
+        keep = np.isfinite(position)
+        keep[1:] &= time_ns[1:] > np.maximum.accumulate(time_ns)[:-1]
         time_ns, position = time_ns[keep], position[keep]
         if len(time_ns) < 2:
             return None

@@ -69,7 +69,7 @@ def listen(topics: list[str], out: Path) -> None:
             executor.spin_until_future_complete(never, timeout_sec=3600.0)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    np.savez(out, **{topic: kept.table() for topic, kept in heard.items()})
+    np.savez(out, **{topic: kept.table() for topic, kept in heard.items()})  # type: ignore[arg-type]
     node.destroy_node()
     rclpy.try_shutdown()
 

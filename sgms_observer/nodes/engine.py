@@ -90,8 +90,9 @@ class Engine:
                 self.clock.add(time.perf_counter() - start, len(group[number].stamp_ns))
                 estimates[number] = self.latest[number] = block
                 start = time.perf_counter()
-            for block in () if self._is_sent else self._outgoing.compensations(estimates):
-                blocks.append(block) if send is None else send(block)
+            if not self._is_sent:
+                for outgoing in self._outgoing.compensations(estimates):
+                    blocks.append(outgoing) if send is None else send(outgoing)
             blocks += self._outgoing.others(estimates)
             for number, found in estimates.items():
                 self.statistics[number].add(found)
