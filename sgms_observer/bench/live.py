@@ -28,7 +28,7 @@ _IDLE = 0.05  # share of a core below which it has nothing left to do
 _LONGEST_WAIT = 60.0  # s
 
 
-def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = RATE) -> dict[str, Any]:
+def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = RATE, axes: int = 1) -> dict[str, Any]:
     """Publish samples from one process, observe in another, relay in a third, listen in a fourth.
 
     Args:
@@ -36,6 +36,7 @@ def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = 
         seconds: how long to publish [s].
         publish_every: samples from one published estimate to the next.
         rate: samples per second [Hz].
+        axes: how many there are in each message.
 
     Returns:
         The entries of ``live`` in the JSON file, for one rate.
@@ -46,7 +47,7 @@ def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = 
     from sgms_observer.nodes.conductor import Conductor, prepare_graph
 
     prepare_graph()
-    config = write_config(folder, "mhe", publish_every, rate)
+    config = write_config(folder, "mhe", publish_every, rate, axes)
     sent_file, heard_file = folder / f"sent_{rate}.npy", folder / f"heard_{rate}.npz"
     count = round(seconds * rate)
     with Conductor(folder / f"logs_{rate}") as conductor:
@@ -57,7 +58,7 @@ def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = 
         conductor.start("listener", "sgms_observer.nodes.bench_listener", listener)
         conductor.wait_active("observer_node")
         conductor.wait_subscribers({_COMPENSATION: 1, RELAYED: 1, "position": 2, "control_effort": 2})
-        sending = ["--count", str(count), "--rate", str(rate), "--out", str(sent_file)]
+        sending = ["--count", str(count), "--rate", str(rate), "--axes", str(axes), "--out", str(sent_file)]
         used = {name: seconds_used(conductor.process_id(name)) for name in ("observer_node", "relay")}
         conductor.start("publisher", "sgms_observer.nodes.bench_publisher", sending)
         conductor.wait(sent_file.exists, "the publisher to send everything")

@@ -1,4 +1,4 @@
-"""A process that publishes position and effort of one axis at a rate, and notes when each sample went out.
+"""A process that publishes position and effort of axes at a rate, and notes when each sample went out.
 
 Between two samples it sleeps: it shall not take the core that is measured.
 """
@@ -20,6 +20,7 @@ from sensor_msgs.msg import JointState
 
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bench.problem import AMPLITUDE, FREQUENCY, PERIOD, make_problem
+from sgms_observer.bench.scene import axis_names
 from sgms_observer.nodes.topics import SAMPLE_QOS
 from sgms_observer.nodes.transport import use_shipped_transport
 
@@ -29,12 +30,13 @@ _TIMER_SLACK = 1_000  # ns that Linux may wake this thread late to save power; 5
 _SET_TIMER_SLACK = 29  # PR_SET_TIMERSLACK
 
 
-def publish(count: int, rate: int, out: Path) -> None:
+def publish(count: int, rate: int, axes: int, out: Path) -> None:
     """Publish so many samples and write their stamps and sending times [ns], shape (2, count), to a file.
 
     Args:
         count: number of samples.
         rate: samples per second [Hz].
+        axes: how many there are in each message.
         out: the file (.npy).
     """
     samples = round(1.0 / (FREQUENCY * PERIOD))  # one period of the motion, repeated
@@ -46,8 +48,8 @@ def publish(count: int, rate: int, out: Path) -> None:
     node = rclpy.create_node("bench_publisher")
     publishers = [node.create_publisher(JointState, topic, SAMPLE_QOS) for topic in ("position", "control_effort")]
     send_position, send_effort = (publisher.publish for publisher in publishers)
-    encode_position = JointStateEncoder(("x",), ("position",)).encode
-    encode_effort = JointStateEncoder(("x",), ("effort",)).encode
+    encode_position = JointStateEncoder(axis_names(axes), ("position",)).encode
+    encode_effort = JointStateEncoder(axis_names(axes), ("effort",)).encode
     while not all(publisher.get_subscription_count() for publisher in publishers):
         time.sleep(0.05)
     time.sleep(_MATCHING)
@@ -63,8 +65,8 @@ def publish(count: int, rate: int, out: Path) -> None:
             time.sleep(1e-9 * left)
         place = k * step % samples
         times[0, k], times[1, k] = due, time.time_ns()
-        send_position(encode_position(due, (position[place],)))
-        send_effort(encode_effort(due, (effort[place],)))
+        send_position(encode_position(due, (position[place],) * axes))
+        send_effort(encode_effort(due, (effort[place],) * axes))
     np.save(out, times)
     with contextlib.suppress(KeyboardInterrupt):
         time.sleep(_LONGEST_STAY)  # what is on its way arrives; the end comes as SIGINT
@@ -77,9 +79,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, required=True)
     parser.add_argument("--rate", type=int, required=True)
+    parser.add_argument("--axes", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
-    publish(args.count, args.rate, args.out)
+    publish(args.count, args.rate, args.axes, args.out)
     return 0
 
 
