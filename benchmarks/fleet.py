@@ -74,7 +74,10 @@ def jobs_of(bags: list[Path], config: Path, out: Path, is_diagnosis: bool) -> li
             DiagnoseJob(f"{n}", str(bag), (), str(config), str(out / f"{n}"), None, 0.1, 0)
             for n, bag in enumerate(bags)
         ]
-    return [ReplayJob(f"{n}", str(bag), str(config), str(out / f"{n}"), "mcap") for n, bag in enumerate(bags)]
+    return [
+        ReplayJob(f"{n}", str(bag), str(config), str(out / f"{n}"), "mcap", is_overwriting=True)
+        for n, bag in enumerate(bags)
+    ]
 
 
 def on_cluster(jobs: list[Job], workers: int, is_killed: bool) -> tuple[list[Outcome], float]:

@@ -103,7 +103,12 @@ def test_a_worker_that_is_killed_on_the_way_changes_nothing(fleet: Path, tmp_pat
     jobs = {
         place: [
             ReplayJob(
-                f"{number}", str(fleet / name), str(fleet / "axis.yaml"), str(tmp_path / place / f"{number}"), "mcap"
+                f"{number}",
+                str(fleet / name),
+                str(fleet / "axis.yaml"),
+                str(tmp_path / place / f"{number}"),
+                "mcap",
+                is_overwriting=True,
             )
             for number, name in enumerate(names)
         ]
