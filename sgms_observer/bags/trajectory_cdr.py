@@ -50,7 +50,7 @@ def encode_trajectory(stamp_ns: int, names: Sequence[str], time_ns: Ints, values
         stamp_ns: time of the header [ns].
         names: axes, k of them.
         time_ns: time of each point [ns], not before the stamp, shape (n,).
-        values: any of ``FIELDS``, each of shape (n, k).
+        values: any of ``FIELDS`` [SI units], each of shape (n, k).
 
     Raises:
         DataError: a time does not fit a ROS time, or a shape does not fit.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -108,16 +108,17 @@ class Engine:
                 self._is_sent = True
                 self._send(block)
 
-    def _groups(self) -> Iterator[dict[int, Samples]]:
-        """Yield the new samples by axis; a second block of an axis, which follows a reset of the clock, comes later."""
+    def _groups(self) -> list[dict[int, Samples]]:
+        """Return the new samples by axis; a second block of an axis, which follows a reset of the clock, comes later."""
+        groups: list[dict[int, Samples]] = []
         group: dict[int, Samples] = {}
-        for number, samples in self.intake.pop():
-            if number in group:
-                yield group
-                group = {}
-            group[number] = samples
-        if group:
-            yield group
+        for number, pairing in enumerate(self.intake.pairings):
+            while (samples := pairing.pop()) is not None:
+                if number in group:
+                    groups.append(group)
+                    group = {}
+                group[number] = samples
+        return [*groups, group] if group else groups
 
     def reset(self) -> None:
         """Forget every sample and everything learnt; counts go on."""

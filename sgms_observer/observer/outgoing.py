@@ -107,11 +107,12 @@ class Outgoing:
         Args:
             forces: number of the axis to the stamps [ns] of its block and the compensations [N].
         """
+        if len(forces) == 1:
+            ((axis, (stamps, force)),) = forces.items()
+            return OutgoingBlock(COMPENSATION, (self._axes[axis],), stamps, {"effort": force[:, np.newaxis]})
         blocks = list(forces.values())
-        stamps, force = blocks[0]
+        stamps = blocks[0][0]
         names = tuple(self._axes[axis] for axis in forces)
-        if len(blocks) == 1:
-            return OutgoingBlock(COMPENSATION, names, stamps, {"effort": force[:, np.newaxis]})
         if any(not np.array_equal(stamps, others) for others, _ in blocks[1:]):
             return None
         return OutgoingBlock(COMPENSATION, names, stamps, {"effort": np.stack([force for _, force in blocks], axis=1)})
