@@ -213,6 +213,6 @@ def _feedforward(answer: Answer, closings: Sequence[Closing], units: Units) -> L
     if not test.passed:
         refused = " Effects that were found would leave more friction; they were not added."
         return Light(BELIEVABILITY, question, BAD, facts + refused)
-    is_sure = test.value >= -test.threshold
-    chance = "" if is_sure else f" The change is {test.value:.2g} standard errors, which may be chance."
+    is_sure = test.value <= -test.threshold
+    chance = "" if is_sure else f" The change is {-test.value:.2g} standard errors, which may be chance."
     return Light(BELIEVABILITY, question, GOOD if is_sure else UNSURE, facts + chance)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -87,9 +88,9 @@ class PredictedTracking:
         Args:
             units: of the axis.
         """
-        largest = self.without.peak
+        readable = partial(units.readable, largest=self.without.peak)
         rows = [
-            f"{units.readable(error.rms, largest=largest)} rms, {units.readable(error.peak, largest=largest)} peak {text}"
+            f"{readable(error.rms)} rms, {readable(error.peak)} peak {text}"
             for error, text in (
                 (self.without, "without compensation"),
                 (self.given, "with that of the file as given"),

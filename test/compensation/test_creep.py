@@ -140,12 +140,11 @@ def test_a_revolute_joint(speed: float, tmp_path: Path) -> None:
     assert rms > 1.5 and peak > 1.2, (rms, peak)
 
 
-@pytest.mark.parametrize("integral_rate", [0.0, 1.0])
 @pytest.mark.parametrize("speed", [2.0e-5, 5.0e-5])
-def test_an_encoder_of_88_um(speed: float, integral_rate: float, tmp_path: Path) -> None:
-    """An integral action hunts within a count, where nothing sees the stage: there the bound is one count more."""
+def test_an_encoder_of_88_um(speed: float, tmp_path: Path) -> None:
+    """Without integral action; with it the loop hunts by counts, without compensation and with it."""
     axis = _axis("compensation.yaml")
-    controller = replace(axis.stage.controller, bandwidth=5.0, integral_rate=integral_rate)
+    controller = replace(axis.stage.controller, bandwidth=5.0)
     encoder = replace(axis.stage.encoder, resolution=COUNT, noise=0.0)
     axis = replace(
         axis,
@@ -153,10 +152,8 @@ def test_an_encoder_of_88_um(speed: float, integral_rate: float, tmp_path: Path)
         stage=replace(axis.stage, controller=controller, encoder=encoder),
     )
     time, position = _to_and_fro(speed, longest=6.0, travel=5.0e-4)
-    errors = _compared(_along(axis, time, position, tmp_path), float(time[-1]))
-    slack = COUNT if integral_rate else 0.0
-    assert errors.rms[1] <= errors.rms[0] + slack / math.sqrt(12.0), errors
-    assert errors.peak[1] <= errors.peak[0] + slack, errors
+    rms, peak = _compared(_along(axis, time, position, tmp_path), float(time[-1])).times()
+    assert rms > 1.5 and peak > 1.2, (rms, peak)
 
 
 @pytest.mark.parametrize("back", [2.0e-6, 1.0e-5])

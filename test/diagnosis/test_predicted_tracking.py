@@ -23,7 +23,7 @@ CONFIG = Path(__file__).parents[2] / "config" / "compensation.yaml"
 PERIOD = 1.0e-3
 COUNT = 4000
 BAND = 100.0
-COGGING = EffectSettings("cogging", (1.0, 2.0e-4, 0.3))
+COGGING = EffectSettings("cogging", (1.0, 2.0e-4, 0.3, 0.0, 0.0))
 
 
 def _given() -> AxisSettings:

@@ -35,9 +35,9 @@ def test_the_result_is_what_other_programs_read() -> None:
 
 @pytest.mark.parametrize("late, said", [(0.004, "0.4 % of the compensation messages"), (math.nan, "does not tell")])
 def test_the_headline_says_rms_peaks_and_late_messages(late: float, said: str) -> None:
-    text = headline("x", _half(3.0e-6, 4.0e-6, math.nan), _half(3.0e-7, 5.0e-6, late), Units())
+    text = headline("x", _half(3.0e-6, 4.0e-6, math.nan), _half(3.0e-7, 8.0e-6, late), Units())
     assert "rms 10.0x smaller (3 um to 0.3 um)" in text
-    assert "peak 1.2x larger (4 um to 5 um)" in text
+    assert "peak 2.0x larger (4 um to 8 um)" in text
     assert said in text
     assert "1.23 % of its range" in text
 
