@@ -1,4 +1,4 @@
-"""``sgms bench``: how fast the estimators are, beside other solvers, and what a live run at 10 kHz costs."""
+"""``sgms bench``: how fast the estimators are, beside other solvers, and live runs beside a bare relay."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sgms_observer.cli.progress import Progress
 
 NAME = "bench"
-HELP = "time the estimators, with peers side by side, and a live run at 10 kHz"
+HELP = "time the estimators, with peers side by side, and live runs beside a bare relay"
 
 PARTS = ("speed", "accuracy", "peers", "growth", "start", "replay", "live")
 _NEED_CASADI = ("accuracy", "peers")
