@@ -60,8 +60,15 @@ def predict_tracking(
     errors = [(run.position - run.reference_position)[counted] for run in runs]
     if not all(np.all(np.isfinite(error)) for error in errors):
         return None
-    recorded = None if reference is None else TrackingError.of((part.position - reference)[counted])
-    return PredictedTracking(*(TrackingError.of(error) for error in errors), recorded, part.duration)
+    recorded = None
+    if reference is not None:
+        errors.append((part.position - reference)[counted])
+        recorded = TrackingError.of(errors[-1])
+    without, given_error, augmented_error = (TrackingError.of(error) for error in errors[:3])
+    time = np.asarray((part.period * np.arange(count))[counted], dtype=np.float64)
+    return PredictedTracking(
+        without, given_error, augmented_error, recorded, part.duration, time, tuple(errors)
+    )
 
 
 def _smooth(record: Recording, band: float) -> Floats:
