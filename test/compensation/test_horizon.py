@@ -37,7 +37,7 @@ def _known(table: SimulatedTable, reach: float) -> KnownMotion:
 EFFECTS = {
     "none": (),
     "offset": (EffectSettings("offset", (2.0,)),),
-    "cogging": (EffectSettings("cogging", (1.4, 1.0e-3, 0.3)),),
+    "cogging": (EffectSettings("cogging", (1.4, 1.0e-3, 0.3, 0.0, 0.0)),),
     "mass": (EffectSettings("mass_error", (0.5,)),),
     "delay": (EffectSettings("actuator_delay", (4.0e-3,)),),
 }
