@@ -17,12 +17,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.compensation import horizon
 from sgms_observer.compensation.motion_ahead import (
     ACCELERATION,
     AHEAD_ACCELERATION,
     AHEAD_WIDTH,
     HAS_REFERENCE,
     JERK,
+    LAST_POSITION,
     MEMORY_SIZE,
     SET_VELOCITY,
     TRAVEL,
@@ -30,7 +32,7 @@ from sgms_observer.compensation.motion_ahead import (
 )
 from sgms_observer.compensation.preview import advance_elements, preview_elements
 from sgms_observer.compensation.safety import safe_output
-from sgms_observer.compensation.trust import fade, next_steady, next_trust
+from sgms_observer.compensation.trust import contradicts, fade, next_steady, next_trust
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.kernels import needed_command
 from sgms_observer.estimators.block import FRICTION_STD, RESULT_SIZE, STATUS
@@ -51,8 +53,10 @@ from sgms_observer.settings.observer import CompensationSettings
 from sgms_observer.status import Status
 
 # one array: the state that evolves, the settings, then what each status means (``_GOOD`` and ``_RESTART``)
-OUTPUT, TRUST, RAW, IS_ALIGNED, STEADY, STATE_SIZE = range(6)
-ENABLED, GAIN, LIMIT, SLEW, LOOK_AHEAD, STANDSTILL, FADE_STD, TIMEOUT, VERDICT = range(STATE_SIZE, STATE_SIZE + 9)
+OUTPUT, TRUST, RAW, IS_ALIGNED, STEADY, HELD, STATE_SIZE = range(7)
+(
+    ENABLED, GAIN, LIMIT, SLEW, LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL, FADE_STD, TIMEOUT, VERDICT,
+) = range(STATE_SIZE, STATE_SIZE + 10)  # fmt: skip
 
 # Without a reference a motion counts once the estimated velocity has kept its sign for so long, or is this many times
 # the standstill velocity: the noise of a velocity at rest does neither.
@@ -166,19 +170,29 @@ def _compensate(
             elif h > 0.0:
                 travel = ahead[k, TRAVEL]
                 advance_elements(carried, carried_modes, travel, abs(travel) / h, factor, row, bars)
-            is_moving = abs(set_velocity) > state[STANDSTILL]
+            limit = state[SET_POINT_STANDSTILL]
+            is_moving = limit == 0.0 or abs(set_velocity) > limit or ahead[k, TRAVEL] != 0.0
+            acceleration, jerk = ahead[k, ACCELERATION], ahead[k, JERK]
+            state[HELD] = 0.0 if is_moving else state[HELD] + h
+            if state[HELD] > state[LOOK_AHEAD]:  # what was predicted has come or not: where the set-point is counts
+                is_moving = True
+                set_velocity = acceleration = jerk = 0.0
             for i in range(n_z):
                 forces[i] = carried[i]
                 modes[i] = carried_modes[i]
         else:
             state[IS_ALIGNED] = 0.0
+            acceleration = jerk = 0.0
             state[STEADY] = next_steady(state[STEADY], set_velocity, h, state[STANDSTILL])
             is_moving = abs(state[STEADY]) >= _STEADY_TIME or abs(set_velocity) > _CLEARLY_MOVING * state[STANDSTILL]
+            estimated = 0.0
             for i in range(n_z):
                 forces[i] = element_force[i]
                 modes[i] = 0
+                estimated += element_force[i]
+            if not is_moving and contradicts(estimated, results[k, FRICTION_STD], state[RAW]):
+                state[RAW] = 0.0
         if is_enabled and is_moving and math.isfinite(set_velocity):
-            acceleration, jerk = ahead[k, ACCELERATION], ahead[k, JERK]
             velocity = preview_elements(
                 forces, modes, set_velocity, acceleration, jerk, state[LOOK_AHEAD], factor, row, bars
             )
@@ -210,6 +224,7 @@ class Compensator:
         model: nominal friction model with mass and offset.
         parameters: which parameters the observer estimates.
         effects: of the axis, or None; their path of the effort is inverted, their delay adds to the look-ahead.
+        standstill: estimated speed that noise alone reaches hardly ever [m/s]; ``standstill_velocity`` overrides it.
     """
 
     def __init__(
@@ -218,9 +233,11 @@ class Compensator:
         model: ModelArrays,
         parameters: ParameterArrays,
         effects: CompiledEffects | None = None,
+        standstill: float = 0.0,
     ) -> None:
         self._model = model
         self._kinds = parameters.kinds
+        self._standstill = standstill
         self._delay = effects.delay if effects else 0.0
         nothing = np.zeros(0, dtype=np.int64)
         added_mass = effects.added_mass if effects else 0.0
@@ -254,6 +271,7 @@ class Compensator:
             settings.limit,
             settings.slew_limit,
             settings.look_ahead + self._delay,
+            settings.standstill_velocity or self._standstill,
             settings.standstill_velocity,
             settings.fade_std,
             settings.timeout,
@@ -326,9 +344,51 @@ class Compensator:
             Columns as named in ``motion_ahead`` [SI units], shape (n, AHEAD_WIDTH).
         """
         ahead = np.empty((len(motion), AHEAD_WIDTH))
-        time, standstill = self._state[LOOK_AHEAD], self._state[STANDSTILL]
-        look_ahead_block(self._memory, time, standstill, motion, reference_position, reference_velocity, ahead)
+        time, standstill, at_rest = self._state[[LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL]]
+        look_ahead_block(self._memory, time, standstill, at_rest, motion, reference_position, reference_velocity, ahead)
         return ahead
+
+    @property
+    def set_point(self) -> float:
+        """Return the set-point that came with the latest sample [m]; NaN where there was none."""
+        return float(self._memory[LAST_POSITION]) if self._state[IS_ALIGNED] > 0.5 else math.nan
+
+    def horizon(
+        self,
+        time: Floats,
+        first: int,
+        motion: Floats,
+        effects_force: Floats,
+        effects_factor: Floats,
+        latest: tuple[Floats, float, int],
+    ) -> Floats:
+        """Return the compensation along a motion that is known ahead of the latest sample [N], shape (n - first,).
+
+        Args:
+            time: since the latest sample [s], increasing from 0, shape (n,).
+            first: first row to return.
+            motion: set-point [m], velocity [m/s] and acceleration [m/s^2] at each time, shape (3, n).
+            effects_force: as in ``Preview`` [N], shape (n,).
+            effects_factor: as in ``Preview`` [-], shape (n,).
+            latest: parameters [SI units; kappa as share], friction_std [N] and status of the latest sample.
+        """
+        state = self._state
+        parameters, friction_std, status = latest
+        scalars = np.empty(horizon.HORIZON_SIZE)
+        scalars[horizon.START], scalars[horizon.END] = time[first], time[-1]
+        is_good = state[VERDICT + status] == 0.0
+        scalars[horizon.TRUST] = state[TRUST] if state[ENABLED] > 0.5 else 0.0
+        scalars[horizon.TRUST_RATE] = 1.0 / state[TIMEOUT] if is_good and state[ENABLED] > 0.5 else 0.0
+        scalars[horizon.SHARE] = state[GAIN] * fade(friction_std, state[FADE_STD])
+        scalars[horizon.STANDSTILL], scalars[horizon.RAW] = state[SET_POINT_STANDSTILL], state[RAW]
+        scalars[horizon.LIMIT], scalars[horizon.SLEW] = state[LIMIT], state[SLEW]
+        scalars[horizon.FADE] = state[TIMEOUT]
+        out = np.empty(len(time) - first)
+        horizon.horizon_block(
+            self._carried, self._modes, self._model.scalars, self._model.elements, self._kinds, parameters, self._path,
+            scalars, first, time, motion, effects_force, effects_factor, out,
+        )  # fmt: skip
+        return out
 
     def step_tables(
         self, motion: Floats, results: Floats, ahead: Floats, effects_force: Floats, effects_factor: Floats

@@ -17,7 +17,7 @@ from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.evidence import Improvement, blocks_of, improvement
 from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
-from sgms_observer.diagnosis.gap import Gap, effort_rms, halves, interval, noise_floor, residuals, rms
+from sgms_observer.diagnosis.gap import Gap, effort_rms, halves, interval, noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.homing import unhomed
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES, Learnt, learn
 from sgms_observer.diagnosis.locate import Located, locate
@@ -140,13 +140,15 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     model, fit = found.after.model, found.after
     after = before if fit is found.before else bench.residuals(model, found.after_refits, fit.effects)
     tests = [test for item in found.rounds for decision in item.decisions for test in decision.tests]
-    shrinks = _improvement(before, after, motions, criteria.block)
+    weights = found.court.weights if has_held_out else [np.ones_like(part) for part in before]
+    shrinks = _improvement(weighted(before, weights), weighted(after, weights), motions, criteria.block)
     if fit is not found.before:
         names = ", ".join(item.accepted.candidate.name for item in found.rounds if item.accepted)
         test = at_least(names, "gap as reported: z-score", shrinks.z_score, criteria.interval_z_score)
         part = at_most(names, "gap as reported, as a share of the effort", rms(after) / effort_rms(motions), 1.0)
-        tests += [test, part]
-        is_borne_out = test.passed and part.passed and contradiction is None
+        grown = at_most(names, "gap as reported, over the gap before", rms(after) / max(rms(before), 1e-300), 1.0)
+        tests += [test, part, grown]
+        is_borne_out = test.passed and part.passed and grown.passed and contradiction is None
         if not is_borne_out:  # the model as it is written does not bear the names out
             accepted, model, fit, after = [], found.before.model, found.before, before
     learnt: tuple[Learnt, ...] = ()
@@ -256,7 +258,7 @@ def _floor(
     if surely > 0.0:
         left.append(rms([one - guess for one, guess in zip(after, free.predicted, strict=True)]))
     if unnamed is not None:
-        left.append(rms(unnamed.evidence.force))
+        left.append(rms(after) * math.sqrt(max(0.0, 1.0 - unnamed.gap.fall / unnamed.gap.before)))
     return max(noise, min(left))
 
 

@@ -15,6 +15,7 @@ from sgms_observer.diagnosis.coordinates import FREE_FORM
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.evidence import (
     Improvement,
+    blocks_of,
     force_residuals,
     held_out_residuals,
     improvement,
@@ -22,7 +23,7 @@ from sgms_observer.diagnosis.evidence import (
     left_out_residuals,
 )
 from sgms_observer.diagnosis.fit import Judged, Refit, Refits
-from sgms_observer.diagnosis.gap import residuals, rms
+from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.ranges import believable
@@ -35,6 +36,8 @@ START_LAG = 0.01
 """Start of the time in which sliding elements follow the Stribeck curve, where the file's contact has none [s]."""
 SLACK_OF_CONTACT = 10.0
 """Factor by which the slip deflections of a contact may differ from the file's."""
+LEAST_DELAY = 0.5
+"""Shortest delay with a name, in sample periods: whether an effort is held between samples makes as much."""
 AT_END = 1.0e-6
 """A parameter lies at the end of its range when it is this near, relative to the end."""
 WHOLE_RANGE = ("motion_share", "attraction_rate", "stop")
@@ -52,8 +55,8 @@ class Court:
         judge: recordings to judge on; the same where there are no held-out ones.
         judged: ``learn`` with their noise.
         held: held-out recordings with the noise to whiten with; none where there are none.
-        floor: rms residual that noise and encoder leave to a perfect model on ``judge`` [N].
-        first_gap: rms residual on ``judge`` of the file refitted within its tolerance, before anything was added [N].
+        floor: rms weighted residual that noise and encoder leave to a perfect model on ``judge`` [N].
+        first_gap: the same of the file refitted within its tolerance, before anything was added [N].
         criteria: thresholds.
         seed: of the free-form regression.
     """
@@ -73,8 +76,17 @@ class Court:
         return bool(self.held.motions)
 
     @property
+    def weights(self) -> tuple[Floats, ...]:
+        """Return the weights of the samples of ``judge``: what an encoder does not show at rest counts for little."""
+        return self.held.weights if self.has_held_out else self.judged.weights
+
+    def rms(self, model: Model) -> float:
+        """Return the rms weighted residual of a model on ``judge`` [N]."""
+        return rms(weighted(residuals(model, self.judge), self.weights))
+
+    @property
     def closable_square(self) -> float:
-        """Return the squared residual above the floor in the beginning, summed over ``judge`` [N^2].
+        """Return the squared weighted residual above the floor in the beginning, summed over ``judge`` [N^2].
 
         All of it where it does not stand out of the floor: an effect may pass for noise there.
         """
@@ -84,7 +96,7 @@ class Court:
 
     def is_closed(self, model: Model) -> bool:
         """Return whether a model leaves nothing above the floor on ``judge``."""
-        return rms(residuals(model, self.judge)) <= self.criteria.min_gap_over_floor * self.floor
+        return self.rms(model) <= self.criteria.min_gap_over_floor * self.floor
 
 
 @dataclass(frozen=True)
@@ -95,7 +107,7 @@ class Evidence:
         learn: whitened residual of each block of the recordings to learn from; by the fit without the block where
             there are no held-out recordings.
         held: whitened residual of each block of the held-out recordings.
-        force: residual of each block of the recordings to judge on, as the gap counts it [N].
+        force: weighted residual of each block of the recordings to judge on [N].
     """
 
     learn: list[Floats]
@@ -120,7 +132,7 @@ def evidence_of(found: Refit, court: Court) -> Evidence:
     return Evidence(
         learn(found, court.judged, length),
         held_out_residuals(found.model, court.held, length),
-        force_residuals(found.model, court.judge, length),
+        force_residuals(found.model, court.judge, length, court.weights),
     )
 
 
@@ -132,7 +144,7 @@ class Decision:
         candidate: the hypothesis.
         evidence: what its fit predicts.
         improvement: over the model without it, whitened, on all data that was not fitted to.
-        gap: over the model without it, as the gap counts it, on the recordings to judge on.
+        gap: over the model without it, weighted, on the recordings to judge on [N^2].
         tests: every test; the first one says whether it surely predicts better.
     """
 
@@ -184,9 +196,7 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> D
     return Decision(item, later, gain, gap, tuple(tests))
 
 
-def _predictive(
-    item: Candidate, gain: Improvement, earlier: Evidence, later: Evidence, court: Court
-) -> Test:
+def _predictive(item: Candidate, gain: Improvement, earlier: Evidence, later: Evidence, court: Court) -> Test:
     """Return the test that the hypothesis surely predicts better.
 
     Held-out recordings were not searched; all of them together were, over every shape that was tried. Either may tell:
@@ -229,6 +239,8 @@ def physical(item: Candidate, court: Court) -> list[Test]:
         tests.append(
             at_most(item.name, "frequency over sample rate", values["frequency"] / rate, court.criteria.max_rate_share)
         )
+    if settings.name == "actuator_delay":
+        tests.append(at_least(item.name, "delay over sample period", values["delay"] * rate, LEAST_DELAY))
     if settings.name == "actuator_saturation":
         effort = np.abs(np.concatenate([motion.effort for motion in court.learn]))
         tests.append(
@@ -260,13 +272,9 @@ def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> lis
         return []
     criteria = court.criteria
     free = term(names, before.model, court)
-    start, replaced = 0, []
-    for part in force_residuals(before.model, court.judge, criteria.block):
-        replaced.append(part)
-    guess = np.concatenate(free.predicted)
-    for k, part in enumerate(replaced):
-        replaced[k] = part - guess[start : start + len(part)]
-        start += len(part)
+    left = [one - guess for one, guess in zip(residuals(before.model, court.judge), free.predicted, strict=True)]
+    pairs = zip(weighted(left, court.weights), court.judge, strict=True)
+    replaced = [block for part, motion in pairs for block in blocks_of(part, motion.residual_period, criteria.block)]
     better = improvement(later.force, replaced)
     title = f"z-score of a free-form term over {', '.join(names)}"
     return [at_most(item.name, title, better.z_score, criteria.min_z_score)]

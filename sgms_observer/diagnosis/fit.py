@@ -145,6 +145,7 @@ class Refit:
         jacobian: of residual and prior rows by (logs, free effect parameters), at the solution.
         scales: unit of each free effect parameter in ``jacobian``.
         free: index (effect, parameter) of each free effect parameter.
+        is_converged: whether the last step was too small to matter.
     """
 
     model: Model
@@ -155,6 +156,7 @@ class Refit:
     jacobian: Floats
     scales: Floats
     free: tuple[tuple[int, int], ...]
+    is_converged: bool = True
 
     def deviations(self) -> Floats:
         """Return the standard deviation of each free effect parameter, SI units."""
@@ -247,7 +249,7 @@ def refit(
         shifted[k] += step
         return np.asarray((residual(shifted) - here) / step)
 
-    age = 0
+    age, is_small = 0, False
     for _ in range(iterations):
         wanted = range(n if nominal_columns is not None or age > 0 else 0, len(x))
         with ThreadPoolExecutor(max_workers=workers) as pool:
@@ -276,7 +278,7 @@ def refit(
         age = 0 if is_small else (age + 1) % REFRESH
     model, moved = unpack(x)
     units = np.where(ratio, scales * np.exp(x[n:] * ratio), scales)
-    return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free)
+    return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free, is_small)
 
 
 def units(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:

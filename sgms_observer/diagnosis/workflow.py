@@ -22,7 +22,7 @@ from sgms_observer.diagnosis.decision import (
 )
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
-from sgms_observer.diagnosis.gap import noise_floor, residuals, rms
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD, Motion, motion_of
@@ -134,9 +134,10 @@ class State:
         """
         judged = self.refits.judged
         judge = self.held or self.learn
-        floor = noise_floor(judge, self.current.model, judged.noise, options.seed)
         held = held_judged(self.held, judged, self.current.model)
-        gap = rms(residuals(first or self.current.model, judge))
+        weights = held.weights if self.held else judged.weights
+        floor = noise_floor(judge, self.current.model, judged.noise, options.seed, weights)
+        gap = rms(weighted(residuals(first or self.current.model, judge), weights))
         return Court(self.learn, judge, judged, held, floor, gap, options.criteria, options.seed)
 
 
@@ -236,9 +237,9 @@ def diagnose(
     state = State(recordings, learn, held, refits, refits.of(own, None, STEPS))
     state = state.refitted(state.current, AGAIN).timed()
     state = state.refitted(state.current, AGAIN)
-    notes = list(audited.notes)
+    warnings = list(audited.warnings)
     if axis.filter.effort_is_held and state.recordings.lag < NOT_HELD:
-        notes.append("the effort is not held between samples: set filter.effort_is_held to false")
+        warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
     found = state
     rounds: tuple[Round, ...] = ()
     if not audited.is_poor:
@@ -248,8 +249,8 @@ def diagnose(
     before, after, after_refits = _as_written(found, state, nominal)
     court = state.court(options)
     return Diagnosis(
-        nominal, own, found, state, before, after, after_refits, tuple(rounds), court, audited.resolution, tuple(notes),
-        audited.warnings, audited.is_poor,
+        nominal, own, found, state, before, after, after_refits, tuple(rounds), court, audited.resolution,
+        audited.notes, tuple(warnings), audited.is_poor,
     )  # fmt: skip
 
 

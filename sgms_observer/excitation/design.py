@@ -73,7 +73,7 @@ class Goal:
         for numbers in groups.values():
             mask = np.flatnonzero(self.rivals[numbers[0]])
             part = matrix[..., mask[:, None], mask[None, :]]
-            wanted = self.wanted[np.ix_(numbers, mask)]
+            wanted = self.wanted[np.ix_(np.array(numbers), mask)]
             solved = np.linalg.solve(part, np.broadcast_to(wanted.T, (*part.shape[:-1], len(numbers))))
             shift = np.einsum("...pk,...pb->...kb", solved, bias[..., mask, :])
             error = np.einsum("kp,...pk->...k", wanted, solved) + np.sum(shift**2, axis=-1)
@@ -87,7 +87,7 @@ class Goal:
             seconds: of the reference [s].
             durations: of each segment [s].
         """
-        return np.max(self.left(np.diag(seconds / durations)), axis=0)
+        return np.asarray(np.max(self.left(np.diag(seconds / durations)), axis=0))
 
 
 @dataclass(frozen=True)

@@ -78,6 +78,12 @@ class Recording:
         """Standard deviation of the white part of the position: noise and the encoder's steps [m or rad]."""
         return position_noise(self.position, self.encoder_step)
 
+    @property
+    def whole_reference(self) -> Floats | None:
+        """Set-point at every sample [m or rad], or None where it is not known at every one."""
+        known = self.reference_position is not None and bool(np.all(np.isfinite(self.reference_position)))
+        return self.reference_position if known else None
+
     def with_more_noise(self, seed: int) -> Recording:
         """Return the recording with as much noise again on its position.
 
