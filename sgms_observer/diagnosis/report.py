@@ -93,9 +93,9 @@ def diagnosis_page(
 
 def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
     """Return the section on the tracking error that the compensation would leave."""
-    title = "Tracking error predicted in closed loop"
+    heading = "Tracking error predicted in closed loop"
     if tracking is None:
-        return Section(title, ["The simulated loop does not stay finite with stage.controller of the file."])
+        return Section(heading, ["The simulated loop does not stay finite with stage.controller of the file."])
     rows = [
         (text, units.readable(error.rms), units.readable(error.peak))
         for text, error in (
@@ -114,7 +114,7 @@ def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
     if caution:
         text.append(f"Caution: {caution}.")
     plots = [tracking_plot(tracking, units)] if tracking.errors else []
-    return Section(title, text, [Table(("tracking error", "rms", "peak"), rows)], plots=plots)
+    return Section(heading, text, [Table(("tracking error", "rms", "peak"), rows)], plots=plots)
 
 
 def sentence(answer: Answer) -> str:

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from sgms_observer.identification.excitation import CAUTIOUS_LIMITS, build_excitation
 
 from sgms_observer.compensation.standstill import standstill_velocity
 from sgms_observer.filters.differentiator import Differentiator
-from sgms_observer.identification.excitation import CAUTIOUS_LIMITS, build_excitation
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.axis import AxisSettings

@@ -76,9 +76,7 @@ def states(of: Any, tracking: PredictedTracking | None = BETTER) -> dict[str, tu
 def with_test(name: str, value: float) -> tuple[Any, ...]:
     """Return the tests of an answer, one of them with another value."""
     return tuple(
-        replace(test, value=value, passed=value <= test.threshold)
-        if test.name.startswith(name)
-        else test
+        replace(test, value=value, passed=value <= test.threshold) if test.name.startswith(name) else test
         for test in answer().tests
     )
 
