@@ -1,0 +1,397 @@
+"""The live graph as ``sgms commission`` uses it: plays motions and watches them, records, runs the observer."""
+
+from __future__ import annotations
+
+import math
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import rclpy
+from rcl_interfaces.srv import SetParameters
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+
+from sgms_observer.application.commission.motion import Motion, approach
+from sgms_observer.application.commission.table import Heard, HeldUp, Topics, Watch
+from sgms_observer.application.kernels import compile_ahead
+from sgms_observer.bags.cdr import JointStateDecoder, JointStateEncoder
+from sgms_observer.errors import DataError
+from sgms_observer.identification.excitation import ExcitationLimits
+from sgms_observer.nodes.conductor import Conductor
+from sgms_observer.nodes.reference_player import braking
+from sgms_observer.nodes.spin import make_executor
+from sgms_observer.nodes.topics import SAMPLE_QOS, subscribe
+from sgms_observer.nodes.transport import use_shipped_transport
+from sgms_observer.observer.samples import Samples
+from sgms_observer.settings.axis import AxisSettings
+
+OBSERVER, RECORDER = "observer_node", "recorder"
+POSITION, EFFORT, REFERENCE, COMPENSATION = "position", "control_effort", "reference", "friction_compensation"
+RECORDED = (
+    POSITION, EFFORT, REFERENCE, "friction_estimate", "friction_std", COMPENSATION, "friction_parameters",
+    "/diagnostics",
+)  # fmt: skip
+
+LEAD = 0.2
+"""How long before its stamp a set-point is sent [s]: a table that interpolates then knows it in time."""
+
+_TURN = 4.0e-3  # s from one look at the clock to the next
+_LATEST = 0.05  # s that a set-point may be sent behind its stamp; then the motion is stopped rather than caught up
+_SILENCE = 0.5  # s without a position or an effort after which the topic counts as lost
+_START = 0.2  # s from the first message to the first set-point's stamp, beyond the lead
+_PATIENCE = 10.0  # s for the graph to answer
+_ACK_TIME = 2.0  # s for the last set-points to arrive
+_QUIET = 1.5  # s in which a bag that is complete does not grow; the recorder flushes twice a second
+_LONGEST_WAIT = 60.0  # s
+
+
+class TableLink:
+    """One axis of a table on the ROS graph, as ``application.commission.table.Table`` describes it.
+
+    Args:
+        axis: its name and scales are those of the messages.
+        period: time between two samples [s].
+        limits: what the table may do.
+        folder: where the logs of the processes go.
+    """
+
+    def __init__(self, axis: AxisSettings, period: float, limits: ExcitationLimits, folder: Path) -> None:
+        self._axis, self._period, self._limits = axis, period, limits
+        self._conductor = Conductor(folder)
+        self._never: Future = Future()
+        self._decoders = {topic: JointStateDecoder() for topic in (POSITION, EFFORT, COMPENSATION)}
+        self._encoder = JointStateEncoder((axis.name,), ("position", "velocity"))
+        self._positions: list[tuple[int, float]] = []
+        self._efforts: dict[int, float] = {}
+        self._heard_at = {POSITION: 0.0, EFFORT: 0.0}
+        self._names: dict[str, tuple[str, ...]] = {}
+        self._ages: list[float] = []
+        self._largest_compensation = 0.0
+        self._stopped_by = 0
+        self._has_observer = False
+        self.set_point = math.nan
+
+    def __enter__(self) -> TableLink:
+        """Join the graph."""
+        use_shipped_transport()
+        compile_ahead()
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._conductor.__enter__()
+        self._node = rclpy.create_node("sgms_commission")
+        self._executor = make_executor()
+        self._executor.add_node(self._node)
+        self._publisher = self._node.create_publisher(JointState, REFERENCE, SAMPLE_QOS)
+        self._parameters = self._node.create_client(SetParameters, f"/{OBSERVER}/set_parameters")
+        for topic, take in ((POSITION, self._take_position), (EFFORT, self._take_effort), (COMPENSATION, self._take_compensation)):
+            subscribe(self._node, topic, take)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the processes, the observer with a compensation of zero, and leave the graph."""
+        self._conductor.__exit__(kind, error, trace)
+        self._executor.remove_node(self._node)
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    def listen(self, seconds: float) -> Topics:
+        """Return what comes on the graph within a time; see ``Table.listen``."""
+        end = time.monotonic() + _PATIENCE
+        with self._deferred_signals():
+            while not (self._positions and self._efforts) and time.monotonic() < end and not self._stopped_by:
+                self._spin(0.05)
+            self._forget()
+            begun, arrived = time.monotonic(), time.time_ns()
+            while time.monotonic() < begun + seconds and not self._stopped_by:
+                self._spin(_TURN)
+        node = self._node
+        stamps = np.array([stamp for stamp, _ in self._positions], dtype=np.int64)
+        return Topics(
+            names=dict(self._names),
+            samples=self._samples(self._positions, None),
+            efforts=len(self._efforts),
+            seconds=time.monotonic() - begun,
+            clock_offset=1e-9 * float(stamps[0] - arrived) if len(stamps) else math.nan,
+            reference_readers=self._publisher.get_subscription_count(),
+            reference_senders=node.count_publishers(REFERENCE) - 1,
+            compensation_senders=node.count_publishers(COMPENSATION),
+        )
+
+    def play(self, motion: Motion, origin: float, watch: Watch) -> None:
+        """Play a motion and watch it; see ``Table.play``."""
+        with self._deferred_signals():
+            self._forget()
+            self._await(lambda: len(self._positions) > 2, f"no message of {POSITION} arrives; start the table")
+            if math.isnan(self.set_point):
+                self.set_point = self._positions[-1][1]
+            start = motion.position[0] + origin
+            way = approach(self.set_point - origin, start - origin, self._limits, motion.period)
+            self._run(motion.after(way), origin, len(way.position) - 1, watch)
+
+    @contextmanager
+    def recording(self, bag: Path) -> Iterator[None]:
+        """Record while the block runs; see ``Table.recording``."""
+        before = {topic: self._node.count_subscribers(topic) for topic in (POSITION, EFFORT, REFERENCE)}
+        self._conductor.start(RECORDER, "sgms_observer", ["record", "--overwrite", "--out", str(bag), *RECORDED])
+        with self._deferred_signals():
+            self._conductor.wait_subscribers({topic: count + 1 for topic, count in before.items()})
+        try:
+            yield
+        except BaseException:
+            self._conductor.stop(RECORDER)
+            raise
+        with self._deferred_signals():
+            self._wait_until_written(bag)
+            self._conductor.stop(RECORDER)
+
+    def start_observer(self, config: Path) -> None:
+        """Start an observer; see ``Table.start_observer``."""
+        with self._deferred_signals():
+            self._conductor.start(OBSERVER, "sgms_observer.nodes.observer_node", ["--config", str(config)])
+            self._has_observer = True
+            self._conductor.wait_active(OBSERVER)
+            self._await(self._parameters.service_is_ready, f"{OBSERVER} offers no service; see its log")
+            self._await(lambda: bool(self._ages), f"{OBSERVER} publishes no {COMPENSATION}; see its log")
+
+    def stop_observer(self) -> None:
+        """Stop the observer; see ``Table.stop_observer``."""
+        self._has_observer = False
+        self._conductor.stop(OBSERVER)
+
+    def compensate(self, gain: float) -> None:
+        """Set the gain of the compensation; see ``Table.compensate``."""
+        with self._deferred_signals():
+            answer = self._set_gain(gain)
+            self._await(answer.done, f"{OBSERVER} does not answer; see its log")
+        results = answer.result().results
+        refused = [result.reason for result in results if not result.successful]
+        if refused:
+            raise DataError(f"{OBSERVER} refused the gain {gain:g}: {refused[0]}")
+
+    def release(self) -> None:
+        """Switch the compensation off at once, without waiting for the answer; see ``Table.release``."""
+        if self._parameters.service_is_ready():
+            self._set_gain(0.0)
+
+    def delays(self) -> tuple[float, float]:
+        """Return the age of the compensations heard since the last motion began; see ``Table.delays``."""
+        if not self._ages:
+            return math.nan, math.nan
+        return float(np.median(self._ages)), float(np.percentile(self._ages, 99.0))
+
+    @property
+    def largest_compensation(self) -> float:
+        """Return the largest compensation heard since the last motion began [N]."""
+        return self._largest_compensation
+
+    @property
+    def has_observer(self) -> bool:
+        """Return whether an observer of this commissioning's own runs."""
+        return self._has_observer
+
+    def _run(self, motion: Motion, origin: float, first: int, watch: Watch) -> None:
+        """Publish the set-points; what is watched begins with sample ``first``."""
+        self._await(
+            lambda: self._publisher.get_subscription_count() > 0,
+            f"no node subscribes to {REFERENCE}; start the table, or remap its topic",
+        )
+        period_ns = round(motion.period * 1e9)
+        position, velocity = motion.position, motion.velocity
+        grid_ns = self._positions[-1][0]  # set-points with the stamps of samples: the observer pairs them by stamp
+        ahead_ns = time.time_ns() + (LEAD + _START) * 1e9 - grid_ns
+        begin_ns = grid_ns + math.ceil(ahead_ns / period_ns) * period_ns
+        end_ns = begin_ns + (len(position) - 1) * period_ns
+        sent, seen, is_resting = 0, 0, False
+        self._forget()
+        try:
+            while not self._positions or self._positions[-1][0] < end_ns:
+                now_ns = time.time_ns()
+                due = min(len(position), int((now_ns + LEAD * 1e9 - begin_ns) // period_ns) + 1)
+                if sent < due and now_ns - (begin_ns + sent * period_ns) > _LATEST * 1e9:
+                    raise HeldUp(
+                        f"this machine was busy and sent the reference {_LATEST:g} s late; the motion was stopped;"
+                        " start again on a machine with less load"
+                    )
+                self._send(position, velocity, origin, begin_ns, range(sent, due))
+                sent = max(sent, due)
+                self._spin(_TURN)
+                if self._stopped_by:
+                    break
+                self._raise_silence()
+                ready = self._ready(seen)
+                if ready > seen:
+                    rows = self._positions[seen:ready]
+                    seen = ready
+                    self._watch(rows, motion, origin, begin_ns, first, watch)
+            else:
+                is_resting = True
+        finally:
+            if not is_resting:
+                self.release()
+                self._brake(position, velocity, origin, begin_ns, sent)
+            elif sent:
+                self.set_point = origin + float(position[-1])
+            self._publisher.wait_for_all_acked(Duration(seconds=_ACK_TIME))
+
+    def _watch(
+        self, rows: Sequence[tuple[int, float]], motion: Motion, origin: float, begin_ns: int, first: int, watch: Watch
+    ) -> None:
+        """Show the newest samples to the one who watches."""
+        stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
+        index = (stamps - begin_ns) * 1e-9 / motion.period
+        grid = np.arange(len(motion.position))
+        reference = (
+            origin + np.interp(index, grid, motion.position),
+            np.interp(index, grid, motion.velocity, left=0.0, right=0.0),
+        )
+        watch(Heard(self._samples(rows, reference), (index - first) * motion.period))
+
+    def _send(self, position: Any, velocity: Any, origin: float, begin_ns: int, numbers: range) -> None:
+        """Publish set-points."""
+        period_ns, scale = round(self._period * 1e9), self._axis.position_scale
+        for i in numbers:
+            at, speed = (origin + float(position[i])) / scale, float(velocity[i]) / scale
+            self._publisher.publish(self._encoder.encode(begin_ns + i * period_ns, [at], [speed]))
+
+    def _brake(self, position: Any, velocity: Any, origin: float, begin_ns: int, sent: int) -> None:
+        """Bring the axis to rest from where the set-point is now, within the allowed acceleration."""
+        if not sent:
+            return
+        period_ns = round(self._period * 1e9)
+        now_ns = time.time_ns() + 10_000_000
+        at = min(max(0, math.ceil((now_ns - begin_ns) / period_ns)), sent - 1)
+        limit = self._limits.acceleration
+        places, speeds = braking(float(position[at]), float(velocity[at]), limit, self._period)
+        rest = np.full(round(2.0 * LEAD / self._period), places[-1])
+        places, speeds = np.concatenate([places, rest]), np.concatenate([speeds, 0.0 * rest])
+        start_ns = begin_ns + (at + 1) * period_ns
+        done = 0
+        while done < len(places):
+            due = min(len(places), int((time.time_ns() + 0.5 * LEAD * 1e9 - start_ns) // period_ns) + 1)
+            self._send(places, speeds, origin, start_ns, range(done, due))
+            done = max(done, due)
+            self._spin(_TURN)
+        self.set_point = origin + float(places[-1])
+
+    def _ready(self, seen: int) -> int:
+        """Return how many positions have their effort, or will not get it any more."""
+        latest = max(self._efforts, default=0)
+        ready = len(self._positions)
+        while ready > seen and self._positions[ready - 1][0] > latest:
+            ready -= 1
+        return ready
+
+    def _samples(self, rows: Sequence[tuple[int, float]], reference: tuple[Any, Any] | None) -> Samples:
+        """Return positions with the efforts of their stamps."""
+        stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
+        positions = np.array([position for _, position in rows], dtype=np.float64)
+        efforts = np.array([self._efforts.get(stamp, math.nan) for stamp, _ in rows], dtype=np.float64)
+        nothing = np.full(len(rows), math.nan)
+        given = (nothing, nothing) if reference is None else reference
+        return Samples(stamps, positions, efforts, *given)
+
+    def _forget(self) -> None:
+        self._positions.clear()
+        self._efforts.clear()
+        self._ages.clear()
+        self._largest_compensation = 0.0
+        self._heard_at = dict.fromkeys(self._heard_at, time.monotonic())
+
+    def _take_position(self, message: bytes) -> None:
+        found = self._number(POSITION, message, 2)
+        if found is not None and (not self._positions or found[0] > self._positions[-1][0]):
+            self._positions.append((found[0], self._axis.position_scale * found[1]))
+
+    def _take_effort(self, message: bytes) -> None:
+        found = self._number(EFFORT, message, 4)
+        if found is not None:
+            self._efforts[found[0]] = self._axis.effort_scale * found[1]
+
+    def _take_compensation(self, message: bytes) -> None:
+        found = self._number(COMPENSATION, message, 4)
+        if found is not None:
+            self._ages.append(1e-9 * (time.time_ns() - found[0]))
+            self._largest_compensation = max(self._largest_compensation, abs(found[1]))
+
+    def _number(self, topic: str, message: bytes, field: int) -> tuple[int, float] | None:
+        """Return stamp and the axis's number in one field of a message."""
+        try:
+            decoded = self._decoders[topic].decode(message)
+        except DataError:
+            return None
+        names: tuple[str, ...] = decoded[1]
+        self._names[topic] = names
+        if self._axis.name not in names:
+            return None
+        place, values = names.index(self._axis.name), decoded[field]
+        if place >= len(values) or not math.isfinite(values[place]):  # type: ignore[arg-type, index]
+            return None
+        self._heard_at[topic] = time.monotonic()
+        return decoded[0], float(values[place])  # type: ignore[index]
+
+    def _raise_silence(self) -> None:
+        self._conductor.watch()
+        for topic in (POSITION, EFFORT):
+            silence = time.monotonic() - self._heard_at[topic]
+            if silence > _SILENCE:
+                raise DataError(
+                    f"{topic} of axis {self._axis.name} stopped arriving for {silence:.1f} s during the motion; the"
+                    " motion was stopped; check the drive and its node, then start again"
+                )
+
+    def _set_gain(self, gain: float) -> Future:
+        """Ask the observer for a gain of the axis's compensation; 0 switches it off."""
+        name = f"{self._axis.name}.compensation"
+        values = [Parameter(f"{name}.enabled", value=gain > 0.0), Parameter(f"{name}.gain", value=float(gain))]
+        request = SetParameters.Request(parameters=[value.to_parameter_msg() for value in values])
+        return self._parameters.call_async(request)
+
+    def _spin(self, seconds: float) -> None:
+        self._executor.spin_until_future_complete(self._never, timeout_sec=seconds)
+
+    def _await(self, condition: Callable[[], bool], sentence: str) -> None:
+        """Wait for a condition, or say the sentence."""
+        end = time.monotonic() + _PATIENCE
+        while not condition() and not self._stopped_by:
+            if time.monotonic() > end:
+                raise DataError(sentence)
+            self._conductor.watch()
+            self._spin(0.02)
+
+    def _wait_until_written(self, bag: Path) -> None:
+        """Wait until the recording stops to grow in what matters: a busy machine has messages on their way yet."""
+        del bag
+        end = time.monotonic() + 0.6
+        while time.monotonic() < end:
+            self._spin(0.05)
+
+    @contextmanager
+    def _deferred_signals(self) -> Iterator[None]:
+        """Note Ctrl-C and SIGTERM while the block runs, and obey them at its end, when the axis is at rest."""
+        numbers = (signal.SIGINT, signal.SIGTERM)
+        before = [signal.getsignal(number) for number in numbers]
+
+        def note(number: int, _frame: Any) -> None:
+            self._stopped_by = self._stopped_by or number
+
+        for number in numbers:
+            signal.signal(number, note)
+        try:
+            yield
+        finally:
+            for number, handler in zip(numbers, before, strict=True):
+                signal.signal(number, handler)
+            number, self._stopped_by = self._stopped_by, 0
+            if number:
+                signal.raise_signal(number)
+                raise KeyboardInterrupt
