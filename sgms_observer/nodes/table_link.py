@@ -20,10 +20,12 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
-from sgms_observer.application.commission.motion import Motion, approach
+from sgms_observer.application.commission.motion import SETTLING_SHARE, Motion, approach
 from sgms_observer.application.commission.table import Heard, HeldUp, Topics, Watch
 from sgms_observer.application.kernels import compile_ahead
 from sgms_observer.bags.cdr import JointStateDecoder, JointStateEncoder
+from sgms_observer.bags.message_types import JOINT_STATE
+from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import DataError
 from sgms_observer.identification.excitation import ExcitationLimits
 from sgms_observer.nodes.conductor import Conductor
@@ -34,12 +36,8 @@ from sgms_observer.nodes.transport import use_shipped_transport
 from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.axis import AxisSettings
 
-OBSERVER, RECORDER = "observer_node", "recorder"
+OBSERVER = "observer_node"
 POSITION, EFFORT, REFERENCE, COMPENSATION = "position", "control_effort", "reference", "friction_compensation"
-RECORDED = (
-    POSITION, EFFORT, REFERENCE, "friction_estimate", "friction_std", COMPENSATION, "friction_parameters",
-    "/diagnostics",
-)  # fmt: skip
 
 LEAD = 0.2
 """How long before its stamp a set-point is sent [s]: a table that interpolates then knows it in time."""
@@ -50,8 +48,7 @@ _SILENCE = 0.5  # s without a position or an effort after which the topic counts
 _START = 0.2  # s from the first message to the first set-point's stamp, beyond the lead
 _PATIENCE = 10.0  # s for the graph to answer
 _ACK_TIME = 2.0  # s for the last set-points to arrive
-_QUIET = 1.5  # s in which a bag that is complete does not grow; the recorder flushes twice a second
-_LONGEST_WAIT = 60.0  # s
+_LAST_SAMPLES = 0.2  # s for the last messages of a recording to arrive
 
 
 class TableLink:
@@ -75,9 +72,12 @@ class TableLink:
         self._heard_at = {POSITION: 0.0, EFFORT: 0.0}
         self._names: dict[str, tuple[str, ...]] = {}
         self._ages: list[float] = []
+        self._arrivals: dict[int, float] = {}
         self._largest_compensation = 0.0
         self._stopped_by = 0
         self._has_observer = False
+        self._writer: BagWriter | None = None
+        self._span = (0, 0)
         self.set_point = math.nan
 
     def __enter__(self) -> TableLink:
@@ -127,7 +127,7 @@ class TableLink:
             compensation_senders=node.count_publishers(COMPENSATION),
         )
 
-    def play(self, motion: Motion, origin: float, watch: Watch) -> None:
+    def play(self, motion: Motion, origin: float, watch: Watch, bag: Path | None = None) -> None:
         """Play a motion and watch it; see ``Table.play``."""
         with self._deferred_signals():
             self._forget()
@@ -136,23 +136,16 @@ class TableLink:
                 self.set_point = self._positions[-1][1]
             start = motion.position[0] + origin
             way = approach(self.set_point - origin, start - origin, self._limits, motion.period)
-            self._run(motion.after(way), origin, len(way.position) - 1, watch)
-
-    @contextmanager
-    def recording(self, bag: Path) -> Iterator[None]:
-        """Record while the block runs; see ``Table.recording``."""
-        before = {topic: self._node.count_subscribers(topic) for topic in (POSITION, EFFORT, REFERENCE)}
-        self._conductor.start(RECORDER, "sgms_observer", ["record", "--overwrite", "--out", str(bag), *RECORDED])
-        with self._deferred_signals():
-            self._conductor.wait_subscribers({topic: count + 1 for topic, count in before.items()})
-        try:
-            yield
-        except BaseException:
-            self._conductor.stop(RECORDER)
-            raise
-        with self._deferred_signals():
-            self._wait_until_written(bag)
-            self._conductor.stop(RECORDER)
+            first = len(way.position) - 1
+            if bag is None:
+                self._run(motion.after(way), origin, first, watch)
+                return
+            with BagWriter(bag, is_overwriting=True) as self._writer:
+                try:
+                    slides = first + motion.sliding_from(SETTLING_SHARE * self._limits.stroke)
+                    self._run(motion.after(way), origin, first, watch, slides)
+                finally:
+                    self._writer = None
 
     def start_observer(self, config: Path) -> None:
         """Start an observer; see ``Table.start_observer``."""
@@ -199,8 +192,8 @@ class TableLink:
         """Return whether an observer of this commissioning's own runs."""
         return self._has_observer
 
-    def _run(self, motion: Motion, origin: float, first: int, watch: Watch) -> None:
-        """Publish the set-points; what is watched begins with sample ``first``."""
+    def _run(self, motion: Motion, origin: float, first: int, watch: Watch, recorded: int = 0) -> None:
+        """Publish the set-points; the motion begins with sample ``first``, its recording with ``recorded``."""
         self._await(
             lambda: self._publisher.get_subscription_count() > 0,
             f"no node subscribes to {REFERENCE}; start the table, or remap its topic",
@@ -212,6 +205,7 @@ class TableLink:
         begin_ns = grid_ns + math.ceil(ahead_ns / period_ns) * period_ns
         end_ns = begin_ns + (len(position) - 1) * period_ns
         sent, seen, is_resting = 0, 0, False
+        self._span = begin_ns + recorded * period_ns, end_ns
         self._forget()
         try:
             while not self._positions or self._positions[-1][0] < end_ns:
@@ -235,6 +229,7 @@ class TableLink:
                     self._watch(rows, motion, origin, begin_ns, first, watch)
             else:
                 is_resting = True
+                self._spin_for(_LAST_SAMPLES if self._writer is not None else 0.0)
         finally:
             if not is_resting:
                 self.release()
@@ -261,7 +256,9 @@ class TableLink:
         period_ns, scale = round(self._period * 1e9), self._axis.position_scale
         for i in numbers:
             at, speed = (origin + float(position[i])) / scale, float(velocity[i]) / scale
-            self._publisher.publish(self._encoder.encode(begin_ns + i * period_ns, [at], [speed]))
+            message = self._encoder.encode(begin_ns + i * period_ns, [at], [speed])
+            self._publisher.publish(message)
+            self._record(REFERENCE, begin_ns + i * period_ns, message)
 
     def _brake(self, position: Any, velocity: Any, origin: float, begin_ns: int, sent: int) -> None:
         """Bring the axis to rest from where the set-point is now, within the allowed acceleration."""
@@ -304,6 +301,7 @@ class TableLink:
         self._positions.clear()
         self._efforts.clear()
         self._ages.clear()
+        self._arrivals.clear()
         self._largest_compensation = 0.0
         self._heard_at = dict.fromkeys(self._heard_at, time.monotonic())
 
@@ -311,6 +309,7 @@ class TableLink:
         found = self._number(POSITION, message, 2)
         if found is not None and (not self._positions or found[0] > self._positions[-1][0]):
             self._positions.append((found[0], self._axis.position_scale * found[1]))
+            self._arrivals[found[0]] = self._heard_at[POSITION]
 
     def _take_effort(self, message: bytes) -> None:
         found = self._number(EFFORT, message, 4)
@@ -320,7 +319,9 @@ class TableLink:
     def _take_compensation(self, message: bytes) -> None:
         found = self._number(COMPENSATION, message, 4)
         if found is not None:
-            self._ages.append(1e-9 * (time.time_ns() - found[0]))
+            arrived = self._arrivals.pop(found[0], None)
+            if arrived is not None:
+                self._ages.append(time.monotonic() - arrived)
             self._largest_compensation = max(self._largest_compensation, abs(found[1]))
 
     def _number(self, topic: str, message: bytes, field: int) -> tuple[int, float] | None:
@@ -333,11 +334,17 @@ class TableLink:
         self._names[topic] = names
         if self._axis.name not in names:
             return None
+        self._record(topic, decoded[0], message)
         place, values = names.index(self._axis.name), decoded[field]
         if place >= len(values) or not math.isfinite(values[place]):  # type: ignore[arg-type, index]
             return None
         self._heard_at[topic] = time.monotonic()
         return decoded[0], float(values[place])  # type: ignore[index]
+
+    def _record(self, topic: str, stamp_ns: int, message: bytes) -> None:
+        """Write a message of the motion into the bag, if it is recorded."""
+        if self._writer is not None and self._span[0] <= stamp_ns <= self._span[1]:
+            self._writer.write(topic, JOINT_STATE, time.time_ns(), message)
 
     def _raise_silence(self) -> None:
         self._conductor.watch()
@@ -359,6 +366,11 @@ class TableLink:
     def _spin(self, seconds: float) -> None:
         self._executor.spin_until_future_complete(self._never, timeout_sec=seconds)
 
+    def _spin_for(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._spin(_TURN)
+
     def _await(self, condition: Callable[[], bool], sentence: str) -> None:
         """Wait for a condition, or say the sentence."""
         end = time.monotonic() + _PATIENCE
@@ -367,13 +379,6 @@ class TableLink:
                 raise DataError(sentence)
             self._conductor.watch()
             self._spin(0.02)
-
-    def _wait_until_written(self, bag: Path) -> None:
-        """Wait until the recording stops to grow in what matters: a busy machine has messages on their way yet."""
-        del bag
-        end = time.monotonic() + 0.6
-        while time.monotonic() < end:
-            self._spin(0.05)
 
     @contextmanager
     def _deferred_signals(self) -> Iterator[None]:

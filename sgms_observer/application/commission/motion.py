@@ -17,6 +17,8 @@ Floats = NDArray[np.float64]
 
 REST = 0.3
 """Rest at both ends of a motion [s]."""
+SETTLING_SHARE = 0.01
+"""Way from rest after which a recording begins, as a share of the stroke: many times the presliding distance."""
 SIGN_SPEED_SHARE, SIGN_STROKE_SHARE = 0.1, 0.1
 """Speed and width of the motion that shows signs, as shares of what is allowed: small enough to be harmless."""
 OWN_SPEED_SHARE, OWN_ACCELERATION_SHARE, OWN_STROKE_SHARE = 0.5, 0.1, 0.8
@@ -60,6 +62,13 @@ class Motion:
         if len(self.position) < 3:
             return 0.0
         return float(np.max(np.abs(np.diff(self.position, 2)))) / self.period**2
+
+    def sliding_from(self, way: float) -> int:
+        """Return the first sample that is further than ``way`` from the start [m]; 0 if none is.
+
+        How friction stood at the start is not known: a recording begins where that is forgotten.
+        """
+        return int(np.argmax(np.abs(self.position - self.position[0]) > way))
 
     def after(self, other: Motion) -> Motion:
         """Return this motion behind another one that ends where it starts."""
@@ -165,6 +174,7 @@ def learning_motion(
     gentle = OWN_ACCELERATION_SHARE * limits.acceleration
     presliding = min(presliding, 0.1 * half)
     path.rest()
+    path.move(5.0 * SETTLING_SHARE * limits.stroke, 0.1 * limits.speed, gentle)
     for amplitude in np.geomspace(3.0 * presliding, 0.05 * presliding, 5):
         path.swing(float(amplitude), 2, 4.0)
     creep = 0.05 * seconds

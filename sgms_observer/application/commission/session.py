@@ -194,12 +194,7 @@ class Session:
             bag: name of the recording in the folder.
             watches: what looks at it too.
         """
-
-        def recorded() -> Tracker:
-            with self.table.recording(self.path(bag)):
-                return self._play(motion, watches)
-
-        return self._repeated(recorded)
+        return self._repeated(lambda: self._play(motion, watches, self.path(bag)))
 
     def _repeated(self, play: Callable[[], Tracker]) -> Tracker:
         for _ in range(REPEATS):
@@ -209,7 +204,7 @@ class Session:
                 self.say(f"Warning: {error}. The motion is played again.")
         return play()
 
-    def _play(self, motion: Motion, watches: Sequence[Watch]) -> Tracker:
+    def _play(self, motion: Motion, watches: Sequence[Watch], bag: Path | None = None) -> Tracker:
         guard = Guard(self.axis, self.plan.limits, self.origin, self.delay)
         tracker = Tracker(motion, self.origin, self.delay)
 
@@ -219,5 +214,5 @@ class Session:
             for one in watches:
                 one(heard)
 
-        self.table.play(motion, self.origin, watch)
+        self.table.play(motion, self.origin, watch, bag)
         return tracker

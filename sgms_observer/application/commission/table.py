@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -75,7 +74,7 @@ class Table(Protocol):
         """
         ...
 
-    def play(self, motion: Motion, origin: float, watch: Watch) -> None:
+    def play(self, motion: Motion, origin: float, watch: Watch, bag: Path | None = None) -> None:
         """Play a motion, after a gentle move to its start, and return when the table rests at its end.
 
         Whatever stops it early, an exception of ``watch``, Ctrl-C or a silent topic, first takes the compensation to
@@ -85,17 +84,10 @@ class Table(Protocol):
             motion: relative to the origin.
             origin: position of its zero [m].
             watch: is shown the samples as they come.
+            bag: where to record it, from where the axis slides; None to record nothing.
 
         Raises:
             DataError: a topic is silent, nobody listens, or this machine is too busy.
-        """
-        ...
-
-    def recording(self, bag: Path) -> AbstractContextManager[None]:
-        """Record the topics into a bag while the block runs.
-
-        Args:
-            bag: its folder.
         """
         ...
 
