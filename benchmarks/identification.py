@@ -3,7 +3,7 @@
     python benchmarks/identification.py [--tables 6] [--rate 10000] [--model sgms] [--json FILE]
 
 Each table has its own friction, mass and controller, a 10 nm encoder with 5 nm noise and 0.1 N force noise. It follows
-the recipe of ``sgms excite`` once to learn and once, with other noise, to judge. The floor is the force error that the
+the reference of ``sgms excite --for identify`` once to learn and once, with other noise, to judge. The floor is the force error that the
 true parameters leave on the judging recording. Everything printed is computed in the run.
 """
 
@@ -22,7 +22,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from sgms_observer.identification.excitation import ExcitationLimits, build_excitation
+from sgms_observer.excitation.limits import ExcitationLimits
+from sgms_observer.excitation.reference import design_excitation
 from sgms_observer.identification.identify import Identification, IdentifyOptions, force_error, identify
 from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RHO, V_S, VISCOUS, Parameters
 from sgms_observer.offline.recording import Recording, recordings_from_samples
@@ -103,7 +104,7 @@ def judge(number: int, model: str, period: float, cutoff: float) -> dict[str, An
     axis = random_table(number, model)
     with tempfile.TemporaryDirectory() as folder:
         csv = Path(folder) / "reference.csv"
-        reference = build_excitation(START, ExcitationLimits(0.02, 0.05, 1.0), period)
+        reference = design_excitation(START, ExcitationLimits(0.02, 0.05, 1.0), ("identify",), rate=1.0 / period)
         rows = np.column_stack([reference.time, np.round(reference.position, 12)])
         np.savetxt(csv, rows, delimiter=",", fmt="%.12g")
         learn = record(axis, csv, 10 + number, float(reference.time[-1]), period)

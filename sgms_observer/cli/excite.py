@@ -1,9 +1,10 @@
-"""``sgms excite``: an identification reference within the table's stroke, speed and acceleration."""
+"""``sgms excite``: a reference designed for what is asked, within the table's stroke, speed and acceleration."""
 
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+import sys
+from typing import TYPE_CHECKING, Any
 
 from sgms_observer.cli.options import (
     add_axis_option,
@@ -15,10 +16,10 @@ from sgms_observer.cli.options import (
 from sgms_observer.cli.outcome import Outcome
 
 if TYPE_CHECKING:
-    from sgms_observer.identification.excitation import Excitation
+    from sgms_observer.excitation.reference import Excitation, Floats
 
 NAME = "excite"
-HELP = "write (or publish) a reference that shows friction: nested reversals, traverses, fast moves, dwells"
+HELP = "write (or publish) the reference that tells most about what is asked for, within the table's limits"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,6 +31,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file with rough values of the axis")
     parser.add_argument(
         "--out", metavar="CSV", help="file to write: time [s], position [m; rad], velocity [m/s; rad/s]"
+    )
+    parser.add_argument(
+        "--for",
+        dest="asked",
+        metavar="WHAT",
+        help="identify (narrow intervals of all parameters), diagnose (no effect stays hidden), or effects of the"
+        " catalogue to tell from each other, separated by commas (default: identify,diagnose)",
+    )
+    parser.add_argument("--duration", type=float, metavar="S", help="longest duration (default: 60 s)")
+    parser.add_argument(
+        "--rate", type=float, metavar="HZ", help="samples per second (default: the file's sample_period)"
+    )
+    parser.add_argument(
+        "--from",
+        dest="start",
+        type=float,
+        metavar="POSITION",
+        help="where the table stands, and the reference starts and ends [m; rad] (default: the middle; the position"
+        " that the table publishes when publishing)",
     )
     add_axis_option(parser, "the first of the file")
     parser.add_argument(
@@ -44,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--centre",
         type=float,
         metavar="X",
-        help="position in the middle [m; rad] (default: 0 in the file; where the axis stands when publishing)",
+        help="middle of the stroke [m; rad] (default: where the table stands; 0 in a file without --from)",
     )
     parser.add_argument(
         "--publish", action="store_true", help="publish it in real time as reference (sensor_msgs/JointState)"
@@ -64,15 +84,16 @@ def run(args: argparse.Namespace) -> Outcome:
     """
     from dataclasses import replace
 
-    import numpy as np
-
     from sgms_observer.errors import ConfigurationError
-    from sgms_observer.identification.excitation import CAUTIOUS_LIMITS, build_excitation
+    from sgms_observer.excitation.limits import CAUTIOUS_LIMITS
+    from sgms_observer.excitation.reference import DURATION, design_excitation
     from sgms_observer.settings.load import load_settings
     from sgms_observer.whole_file import refuse_existing_files
 
     if not args.out and not args.publish:
         raise ConfigurationError(["sgms excite needs --out CSV or --publish; give at least one"])
+    if args.publish and args.start is not None:
+        raise ConfigurationError(["--publish starts where the table stands; leave out --from"])
     if args.out:
         refuse_existing_files([args.out], args.overwrite)
     settings = load_settings(args.config)
@@ -83,46 +104,57 @@ def run(args: argparse.Namespace) -> Outcome:
     limits = replace(
         CAUTIOUS_LIMITS[axis.joint_type], **{name: value for name, value in given.items() if value is not None}
     )
-    reference = build_excitation(axis, limits, settings.sample_period)
-    for section in reference.sections:
-        print(f"{section.start:8.2f} s to {section.end:8.2f} s: {section.name}, for {section.shows}")
-    readable = axis.units.readable
-    low, high = float(reference.position.min()), float(reference.position.max())
-    print(
-        f"{axis.name}: from {readable(low)} to {readable(high)} around the start, at most"
-        f" {readable(float(abs(reference.velocity).max()), 'm/s')} and"
-        f" {readable(float(abs(np.diff(reference.velocity)).max()) / settings.sample_period, 'm/s^2')},"
-        f" {reference.time[-1]:.2f} s"
-    )
-    if args.out:
-        _write(args.out, reference, args.centre or 0.0)
-        print(f"wrote {args.out}: {reference.time[-1]:.2f} s, {len(reference.time)} samples")
+    asked = [word.strip() for word in (args.asked or "").split(",") if word.strip()]
+    seconds = DURATION if args.duration is None else args.duration
+    rate = 1.0 / settings.sample_period if args.rate is None else args.rate
+    made: list[Excitation] = []
+
+    def reference_from(start: float) -> tuple[Floats, Floats]:
+        """Design the reference, tell about it and write it."""
+        reference = design_excitation(axis, limits, asked, start, seconds, rate, args.centre)
+        made.append(reference)
+        for sentence in reference.summary:
+            print(sentence, file=sys.stderr if sentence.startswith("Warning:") else sys.stdout)
+        if args.out:
+            _write(args.out, reference)
+            print(f"wrote {args.out}: {reference.time[-1]:.2f} s, {len(reference.time)} samples")
+        return reference.position, reference.velocity
+
     if args.publish:
         from sgms_observer.nodes.reference_player import play_reference
 
-        finished = play_reference(
-            axis, reference.position, reference.velocity, settings.sample_period, limits.acceleration, args.centre
-        )
+        finished = play_reference(axis, reference_from, 1.0 / rate, limits.acceleration)
         print("published to the end" if finished else "interrupted: the reference was brought to rest")
-    sections = [
-        {"name": part.name, "from_s": part.start, "to_s": part.end, "shows": part.shows} for part in reference.sections
-    ]
-    return Outcome(
-        result={
-            "schema": 1,
-            "csv": args.out,
-            "axis": axis.name,
-            "duration_s": float(reference.time[-1]),
-            "samples": len(reference.time),
-            "sections": sections,
-        }
-    )
+    else:
+        reference_from((args.centre or 0.0) if args.start is None else args.start)
+    return Outcome(result=_result(args.out, name, made[0]))
 
 
-def _write(path: str, reference: Excitation, centre: float) -> None:
+def _result(out: str | None, axis: str, reference: Excitation) -> dict[str, Any]:
+    """Return what ``--json`` prints."""
+    return {
+        "schema": 1,
+        "csv": out,
+        "axis": axis,
+        "duration_s": float(reference.time[-1]),
+        "samples": len(reference.time),
+        "from": float(reference.position[0]),
+        "range": [float(reference.position.min()), float(reference.position.max())],
+        "peak_speed": reference.peak_speed,
+        "peak_acceleration": reference.peak_acceleration,
+        "efficiency": reference.efficiency,
+        "hidden": list(reference.hidden),
+        "sections": [
+            {"name": part.name, "from_s": part.start, "to_s": part.end, "shows": part.shows}
+            for part in reference.sections
+        ],
+    }
+
+
+def _write(path: str, reference: Excitation) -> None:
     """Write the reference as CSV; the simulated stage reads it as reference.kind: file."""
     from sgms_observer.settings.write import write_text
 
-    rows = zip(reference.time, reference.position + centre, reference.velocity, strict=True)
+    rows = zip(reference.time, reference.position, reference.velocity, strict=True)
     lines = [f"{time:.9g},{position:.12f},{velocity:.9g}" for time, position, velocity in rows]
     write_text("\n".join(["time,position,velocity", *lines]) + "\n", path)

@@ -46,21 +46,18 @@ def braking(position: float, velocity: float, acceleration: float, period: float
 
 def play_reference(
     axis: AxisSettings,
-    position: Floats,
-    velocity: Floats,
+    reference_from: Callable[[float], tuple[Floats, Floats]],
     period: float,
     acceleration: float,
-    centre: float | None = None,
 ) -> bool:
-    """Publish a reference that starts at rest at position 0, relative to ``centre``.
+    """Publish a reference that starts where the table stands.
 
     Args:
         axis: its name and ``position_scale`` are those of the messages.
-        position: [m], shape (n,).
-        velocity: [m/s], shape (n,).
+        reference_from: gets the position at which the table stands [m]; returns position [m] and velocity [m/s] of
+            each sample, shape (n,), at rest at that position in the beginning.
         period: time between two samples [s].
         acceleration: deceleration when it is interrupted [m/s^2].
-        centre: where the table stands [m]; None asks the topic ``position``.
 
     Returns:
         Whether it was played to the end; False after SIGINT or SIGTERM.
@@ -87,7 +84,7 @@ def play_reference(
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("sgms_excite")
     try:
-        origin = _standing_at(node, axis, stop) if centre is None else centre
+        position, velocity = reference_from(_standing_at(node, axis, stop))
         publisher = node.create_publisher(JointState, "reference", SAMPLE_QOS)
         _await(lambda: publisher.get_subscription_count() > 0, stop, "nobody subscribes to reference; start the table")
         encoder = JointStateEncoder((axis.name,), ("position", "velocity"))
@@ -105,7 +102,7 @@ def play_reference(
             due = min(len(position), int((time.monotonic() - begun) / period) + 1)
             for i in range(done, due):
                 stamp = start_ns + round(i * period * 1e9)
-                set_point = (origin + float(position[i])) / scale
+                set_point = float(position[i]) / scale
                 publisher.publish(encoder.encode(stamp, [set_point], [float(velocity[i]) / scale]))
             done = due
             time.sleep(_TURN)
@@ -144,7 +141,7 @@ def _standing_at(node: Node, axis: AxisSettings, stop: threading.Event) -> float
     end = time.monotonic() + _FIRST_POSITION_TIME
     while not found:
         if stop.is_set() or time.monotonic() > end:
-            raise RecordingError(f"no position of axis {axis.name} arrives; start the table, or give --centre")
+            raise RecordingError(f"no position of axis {axis.name} arrives; start the table")
         rclpy.spin_once(node, timeout_sec=0.05)
     node.destroy_subscription(subscription)
     return found[-1]

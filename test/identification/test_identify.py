@@ -10,7 +10,8 @@ import pytest
 
 from sgms_observer.errors import DataError
 from sgms_observer.identification.answer import identification_answer
-from sgms_observer.identification.excitation import ExcitationLimits, build_excitation
+from sgms_observer.excitation.limits import ExcitationLimits
+from sgms_observer.excitation.reference import design_excitation
 from sgms_observer.identification.identify import Identification, IdentifyOptions, force_error, identify
 from sgms_observer.identification.problem import ELEMENTS, RELAXATION, Parameters
 from sgms_observer.observer.axis_observer import AxisObserver
@@ -64,8 +65,8 @@ def _record(
 
 
 def _excited(folder: Path, period: float, seed: int = 3, true: AxisSettings = TRUE) -> tuple[Recording, ...]:
-    """Let a table follow the recipe."""
-    reference = build_excitation(START, ExcitationLimits(0.01, 0.05, 1.0), period)
+    """Let a table follow the designed reference."""
+    reference = design_excitation(START, ExcitationLimits(0.01, 0.05, 1.0), ("identify",), rate=1.0 / period)
     csv = folder / "reference.csv"
     np.savetxt(csv, np.column_stack([reference.time, np.round(reference.position, 12)]), delimiter=",", fmt="%.12g")
     return _record(ReferenceSettings(kind="file", file=str(csv)), float(reference.time[-1]), seed, period, true)
@@ -113,7 +114,7 @@ def test_intervals_hold_the_truth(result: Identification) -> None:
 def test_force_error_on_another_recording_is_at_the_floor_of_the_truth(
     result: Identification, period: float, tmp_path: Path
 ) -> None:
-    """The same recipe with other noise: within 10 % of what noise and model leave to the true parameters."""
+    """The same reference with other noise: within 10 % of what noise and model leave to the true parameters."""
     judged = _excited(tmp_path, period, seed=77)
     floor = force_error(judged, _truth(), START, "sgms", result.cutoff)
     assert force_error(judged, result.parameters, START, "sgms", result.cutoff) <= 1.10 * floor
@@ -183,14 +184,3 @@ def test_one_fast_stroke_does_not_claim_the_presliding_stiffness() -> None:
         if found.confidence.is_shown[j] and found.parameters.names()[j] not in ("delay", "offset"):
             assert estimate[j] == pytest.approx(true[j], rel=0.05), found.parameters.names()[j]
     assert not np.all(found.confidence.is_shown[ELEMENTS:])
-
-
-def test_limits_of_the_excitation_are_kept() -> None:
-    limits = ExcitationLimits(stroke=0.012, speed=0.03, acceleration=0.5)
-    for period in (1e-4, 1e-3):
-        made = build_excitation(START, limits, period)
-        assert np.ptp(made.position) <= limits.stroke
-        assert np.max(np.abs(made.velocity)) <= limits.speed * (1.0 + 1e-9)
-        assert np.max(np.abs(np.diff(made.velocity))) / period <= limits.acceleration * (1.0 + 1e-3)
-        assert abs(made.position[-1]) < 1e-12
-        assert next(section.name for section in made.sections) == "nested reversals"

@@ -1,4 +1,4 @@
-"""A reference that shows a real table's friction, within given stroke, speed and acceleration.
+"""The fixed recipe that ``sgms excite`` followed before it designed by information: the baseline of its benchmark.
 
 Four kinds of motion, each for the parameters only it can show: nested reversals from far below the presliding distance
 upwards (stiffness distribution), slow traverses at log-spaced speeds (Stribeck curve), fast ones (viscous friction),
@@ -13,9 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.errors import ConfigurationError
+from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.settings.axis import AxisSettings
-from sgms_observer.settings.units import PRISMATIC, REVOLUTE, Units
 
 Floats = NDArray[np.float64]
 
@@ -28,53 +27,6 @@ _SLOWEST_SHARE = 0.01  # slowest traverse over the Stribeck velocity
 _SLOWEST_TIME = 3.0  # longest traverse in one direction [s]
 _FAST_MOVES = 6
 _DWELL = 0.25  # s
-
-
-@dataclass(frozen=True)
-class ExcitationLimits:
-    """What the table may do.
-
-    Attributes:
-        stroke: full width of the motion around the start position [m].
-        speed: largest speed [m/s].
-        acceleration: largest acceleration [m/s^2].
-        smallest: smallest reversal [m].
-        units: of the axis; those above are a prismatic one's.
-    """
-
-    stroke: float
-    speed: float
-    acceleration: float
-    smallest: float = 1.0e-7
-    units: Units = field(default_factory=Units)
-
-    def __post_init__(self) -> None:
-        sentences = [
-            f"{name} = {value:g} must be a positive number; give the table's own limit"
-            for name, value in (
-                ("stroke", self.stroke),
-                ("speed", self.speed),
-                ("acceleration", self.acceleration),
-                ("smallest", self.smallest),
-            )
-            if not (math.isfinite(value) and value > 0.0)
-        ]
-        if not sentences and self.stroke < 20.0 * self.smallest:
-            sentences.append(
-                f"stroke = {self.units.readable(self.stroke)} leaves no room for reversals from"
-                f" {self.units.readable(self.smallest)};"
-                " allow 20 times as much"
-            )
-        if sentences:
-            raise ConfigurationError(sentences)
-
-
-#: What ``sgms excite`` asks of an axis whose limits nobody gave, by joint type: a cautious part of what a positioning
-#: table (some centimetres, encoder in nanometres) and a robot joint (a turn, encoder of 20 bits) can do.
-CAUTIOUS_LIMITS = {
-    PRISMATIC: ExcitationLimits(0.02, 0.05, 1.0, 1.0e-7, Units(PRISMATIC)),
-    REVOLUTE: ExcitationLimits(0.5, 0.5, 2.0, 1.0e-5, Units(REVOLUTE)),
-}
 
 
 @dataclass(frozen=True)
@@ -95,7 +47,7 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Excitation:
+class Recipe:
     """A reference around position 0.
 
     Attributes:
@@ -157,7 +109,7 @@ class _Track:
         self.sections.append(Section(name, start * self.period, self.samples * self.period, shows))
 
 
-def build_excitation(axis: AxisSettings, limits: ExcitationLimits, period: float) -> Excitation:
+def build_recipe(axis: AxisSettings, limits: ExcitationLimits, period: float) -> Recipe:
     """Build the recipe for one axis.
 
     Args:
@@ -180,7 +132,7 @@ def build_excitation(axis: AxisSettings, limits: ExcitationLimits, period: float
     _fast(track, half)
     velocity = np.concatenate([np.zeros(1), *track.velocity])
     position = np.cumsum(velocity) * period
-    return Excitation(np.asarray(period * np.arange(len(velocity))), position, velocity, tuple(track.sections))
+    return Recipe(np.asarray(period * np.arange(len(velocity))), position, velocity, tuple(track.sections))
 
 
 def _reversals(track: _Track, presliding: float, half: float) -> None:

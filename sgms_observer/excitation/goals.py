@@ -1,0 +1,186 @@
+"""The goals of a design: Fisher information of each segment about what a question asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.excitation.design import Goal
+from sgms_observer.excitation.following import followed
+from sgms_observer.excitation.limits import ExcitationLimits
+from sgms_observer.excitation.question import Question, over_time, shapes
+from sgms_observer.excitation.segments import Place, Segment
+from sgms_observer.excitation.sensitivity import Contact, Parameters, Sensitivity, contacts
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
+
+Floats = NDArray[np.float64]
+
+MIN_Z_SCORE = 3.0
+"""An effect of a tenth of the Coulomb force that stays below this z-score is not shown: Shewhart's limit."""
+_PRIOR_UNITS = 10.0  # a rival's strength is known to this many unit strengths, which is the whole Coulomb force
+_GRID = (np.arange(200) + 0.5) / 200  # times at which effects over time are averaged, as shares of the whole
+
+
+@dataclass(frozen=True)
+class Goals:
+    """What a design maximises.
+
+    Attributes:
+        goals: the goals.
+        labels: of each goal, for each of its quantities the parameter or effect that it belongs to.
+        hidden: effects that stay hidden within the limits.
+    """
+
+    goals: tuple[Goal, ...]
+    labels: tuple[tuple[str, ...], ...]
+    hidden: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """The segments one behind the other."""
+
+    position: Floats
+    starts: Floats
+    period: float
+
+    def products(self, model: Sensitivity, columns: Floats, others: Floats) -> Floats:
+        """Return the products of columns with others over each segment, shape (segments, p, k)."""
+        edges = -(-self.starts.astype(int) // model.stride)
+        return np.array(
+            [columns[a:b].T @ others[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)], dtype=np.float64
+        )
+
+
+def goals_of(
+    question: Question,
+    axis: AxisSettings,
+    limits: ExcitationLimits,
+    place: Place,
+    segments: Sequence[tuple[Segment, Floats]],
+    period: float,
+    seconds: float,
+) -> Goals:
+    """Return the goals of a question.
+
+    Args:
+        question: what is asked for.
+        axis: settings.
+        limits: what the table may do.
+        place: where the motion is.
+        segments: with their velocities.
+        period: time between two samples of these [s].
+        seconds: time of the whole reference [s].
+    """
+    velocity = np.concatenate([values for _segment, values in segments])
+    starts = np.concatenate(([0], np.cumsum([len(values) for _segment, values in segments])))
+    pieces = _Pieces(place.home + np.cumsum(velocity) * period, starts, period)
+    believed = contacts(axis.friction, limits.smallest)
+    goals: list[Goal] = []
+    labels: list[tuple[str, ...]] = []
+    hidden: tuple[str, ...] = ()
+    for contact in believed if question.parameters else believed[:1]:
+        position = pieces.position
+        if not contact.is_from_file:
+            position = followed(position, period, axis, contact.friction)
+        model = Sensitivity(axis, contact, position, period)
+        found = model.parameters()
+        listed = model.slopes_of_listed()
+        if question.parameters:
+            goals.append(_parameter_goal(pieces, model, found, listed, 1.0 / len(believed)))
+            labels.append(goals[-1].names)
+        if contact.is_from_file and question.effects:
+            durations = np.diff(starts) * period
+            goal, hidden = _effect_goal(
+                question, axis, limits, place, pieces, model, found, listed, durations, seconds
+            )
+            if goal is not None:
+                goals.append(goal)
+                labels.append(goal.names)
+    return Goals(tuple(goals), tuple(labels), hidden)
+
+
+def _parameter_goal(
+    pieces: _Pieces, model: Sensitivity, found: Parameters, listed: Floats, share: float
+) -> Goal:
+    """Return the goal of narrow relative intervals of all parameters."""
+    columns = np.column_stack([found.columns, listed])
+    names = tuple(found.asked)
+    is_element = np.array([name.startswith("element_") for name in names])
+    weight = np.where(is_element, np.sum(~is_element) / np.sum(is_element), 1.0)
+    wanted = np.zeros((len(names), columns.shape[1]))
+    wanted[:, : len(found.names)] = np.array(list(found.asked.values()))
+    prior = np.diag([1.0] * len(found.names) + [_PRIOR_UNITS**-2] * listed.shape[1])
+    rivals = np.ones(wanted.shape, dtype=bool)
+    information, bias = (pieces.products(model, columns, others) for others in (columns, model.errors()))
+    return Goal(names, information, bias, prior, wanted, rivals, weight, False, share)
+
+
+def _effect_goal(
+    question: Question, axis: AxisSettings, limits: ExcitationLimits, place: Place, pieces: _Pieces,
+    model: Sensitivity, found: Parameters, listed: Floats, durations: Floats, seconds: float,
+) -> tuple[Goal | None, tuple[str, ...]]:  # fmt: skip
+    """Return the goal that no effect stays hidden behind parameters and effects like it, and those that do anyway."""
+    wanted_names = list(dict.fromkeys([*question.effects, *(r for name in question.effects for r in
+                                                            question.rivals(name))]))  # fmt: skip
+    owners: list[str] = []
+    columns: list[Floats] = []
+    growth = [np.ones(len(_GRID))] * (len(found.names) + listed.shape[1])
+    for name in wanted_names:
+        for settings in shapes(name, axis, place, limits, model.band, seconds):
+            column = model.level_column() if over_time(name) else model.effect_column(settings)
+            rows = model.unit_rows(column)
+            if not np.any(rows):
+                continue
+            owners.append(name)
+            columns.append(rows)
+            growth.append(_growth(settings, seconds) if over_time(name) else np.ones(len(_GRID)))
+    first = len(found.names) + listed.shape[1]
+    if not columns:
+        return None, tuple(question.effects)
+    stacked = np.column_stack([found.columns, listed, *columns])
+    information, bias = (pieces.products(model, stacked, others) for others in (stacked, model.errors()))
+    over = np.array(growth)
+    bias = bias * np.mean(over, axis=1)[:, None]
+    information = information * (over @ over.T / len(_GRID))  # copies of a segment lie anywhere in time
+    size = information.shape[1]
+    prior = np.diag([1.0] * len(found.names) + [_PRIOR_UNITS**-2] * (size - len(found.names)))
+    numbers = [k for k, owner in enumerate(owners) if owner in question.effects]
+    masks = np.zeros((2, len(numbers), size), dtype=bool)
+    for row, k in enumerate(numbers):
+        masks[:, row, :first] = True
+        masks[:, row, first + k] = True
+        for name, effect_name in (("offset", "offset"), ("delay", "actuator_delay")):
+            if owners[k] == effect_name:
+                masks[:, row, found.names.index(name)] = False
+        rivals = [first + j for j, owner in enumerate(owners) if owner in question.rivals(owners[k])]
+        masks[0, row, rivals] = True
+    names = tuple(owners[k] for k in numbers)
+    wanted = np.zeros((len(numbers), size))
+    wanted[np.arange(len(numbers)), [first + k for k in numbers]] = 1.0
+    per_effect = np.array([1.0 / names.count(name) for name in names])
+
+    def goal(mask: NDArray[np.bool_], keep: NDArray[np.int64]) -> Goal:
+        return Goal(
+            tuple(names[k] for k in keep), information, bias, prior, wanted[keep], mask[keep], per_effect[keep], True, 1.0
+        )
+
+    everything = np.arange(len(numbers))
+    is_told, is_seen = (
+        goal(mask, everything).best_alone(seconds, durations) >= MIN_Z_SCORE**2 for mask in masks
+    )
+    chosen = np.where(is_told[:, None], masks[0], masks[1])
+    keep = np.flatnonzero(is_told | is_seen)
+    shown = {names[k] for k in keep}
+    hidden = tuple(name for name in question.effects if name not in shown)
+    return (goal(chosen, keep) if len(keep) else None), hidden
+
+
+def _growth(settings: EffectSettings, seconds: float) -> Floats:
+    """Return how far an effect over time has come, at the times of the grid."""
+    if settings.name == "thermal_drift":
+        return np.asarray(1.0 - np.exp(-_GRID * seconds / settings.values[1]))
+    return np.where(_GRID > 0.5, 1.0, 0.0)

@@ -1,0 +1,189 @@
+"""What a reference is asked for: parameters of the force balance, every effect, or certain effects."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sgms_observer.effects import catalogue
+from sgms_observer.effects.catalogue import effect, is_built_in
+from sgms_observer.effects.effect import Effect, EffectParameter
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.excitation.limits import ExcitationLimits
+from sgms_observer.excitation.segments import Place
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
+
+IDENTIFY = "identify"
+DIAGNOSE = "diagnose"
+DEFAULT = (IDENTIFY, DIAGNOSE)
+
+NO_REFERENCE_SHOWS = {
+    "cross_axis_coupling": "the other axis has to move",
+    "periodic_disturbance": "any motion shows it",
+    "quantisation": "it is read off the position",
+    "mass_error": "it is the mass, which is identified",
+    "actuator_gain": "only a known mass or force shows it",
+    "actuator_saturation": "only efforts up to the actuator's limit show it",
+    "learnt_map": "it is learnt from what is left",
+    "learnt_map_2": "it is learnt from what is left",
+    "learnt_map_3": "it is learnt from what is left",
+}
+"""Effects that no choice of the reference makes visible, and why."""
+_OVER_TIME = ("thermal_drift", "wear_step")
+_SIZE = 0.01  # strength of an effect whose column is computed; columns are scaled afterwards
+_BELOW_BAND = 0.6  # frequency of a flexible mode over the band
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a reference is asked for.
+
+    Attributes:
+        parameters: whether all parameters of the force balance are asked for.
+        effects: names of the effects that are asked for.
+        is_everything: whether these are all that the catalogue has.
+    """
+
+    parameters: bool
+    effects: tuple[str, ...]
+    is_everything: bool
+
+    @staticmethod
+    def of(asked: Sequence[str], axis: AxisSettings) -> Question:
+        """Check what the user asks for.
+
+        Args:
+            asked: ``identify``, ``diagnose``, names of effects; empty for ``DEFAULT``.
+            axis: settings.
+
+        Raises:
+            ConfigurationError: an unknown name, or an effect that no reference shows.
+        """
+        wanted = list(dict.fromkeys(asked)) or list(DEFAULT)
+        known = [name for name in catalogue.names() if name not in NO_REFERENCE_SHOWS]
+        named = [name for name in wanted if name not in (IDENTIFY, DIAGNOSE)]
+        faults = []
+        for name in named:
+            if name in NO_REFERENCE_SHOWS:
+                faults.append(
+                    f"--for {name}: no choice of this axis's reference helps ({NO_REFERENCE_SHOWS[name]}); leave it out"
+                )
+            elif name not in known:
+                faults.append(
+                    f"--for {name} is neither {IDENTIFY}, {DIAGNOSE} nor an effect of the catalogue; use some of"
+                    f" {', '.join(known)}"
+                )
+            elif not _is_possible(name, axis):
+                faults.append(f"--for {name}: on a prismatic axis it is the offset; ask for offset")
+        if faults:
+            raise ConfigurationError(faults)
+        everything = DIAGNOSE in wanted
+        effects = [name for name in known if _is_possible(name, axis)] if everything else named
+        return Question(IDENTIFY in wanted, tuple(effects), everything)
+
+    def rivals(self, name: str) -> tuple[str, ...]:
+        """Return the effects that an effect has to be told from: the others asked for, or all that look like it.
+
+        Args:
+            name: the effect.
+        """
+        if not self.is_everything and len(self.effects) > 1:
+            return tuple(other for other in self.effects if other != name)
+        return tuple(other for other in effect(name).confusable_with if other not in NO_REFERENCE_SHOWS)
+
+
+def _is_possible(name: str, axis: AxisSettings) -> bool:
+    """Return whether an effect is one of its own on this type of joint."""
+    return name != "gravity" or axis.units.is_revolute
+
+
+def shapes(name: str, axis: AxisSettings, place: Place, limits: ExcitationLimits, band: float, seconds: float) -> list[
+    EffectSettings
+]:
+    """Return weak instances of an effect: in the shape that the file has, or in typical shapes within the limits.
+
+    Args:
+        name: the effect.
+        axis: settings.
+        place: where the motion is.
+        limits: what the table may do.
+        band: efforts are compared below this frequency [Hz].
+        seconds: time of the whole reference [s].
+    """
+    entry = effect(name)
+    listed = next((item.values for item in axis.effects if item.name == name and item.values), None)
+    variants = (0, 1) if any(p.name in ("phase", "angle", "center", "pitch") for p in entry.parameters) else (0,)
+    out = []
+    for variant in variants:
+        values = []
+        for number, parameter in enumerate(entry.parameters):
+            if listed is not None and not parameter.is_strength and parameter.name not in ("phase", "angle"):
+                value = listed[number]
+            elif parameter.is_strength and parameter.name != "attraction_rate":
+                is_first = not any(other.is_strength for other in entry.parameters[:number])
+                value = _strength(parameter, axis) if is_first else 0.0
+            else:
+                value = _shape_value(parameter, variant, axis, place, limits, band, seconds)
+            values.append(min(max(float(value), parameter.minimum), parameter.maximum))
+        lists = entry.defaults[len(values) :]
+        out.append(EffectSettings(name, (*values, *lists)))
+    if any(p.name == "pitch" for p in entry.parameters):  # each pitch as sine and cosine
+        out = [_turned(entry, item, angle) for item in out for angle in (0.0, 0.5 * math.pi)]
+    return out
+
+
+def _strength(parameter: EffectParameter, axis: AxisSettings) -> float:
+    """Return a small strength."""
+    sizes = {"N": axis.friction.coulomb_force, "kg": axis.mass, "s": _SIZE, "m": _SIZE * 1.0e-4}
+    return _SIZE * sizes.get(parameter.unit, 1.0)
+
+
+def _turned(entry: Effect, settings: EffectSettings, angle: float) -> EffectSettings:
+    """Return a sine with another phase."""
+    values = [
+        angle if parameter.name == "phase" else value
+        for parameter, value in zip(entry.parameters, settings.values, strict=False)
+    ]
+    return EffectSettings(entry.name, tuple(values))
+
+
+def _shape_value(
+    parameter: EffectParameter, variant: int, axis: AxisSettings, place: Place, limits: ExcitationLimits, band: float,
+    seconds: float,
+) -> float:  # fmt: skip
+    """Return a typical value of a parameter that shapes an effect, within what the limits can show."""
+    stroke, reach = place.high - place.low, 0.5 * place.presliding
+    travel = 0.25 * limits.speed * seconds
+    typical = {
+        "pitch": stroke / (2.3, 7.7)[variant],
+        "phase": 0.5 * math.pi * variant,
+        "angle": 0.5 * math.pi * variant,
+        "rest_position": 0.5 * (place.low + place.high),
+        "center": place.low + (0.3, 0.75)[variant] * stroke,
+        "reference_velocity": limits.speed,
+        "peak_velocity": 0.3 * limits.speed,
+        "velocity": min(5.0 * place.stribeck_velocity, 0.5 * limits.speed),
+        "distance": 3.0 * reach,
+        "memory_distance": 3.0 * reach,
+        "gap": 3.0 * reach,
+        "stop": 0.1 * reach,
+        "dwell_time": 0.3,
+        "attraction_rate": axis.friction.coulomb_force / 0.02,
+        "frequency": _BELOW_BAND * band,
+        "time_constant": seconds / 3.0,
+        "motion_share": 0.0,
+        "travel": 0.5 * travel,
+    }
+    if parameter.name == "width":
+        return 0.01 * travel if parameter.acts_on == "travel" else 0.1 * stroke
+    return typical.get(parameter.name, parameter.default)
+
+
+def over_time(name: str) -> bool:
+    """Return whether an effect grows with the time or the way since the start, whatever the motion is like.
+
+    Args:
+        name: the effect.
+    """
+    return name in _OVER_TIME and is_built_in(name)

@@ -1,0 +1,234 @@
+"""A reference within the limits of a table that tells as much as possible about what is asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.excitation.design import Choice, Design, spread_evenly
+from sgms_observer.excitation.goals import Goals, goals_of
+from sgms_observer.excitation.limits import ExcitationLimits
+from sgms_observer.excitation.question import Question
+from sgms_observer.excitation.segments import Place, Segment, library, velocity_of
+from sgms_observer.excitation.track import Track
+from sgms_observer.settings.axis import AxisSettings
+
+Floats = NDArray[np.float64]
+
+DURATION = 60.0
+"""Time of a reference where the user gives none [s]: enough for the default question on a table of some centimetres."""
+MIN_DURATION = 8.0
+"""Shortest reference [s]: below it neither a judging band nor two of the slower segments fit."""
+_DESIGN_PERIOD = 1.0e-3  # s; segments are compared at this rate at most
+_REST = 0.5  # s at rest at the beginning and at the end
+_SHOWN = 3  # quantities that a section is said to be for
+
+
+@dataclass(frozen=True)
+class Section:
+    """One part of a reference.
+
+    Attributes:
+        name: what the axis does.
+        start: when it begins [s].
+        end: when it ends [s].
+        shows: what most of the information of the whole reference would be lost about without such parts.
+        kind: what kind of motion it is.
+    """
+
+    name: str
+    start: float
+    end: float
+    shows: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A reference that begins and ends at rest where the table stands.
+
+    Attributes:
+        time: [s], shape (n,).
+        position: [m], shape (n,).
+        velocity: [m/s], shape (n,).
+        sections: what each stretch of it is.
+        efficiency: by parameter or effect: information that it brings, over that of the best single kind of motion.
+        hidden: effects that were asked for and stay hidden within the limits.
+        summary: sentences about range, peaks, duration and content.
+    """
+
+    time: Floats
+    position: Floats
+    velocity: Floats
+    sections: tuple[Section, ...]
+    efficiency: dict[str, float]
+    hidden: tuple[str, ...]
+    summary: tuple[str, ...]
+
+    @property
+    def peak_speed(self) -> float:
+        """Largest speed [m/s]."""
+        return float(np.max(np.abs(self.velocity)))
+
+    @property
+    def peak_acceleration(self) -> float:
+        """Largest acceleration between two samples [m/s^2]."""
+        return float(np.max(np.abs(np.diff(self.velocity) / np.diff(self.time))))
+
+
+def design_excitation(
+    axis: AxisSettings,
+    limits: ExcitationLimits,
+    asked: Sequence[str] = (),
+    start: float = 0.0,
+    seconds: float = DURATION,
+    rate: float = 1000.0,
+    centre: float | None = None,
+) -> Excitation:
+    """Return the reference, among sequences of simple motions, that tells most about what is asked for.
+
+    Args:
+        axis: settings; the design reckons with their friction, effects and noise, and with a contact that differs.
+        limits: what the table may do.
+        asked: ``identify``, ``diagnose`` or names of effects; empty for identify and diagnose together.
+        start: where the table stands; the reference begins and ends there at rest [m].
+        seconds: longest duration [s].
+        rate: samples per second of the reference [Hz].
+        centre: middle of the window of ``limits.stroke`` that the motion stays in [m]; None for ``start``.
+
+    Raises:
+        ConfigurationError: the question cannot be answered, the start is outside the window, or time is too short.
+    """
+    question = Question.of(asked, axis)
+    middle = start if centre is None else centre
+    readable = limits.units.readable
+    faults = []
+    if not (math.isfinite(rate) and rate >= 20.0):
+        faults.append(f"rate = {rate:g} Hz must be at least 20 Hz; give the rate that the set-points are sent at")
+    if not seconds >= MIN_DURATION:
+        faults.append(f"duration = {seconds:g} s is too short for a recording; allow {MIN_DURATION:g} s or more")
+    if abs(start - middle) > 0.5 * limits.stroke * (1.0 + 1.0e-9):
+        faults.append(
+            f"the table stands at {readable(start)}, outside of the window of {readable(limits.stroke)} around"
+            f" {readable(middle)}; move it there, or give --stroke and --centre that hold it"
+        )
+    if faults:
+        raise ConfigurationError(faults)
+    place = Place.of(axis, limits, start, middle)
+    period = max(1.0 / rate, _DESIGN_PERIOD)
+    left = seconds - _around(place, limits, period, start, []).samples * period
+    segments = library(place, limits, period, left)
+    if not segments:
+        raise ConfigurationError([f"duration = {seconds:g} s is too short within these limits; allow more time"])
+    goals = goals_of(question, axis, limits, place, segments, period, left)
+    if not goals.goals:
+        raise ConfigurationError(
+            [f"{', '.join(question.effects)} cannot be shown within these limits; allow more stroke, speed or time"]
+        )
+    durations = np.array([len(velocity) * period for _segment, velocity in segments])
+    design = Design(goals.goals, durations, left)
+    choice = design.choose()
+    order = [segments[number][0] for number in spread_evenly(choice.counts)]
+    track = _around(place, limits, 1.0 / rate, start, order)
+    while order and track.samples / rate > seconds:  # rounding of ramps to other samples
+        order.pop()
+        track = _around(place, limits, 1.0 / rate, start, order)
+    velocity = np.concatenate([np.zeros(1), track.motion()])
+    position = start + np.cumsum(velocity) / rate
+    efficiency = _efficiency(goals, choice)
+    shows = _shows(design, goals, choice)
+    sections = _sections(order, {segments[k][0].name: text for k, text in shows.items()}, place, limits, rate, start)
+    return Excitation(
+        np.arange(len(velocity)) / rate, position, velocity, sections, efficiency, goals.hidden,
+        _summary(axis, limits, position, velocity, rate, sections, efficiency, goals.hidden),
+    )  # fmt: skip
+
+
+def _around(place: Place, limits: ExcitationLimits, period: float, start: float, order: Sequence[Segment]) -> Track:
+    """Return the way from the start to home, the segments, and the way back."""
+    track = Track(period, limits, place.low, place.high, start)
+    track.dwell(_REST)
+    track.move(place.home - place.approach, math.inf)
+    track.move(place.home, math.inf)
+    track.dwell(_REST)
+    for segment in order:
+        track.append(velocity_of(segment, place, limits, period))
+    track.move(start, math.inf)
+    track.dwell(_REST)
+    return track
+
+
+def _efficiency(goals: Goals, choice: Choice) -> dict[str, float]:
+    """Return the smallest efficiency of each parameter and effect."""
+    out: dict[str, float] = {}
+    for labels, values in zip(goals.labels, choice.efficiency, strict=True):
+        for label, value in zip(labels, values.tolist(), strict=True):
+            out[label] = min(value, out.get(label, math.inf))
+    return out
+
+
+def _shows(design: Design, goals: Goals, choice: Choice) -> dict[int, str]:
+    """Return for each segment what most would be lost about without it."""
+    out = {}
+    for number in np.flatnonzero(choice.counts).tolist():
+        without = choice.counts.astype(float)
+        without[number] = 0.0
+        lost: dict[str, float] = {}
+        for goal, labels, best, now in zip(goals.goals, goals.labels, design.best, choice.efficiency, strict=True):
+            rest = goal.left(without) / best / now
+            for label, share in zip(labels, rest.tolist(), strict=True):
+                lost[label] = min(share, lost.get(label, 1.0))
+        out[number] = ", ".join(sorted(lost, key=lambda label: lost[label])[:_SHOWN])
+    return out
+
+
+def _sections(
+    order: Sequence[Segment], shows: dict[str, str], place: Place, limits: ExcitationLimits, rate: float, start: float
+) -> tuple[Section, ...]:
+    """Return what each stretch of the reference is."""
+    track = _around(place, limits, 1.0 / rate, start, [])
+    home = Track(1.0 / rate, limits, place.low, place.high, start)
+    home.dwell(_REST)
+    home.move(place.home - place.approach, math.inf)
+    home.move(place.home, math.inf)
+    home.dwell(_REST)
+    samples = home.samples
+    out = [Section("rest and way to the first segment", 0.0, samples / rate, "noise", "rest")]
+    for segment in order:
+        end = samples + len(velocity_of(segment, place, limits, 1.0 / rate))
+        text = shows.get(segment.name, "")
+        out.append(Section(f"{segment.kind}: {segment.name}", samples / rate, end / rate, text, segment.kind))
+        samples = end
+    end = samples + track.samples - home.samples
+    return (*out, Section("way back and rest", samples / rate, end / rate, "noise", "rest"))
+
+
+def _summary(
+    axis: AxisSettings, limits: ExcitationLimits, position: Floats, velocity: Floats, rate: float,
+    sections: Sequence[Section], efficiency: dict[str, float], hidden: Sequence[str],
+) -> tuple[str, ...]:  # fmt: skip
+    """Return sentences about range, peaks, duration and content."""
+    readable = limits.units.readable
+    fastest, hardest = float(np.max(np.abs(velocity))), float(np.max(np.abs(np.diff(velocity)))) * rate
+    seconds: dict[str, float] = {}
+    for section in sections:
+        seconds[section.kind] = seconds.get(section.kind, 0.0) + section.end - section.start
+    content = ", ".join(f"{kind} {time:.1f} s" for kind, time in sorted(seconds.items(), key=lambda item: -item[1]))
+    least = sorted(efficiency, key=lambda name: efficiency[name])[:_SHOWN]
+    lines = [
+        f"{axis.name}: from {readable(float(position.min()))} to {readable(float(position.max()))}, starting and ending"
+        f" at {readable(float(position[0]))}, at most {readable(fastest, 'm/s')} and {readable(hardest, 'm/s^2')},"
+        f" {(len(position) - 1) / rate:.2f} s",
+        f"{axis.name}: {content}",
+        f"{axis.name}: least information about "
+        + ", ".join(f"{name} ({100.0 * efficiency[name]:.0f} %)" for name in least)
+        + ", in % of what the best single kind of motion would bring in the same time",
+    ]
+    if hidden:
+        lines.append(f"Warning: {axis.name}: within these limits no reference shows {', '.join(hidden)}.")
+    return tuple(lines)
