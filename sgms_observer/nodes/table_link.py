@@ -27,7 +27,7 @@ from sgms_observer.bags.cdr import JointStateDecoder, JointStateEncoder
 from sgms_observer.bags.message_types import JOINT_STATE
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import DataError
-from sgms_observer.identification.excitation import ExcitationLimits
+from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.nodes.conductor import Conductor
 from sgms_observer.nodes.reference_player import braking
 from sgms_observer.nodes.spin import make_executor

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.application.commission.table import Heard, HeldUp
 from sgms_observer.errors import DataError
-from sgms_observer.identification.excitation import ExcitationLimits
+from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.identification.excitation import ExcitationLimits
+from sgms_observer.excitation.limits import ExcitationLimits
 
 Floats = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from sgms_observer.application.commission.motion import Motion
 from sgms_observer.application.commission.table import HeldUp, Heard, Table, Watch
 from sgms_observer.application.commission.tracking import Tracker
 from sgms_observer.errors import ConfigurationError, DataError
-from sgms_observer.identification.excitation import CAUTIOUS_LIMITS, ExcitationLimits
+from sgms_observer.excitation.limits import CAUTIOUS_LIMITS, ExcitationLimits
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.load import load_settings
 
