@@ -20,7 +20,7 @@ LONGEST_STEP = 0.25
 """Set-points further apart than this are steps, not points of one motion [s]."""
 
 FOREIGN_CLOCK = 10.0
-"""A stamp that differs from the stage's time by more than this belongs to another clock: it counts from its arrival [s]."""
+"""A stamp that differs from the stage's time by more than this is another clock's: it counts from its arrival [s]."""
 
 _MOST = 100_000
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.settings.stage import StageSettings
-from sim_plant.kernel import PLAN_DISTURBANCE, PLAN_ENCODER_NOISE, PLAN_FORCE_NOISE
 from sim_plant.followed_reference import FollowedReference
+from sim_plant.kernel import PLAN_DISTURBANCE, PLAN_ENCODER_NOISE, PLAN_FORCE_NOISE
 from sim_plant.reference import Reference
 
 Floats = NDArray[np.float64]

@@ -71,9 +71,7 @@ def run(args: argparse.Namespace) -> Outcome:
         )
     axis = axis_from(args.axis, NAME)
     out = Path(args.out)
-    request = Request(
-        args.config, out, axis, args.stroke, args.speed, args.acceleration, args.motion, args.time
-    )
+    request = Request(args.config, out, axis, args.stroke, args.speed, args.acceleration, args.motion, args.time)
     plan = Plan.of(request)
     try_folder(out)
     ledger = Ledger.open(out, request.as_json(), args.overwrite)

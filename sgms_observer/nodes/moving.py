@@ -50,9 +50,10 @@ class StageNode(ManagedNode):
     a machine does not run while the one who simulates it stands still, and the observer is not late for it. A
     compensation goes into the effort at the time it was made for, ``look_ahead`` after its stamp, or at once when it
     comes later, until it is older than its timeout or the set-point has turned round. The effort of ``reference`` says
-    what went in. An axis whose ``stage.reference.kind`` is ``topic`` follows the set-points of ``reference`` instead, as
-    a table does, and is left out of those that this node publishes. ``position``, ``control_effort`` and ``reference`` are in topic units, which ``position_scale`` and
-    ``effort_scale`` bring to SI; compensations and the truth are in SI.
+    what went in. An axis whose ``stage.reference.kind`` is ``topic`` follows the set-points of ``reference`` instead,
+    as a table does, and is left out of those that this node publishes. ``position``, ``control_effort`` and
+    ``reference`` are in topic units, which ``position_scale`` and ``effort_scale`` bring to SI; compensations and the
+    truth are in SI.
 
     Args:
         name: name of the node.
@@ -196,10 +197,7 @@ class StageNode(ManagedNode):
         axes = self.settings.axes
         names = tuple(axis.name for axis in axes)
         own = [i for i, stage in enumerate(self._table.stages) if stage.followed is None]
-        seen = [
-            record.samples.in_topic_units(axis.scales)
-            for record, axis in zip(records, axes, strict=True)
-        ]
+        seen = [record.samples.in_topic_units(axis.scales) for record, axis in zip(records, axes, strict=True)]
         given = [seen[i] for i in own]
         reference = {field: _columns(given, f"reference_{field}") for field in ("position", "velocity")} if own else {}
         truth = {"position": "position", "velocity": "velocity", "effort": "friction"}

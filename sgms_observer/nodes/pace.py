@@ -21,9 +21,7 @@ class Pace:
         longest_catch_up: samples that are due for longer than this are given up [s].
     """
 
-    def __init__(
-        self, sample_period: float, start_ns: int, longest_catch_up: float = LONGEST_CATCH_UP
-    ) -> None:
+    def __init__(self, sample_period: float, start_ns: int, longest_catch_up: float = LONGEST_CATCH_UP) -> None:
         self._longest_ns = longest_catch_up * 1e9
         self._period_ns = sample_period * 1e9
         self._start_ns = start_ns

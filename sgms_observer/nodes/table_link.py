@@ -21,26 +21,21 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from sgms_observer.application.commission.motion import SETTLING_SHARE, Motion, approach
-from sgms_observer.application.commission.table import Heard, HeldUp, Topics, Watch
+from sgms_observer.application.commission.table import LEAD, Heard, HeldUp, Topics, Watch
 from sgms_observer.application.kernels import compile_ahead
-from sgms_observer.bags.cdr import JointStateDecoder, JointStateEncoder
-from sgms_observer.bags.message_types import JOINT_STATE
+from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import DataError
 from sgms_observer.excitation.limits import ExcitationLimits
+from sgms_observer.nodes.axis_listener import COMPENSATION, EFFORT, POSITION, REFERENCE, AxisListener
 from sgms_observer.nodes.conductor import Conductor
 from sgms_observer.nodes.reference_player import braking
 from sgms_observer.nodes.spin import make_executor
-from sgms_observer.nodes.topics import SAMPLE_QOS, subscribe
+from sgms_observer.nodes.topics import SAMPLE_QOS
 from sgms_observer.nodes.transport import use_shipped_transport
-from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.axis import AxisSettings
 
 OBSERVER = "observer_node"
-POSITION, EFFORT, REFERENCE, COMPENSATION = "position", "control_effort", "reference", "friction_compensation"
-
-LEAD = 0.2
-"""How long before its stamp a set-point is sent [s]: a table that interpolates then knows it in time."""
 
 _TURN = 4.0e-3  # s from one look at the clock to the next
 _LATEST = 0.05  # s that a set-point may be sent behind its stamp; then the motion is stopped rather than caught up
@@ -65,20 +60,12 @@ class TableLink:
         self._axis, self._period, self._limits = axis, period, limits
         self._conductor = Conductor(folder)
         self._never: Future = Future()
-        self._decoders = {topic: JointStateDecoder() for topic in (POSITION, EFFORT, COMPENSATION)}
         self._encoder = JointStateEncoder((axis.name,), ("position", "velocity"))
-        self._positions: list[tuple[int, float]] = []
-        self._efforts: dict[int, float] = {}
-        self._heard_at = {POSITION: 0.0, EFFORT: 0.0}
-        self._names: dict[str, tuple[str, ...]] = {}
-        self._ages: list[float] = []
-        self._arrivals: dict[int, float] = {}
-        self._largest_compensation = 0.0
+        self._listener = AxisListener(axis)
         self._stopped_by = 0
         self._has_observer = False
-        self._writer: BagWriter | None = None
-        self._span = (0, 0)
         self.set_point = math.nan
+        self.lead = LEAD
 
     def __enter__(self) -> TableLink:
         """Join the graph."""
@@ -91,8 +78,7 @@ class TableLink:
         self._executor.add_node(self._node)
         self._publisher = self._node.create_publisher(JointState, REFERENCE, SAMPLE_QOS)
         self._parameters = self._node.create_client(SetParameters, f"/{OBSERVER}/set_parameters")
-        for topic, take in ((POSITION, self._take_position), (EFFORT, self._take_effort), (COMPENSATION, self._take_compensation)):
-            subscribe(self._node, topic, take)
+        self._listener.subscribe(self._node)
         return self
 
     def __exit__(
@@ -108,18 +94,23 @@ class TableLink:
         """Return what comes on the graph within a time; see ``Table.listen``."""
         end = time.monotonic() + _PATIENCE
         with self._deferred_signals():
-            while not (self._positions and self._efforts) and time.monotonic() < end and not self._stopped_by:
+            while (
+                not (self._listener.positions and self._listener.effort_count)
+                and time.monotonic() < end
+                and not self._stopped_by
+            ):
                 self._spin(0.05)
-            self._forget()
+            self._listener.forget()
             begun, arrived = time.monotonic(), time.time_ns()
             while time.monotonic() < begun + seconds and not self._stopped_by:
                 self._spin(_TURN)
         node = self._node
-        stamps = np.array([stamp for stamp, _ in self._positions], dtype=np.int64)
+        samples = self._listener.samples(self._listener.positions)
+        stamps = samples.stamp_ns
         return Topics(
-            names=dict(self._names),
-            samples=self._samples(self._positions, None),
-            efforts=len(self._efforts),
+            names=dict(self._listener.names),
+            samples=samples,
+            efforts=self._listener.effort_count,
             seconds=time.monotonic() - begun,
             clock_offset=1e-9 * float(stamps[0] - arrived) if len(stamps) else math.nan,
             reference_readers=self._publisher.get_subscription_count(),
@@ -130,22 +121,22 @@ class TableLink:
     def play(self, motion: Motion, origin: float, watch: Watch, bag: Path | None = None) -> None:
         """Play a motion and watch it; see ``Table.play``."""
         with self._deferred_signals():
-            self._forget()
-            self._await(lambda: len(self._positions) > 2, f"no message of {POSITION} arrives; start the table")
+            self._listener.forget()
+            self._await(lambda: len(self._listener.positions) > 2, f"no message of {POSITION} arrives; start the table")
             if math.isnan(self.set_point):
-                self.set_point = self._positions[-1][1]
+                self.set_point = self._listener.positions[-1][1]
             start = motion.position[0] + origin
             way = approach(self.set_point - origin, start - origin, self._limits, motion.period)
             first = len(way.position) - 1
             if bag is None:
                 self._run(motion.after(way), origin, first, watch)
                 return
-            with BagWriter(bag, is_overwriting=True) as self._writer:
+            with BagWriter(bag, is_overwriting=True) as self._listener.writer:
                 try:
                     slides = first + motion.sliding_from(SETTLING_SHARE * self._limits.stroke)
                     self._run(motion.after(way), origin, first, watch, slides)
                 finally:
-                    self._writer = None
+                    self._listener.writer = None
 
     def start_observer(self, config: Path) -> None:
         """Start an observer; see ``Table.start_observer``."""
@@ -154,7 +145,7 @@ class TableLink:
             self._has_observer = True
             self._conductor.wait_active(OBSERVER)
             self._await(self._parameters.service_is_ready, f"{OBSERVER} offers no service; see its log")
-            self._await(lambda: bool(self._ages), f"{OBSERVER} publishes no {COMPENSATION}; see its log")
+            self._await(lambda: bool(self._listener.ages), f"{OBSERVER} publishes no {COMPENSATION}; see its log")
 
     def stop_observer(self) -> None:
         """Stop the observer; see ``Table.stop_observer``."""
@@ -178,14 +169,9 @@ class TableLink:
 
     def delays(self) -> tuple[float, float]:
         """Return the age of the compensations heard since the last motion began; see ``Table.delays``."""
-        if not self._ages:
+        if not self._listener.ages:
             return math.nan, math.nan
-        return float(np.median(self._ages)), float(np.percentile(self._ages, 99.0))
-
-    @property
-    def largest_compensation(self) -> float:
-        """Return the largest compensation heard since the last motion began [N]."""
-        return self._largest_compensation
+        return float(np.median(self._listener.ages)), float(np.percentile(self._listener.ages, 99.0))
 
     @property
     def has_observer(self) -> bool:
@@ -200,17 +186,19 @@ class TableLink:
         )
         period_ns = round(motion.period * 1e9)
         position, velocity = motion.position, motion.velocity
-        grid_ns = self._positions[-1][0]  # set-points with the stamps of samples: the observer pairs them by stamp
-        ahead_ns = time.time_ns() + (LEAD + _START) * 1e9 - grid_ns
+        grid_ns = self._listener.positions[-1][
+            0
+        ]  # set-points with the stamps of samples: the observer pairs them by stamp
+        ahead_ns = time.time_ns() + (self.lead + _START) * 1e9 - grid_ns
         begin_ns = grid_ns + math.ceil(ahead_ns / period_ns) * period_ns
         end_ns = begin_ns + (len(position) - 1) * period_ns
         sent, seen, is_resting = 0, 0, False
-        self._span = begin_ns + recorded * period_ns, end_ns
-        self._forget()
+        self._listener.span = begin_ns + recorded * period_ns, end_ns
+        self._listener.forget()
         try:
-            while not self._positions or self._positions[-1][0] < end_ns:
+            while not self._listener.positions or self._listener.positions[-1][0] < end_ns:
                 now_ns = time.time_ns()
-                due = min(len(position), int((now_ns + LEAD * 1e9 - begin_ns) // period_ns) + 1)
+                due = min(len(position), int((now_ns + self.lead * 1e9 - begin_ns) // period_ns) + 1)
                 if sent < due and now_ns - (begin_ns + sent * period_ns) > _LATEST * 1e9:
                     raise HeldUp(
                         f"this machine was busy and sent the reference {_LATEST:g} s late; the motion was stopped;"
@@ -220,16 +208,16 @@ class TableLink:
                 sent = max(sent, due)
                 self._spin(_TURN)
                 if self._stopped_by:
-                    break
+                    raise KeyboardInterrupt
                 self._raise_silence()
-                ready = self._ready(seen)
+                ready = self._listener.ready(seen)
                 if ready > seen:
-                    rows = self._positions[seen:ready]
+                    rows = self._listener.positions[seen:ready]
                     seen = ready
                     self._watch(rows, motion, origin, begin_ns, first, watch)
             else:
                 is_resting = True
-                self._spin_for(_LAST_SAMPLES if self._writer is not None else 0.0)
+                self._spin_for(_LAST_SAMPLES if self._listener.writer is not None else 0.0)
         finally:
             if not is_resting:
                 self.release()
@@ -249,7 +237,7 @@ class TableLink:
             origin + np.interp(index, grid, motion.position),
             np.interp(index, grid, motion.velocity, left=0.0, right=0.0),
         )
-        watch(Heard(self._samples(rows, reference), (index - first) * motion.period))
+        watch(Heard(self._listener.samples(rows, reference), (index - first) * motion.period))
 
     def _send(self, position: Any, velocity: Any, origin: float, begin_ns: int, numbers: range) -> None:
         """Publish set-points."""
@@ -258,7 +246,7 @@ class TableLink:
             at, speed = (origin + float(position[i])) / scale, float(velocity[i]) / scale
             message = self._encoder.encode(begin_ns + i * period_ns, [at], [speed])
             self._publisher.publish(message)
-            self._record(REFERENCE, begin_ns + i * period_ns, message)
+            self._listener.record(REFERENCE, begin_ns + i * period_ns, message)
 
     def _brake(self, position: Any, velocity: Any, origin: float, begin_ns: int, sent: int) -> None:
         """Bring the axis to rest from where the set-point is now, within the allowed acceleration."""
@@ -274,82 +262,16 @@ class TableLink:
         start_ns = begin_ns + (at + 1) * period_ns
         done = 0
         while done < len(places):
-            due = min(len(places), int((time.time_ns() + 0.5 * LEAD * 1e9 - start_ns) // period_ns) + 1)
+            due = min(len(places), int((time.time_ns() + 0.5 * self.lead * 1e9 - start_ns) // period_ns) + 1)
             self._send(places, speeds, origin, start_ns, range(done, due))
             done = max(done, due)
             self._spin(_TURN)
         self.set_point = origin + float(places[-1])
 
-    def _ready(self, seen: int) -> int:
-        """Return how many positions have their effort, or will not get it any more."""
-        latest = max(self._efforts, default=0)
-        ready = len(self._positions)
-        while ready > seen and self._positions[ready - 1][0] > latest:
-            ready -= 1
-        return ready
-
-    def _samples(self, rows: Sequence[tuple[int, float]], reference: tuple[Any, Any] | None) -> Samples:
-        """Return positions with the efforts of their stamps."""
-        stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
-        positions = np.array([position for _, position in rows], dtype=np.float64)
-        efforts = np.array([self._efforts.get(stamp, math.nan) for stamp, _ in rows], dtype=np.float64)
-        nothing = np.full(len(rows), math.nan)
-        given = (nothing, nothing) if reference is None else reference
-        return Samples(stamps, positions, efforts, *given)
-
-    def _forget(self) -> None:
-        self._positions.clear()
-        self._efforts.clear()
-        self._ages.clear()
-        self._arrivals.clear()
-        self._largest_compensation = 0.0
-        self._heard_at = dict.fromkeys(self._heard_at, time.monotonic())
-
-    def _take_position(self, message: bytes) -> None:
-        found = self._number(POSITION, message, 2)
-        if found is not None and (not self._positions or found[0] > self._positions[-1][0]):
-            self._positions.append((found[0], self._axis.position_scale * found[1]))
-            self._arrivals[found[0]] = self._heard_at[POSITION]
-
-    def _take_effort(self, message: bytes) -> None:
-        found = self._number(EFFORT, message, 4)
-        if found is not None:
-            self._efforts[found[0]] = self._axis.effort_scale * found[1]
-
-    def _take_compensation(self, message: bytes) -> None:
-        found = self._number(COMPENSATION, message, 4)
-        if found is not None:
-            arrived = self._arrivals.pop(found[0], None)
-            if arrived is not None:
-                self._ages.append(time.monotonic() - arrived)
-            self._largest_compensation = max(self._largest_compensation, abs(found[1]))
-
-    def _number(self, topic: str, message: bytes, field: int) -> tuple[int, float] | None:
-        """Return stamp and the axis's number in one field of a message."""
-        try:
-            decoded = self._decoders[topic].decode(message)
-        except DataError:
-            return None
-        names: tuple[str, ...] = decoded[1]
-        self._names[topic] = names
-        if self._axis.name not in names:
-            return None
-        self._record(topic, decoded[0], message)
-        place, values = names.index(self._axis.name), decoded[field]
-        if place >= len(values) or not math.isfinite(values[place]):  # type: ignore[arg-type, index]
-            return None
-        self._heard_at[topic] = time.monotonic()
-        return decoded[0], float(values[place])  # type: ignore[index]
-
-    def _record(self, topic: str, stamp_ns: int, message: bytes) -> None:
-        """Write a message of the motion into the bag, if it is recorded."""
-        if self._writer is not None and self._span[0] <= stamp_ns <= self._span[1]:
-            self._writer.write(topic, JOINT_STATE, time.time_ns(), message)
-
     def _raise_silence(self) -> None:
         self._conductor.watch()
         for topic in (POSITION, EFFORT):
-            silence = time.monotonic() - self._heard_at[topic]
+            silence = time.monotonic() - self._listener.heard_at[topic]
             if silence > _SILENCE:
                 raise DataError(
                     f"{topic} of axis {self._axis.name} stopped arriving for {silence:.1f} s during the motion; the"

@@ -7,9 +7,10 @@ import math
 import numpy as np
 
 from sgms_observer.application.commission.guard import WRONG_SIGN, Guard
-from sgms_observer.application.commission.motion import sign_motion
+from sgms_observer.application.commission.motion import Motion, sign_motion
 from sgms_observer.application.commission.session import Session
-from sgms_observer.application.commission.table import Topics
+from sgms_observer.application.commission.table import LEAD, Topics
+from sgms_observer.application.commission.tracking import LONGEST_DELAY, Tracker
 from sgms_observer.errors import ConfigurationError, DataError
 from sgms_observer.settings.axis import AxisSettings
 
@@ -86,10 +87,24 @@ def connect(session: Session) -> str:
     faults = topic_faults(topics, session.axis, session.plan.settings.sample_period)
     if faults:
         raise ConfigurationError(faults)
+    session.table.lead = float(session.ledger.facts.get("lead", LEAD))
     here = float(np.median(topics.samples.position))
     session.ledger.facts.setdefault("origin", here)
     rate = (len(topics.samples.stamp_ns) - 1) / max(float(np.ptp(topics.samples.stamp_ns)) * 1e-9, 1e-9)
     return f"{rate:.4g} samples per second, axis {session.axis.name} at {session.axis.units.readable(here)}"
+
+
+def _sign_run(session: Session, motion: Motion) -> tuple[Guard, Tracker]:
+    """Play the motion; return what judged the sign, and the samples."""
+    slack = LONGEST_DELAY * motion.peak_speed
+    guard = Guard(session.axis, session.plan.limits, session.origin, 0.0, slack)
+    tracker = session.play(motion, guard=guard)
+    if guard.sign < WRONG_SIGN:
+        raise DataError(
+            f"control_effort acts against the motion of axis {session.axis.name} (correlation {guard.sign:.2f}): its"
+            f" sign is wrong; turn the sign of {session.axis.name}.effort_scale, or of position_scale"
+        )
+    return guard, tracker
 
 
 def check(session: Session) -> tuple[str, list[str]]:
@@ -104,22 +119,24 @@ def check(session: Session) -> tuple[str, list[str]]:
     Raises:
         DataError: a sign is wrong, or the axis does not follow.
     """
-    motion = sign_motion(session.plan.limits, session.plan.settings.sample_period)
+    table, limits, period = session.table, session.plan.limits, session.plan.settings.sample_period
+    motion = sign_motion(limits, period)
     session.confirm_motion(motion, "check of the signs")
-    guard = Guard(session.axis, session.plan.limits, session.origin, 0.0)
-    tracker = session.play(motion, guard)
-    if guard.sign < WRONG_SIGN:
-        raise DataError(
-            f"control_effort acts against the motion of axis {session.axis.name} (correlation {guard.sign:.2f}): its"
-            f" sign is wrong; turn the sign of {session.axis.name}.effort_scale, or of position_scale"
-        )
+    table.lead = LEAD
+    guard, tracker = _sign_run(session, motion)
     delay = tracker.best_delay()
+    if delay < -0.5 * LEAD:  # the table follows a set-point when it arrives, not at its stamp
+        table.lead = 0.0
+        guard, tracker = _sign_run(session, motion)
+        delay = tracker.best_delay()
+    session.ledger.facts["lead"] = table.lead
     session.ledger.facts["delay"] = delay if abs(delay) > OWN_LAG else 0.0
     error = tracker.tracking(session.delay)
     if not math.isfinite(error.rms):
         raise DataError("position is not finite during the motion; check the sensor and start again")
     return (
-        f"effort and velocity agree in sign (correlation {guard.sign:.2f}), the axis follows within"
+        f"{'set-points act at their stamps' if session.ledger.facts['lead'] else 'set-points act when they arrive'};"
+        f" effort and velocity agree in sign (correlation {guard.sign:.2f}), the axis follows within"
         f" {session.axis.units.readable(error.peak)}",
         ["commission.json"],
     )

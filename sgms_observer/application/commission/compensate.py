@@ -123,7 +123,9 @@ def compensate(session: Session) -> Found:
     changes: dict[str, Any] = {"compensation.enabled": best_gain > 0.0}
     if best_gain > 0.0:
         changes["compensation.gain"] = best_gain
-    head = f"sgms commission: {', '.join(effect['name'] for effect in ledger.effects) or 'no effect'}; gain {best_gain:g}"
+    head = (
+        f"sgms commission: {', '.join(effect['name'] for effect in ledger.effects) or 'no effect'}; gain {best_gain:g}"
+    )
     write_settings(load_settings(session.path(CANDIDATE)), session.path(COMMISSIONED), {axis.name: changes}, {"": head})
     ledger.yaml = COMMISSIONED
     return f"rms tracking error by gain: {', '.join(told)}{reason}; gain {best_gain:.2g} is kept", [COMMISSIONED]

@@ -27,7 +27,7 @@ STALL_SHARE = 0.1
 STALL_WAY = 0.01
 """Way of the set-point over which a stall is judged, as a share of the stroke."""
 LONGEST_GAP = 0.1
-"""Longest time between two stamps of the position [s]: a set-point that goes on for longer without an axis is a jump."""
+"""Longest time between two stamps of the position [s]: behind a longer one the set-point has jumped."""
 WRONG_SIGN = -0.2
 """Correlation of effort and velocity below which the effort is reversed: friction takes power, it gives none."""
 
@@ -40,10 +40,15 @@ class Guard:
         limits: what the table may do.
         origin: middle of the stroke [m].
         delay: how long after its stamp the table follows a set-point [s].
+        slack: way that the axis may be ahead or behind beyond what is usual [m], while the delay is not known yet.
     """
 
-    def __init__(self, axis: AxisSettings, limits: ExcitationLimits, origin: float, delay: float) -> None:
+    def __init__(
+        self, axis: AxisSettings, limits: ExcitationLimits, origin: float, delay: float, slack: float = 0.0
+    ) -> None:
         self._axis, self._limits, self._origin, self._delay = axis, limits, origin, delay
+        self._stall_way = STALL_WAY * limits.stroke + slack
+        self._largest_lag = LARGEST_LAG * limits.stroke + slack
         self._kept = np.zeros((3, 0))  # stamp [s], position, set-point
         self._first_ns: int | None = None
         self._latest_ns: int | None = None
@@ -81,7 +86,7 @@ class Guard:
         self._latest_ns = int(stamp_ns[-1])
         if gap > LONGEST_GAP:
             raise HeldUp(
-                f"position of axis {self._axis.name} has a gap of {gap:.2f} s during the motion; the motion was stopped;"
+                f"position of axis {self._axis.name} has a gap of {gap:.2f} s during the motion, which was stopped;"
                 " start again when the table's computer is less busy"
             )
 
@@ -120,7 +125,7 @@ class Guard:
         if self._way_from is None:
             self._way_from = (meant, here)
         way, gone = meant - self._way_from[0], here - self._way_from[1]
-        if abs(way) > STALL_WAY * self._limits.stroke:
+        if abs(way) > self._stall_way:
             if gone * math.copysign(1.0, way) < -STALL_SHARE * abs(way):
                 raise DataError(
                     f"axis {name} moves against its reference; the motion was stopped; turn the sign of"
@@ -132,7 +137,7 @@ class Guard:
                     " the motion was stopped; check that the drive is enabled, follows reference and has enough force"
                 )
             self._way_from = (meant, here)
-        if abs(meant - here) > LARGEST_LAG * self._limits.stroke:
+        if abs(meant - here) > self._largest_lag:
             raise DataError(
                 f"axis {name} is {readable(abs(meant - here))} away from its reference; the motion was stopped; check"
                 " that the drive follows reference, or move slower with --speed and --acceleration"

@@ -94,9 +94,7 @@ def identify(session: Session) -> Found:
     """Identify the axis; its values replace the file's where they predict the own motion clearly better."""
     request, axis = session.plan.request, session.axis
     learn, own = str(session.path(LEARN_BAG)), str(session.path(OWN_BAG))
-    job = IdentifyJob(
-        (learn,), request.config, str(session.path(IDENTIFIED)), (axis.name,), is_overwriting=True
-    )
+    job = IdentifyJob((learn,), request.config, str(session.path(IDENTIFIED)), (axis.name,), is_overwriting=True)
     identified = identify_bags(job, _titled(session))
     found = next(one for one in load_settings(identified.path).axes if one.name == axis.name)
     given, fitted = (unexplained(own, one) for one in (axis, found))
@@ -106,19 +104,25 @@ def identify(session: Session) -> Found:
         "the identified values go on" if is_better else "not clearly less, so the file's values go on to the diagnosis"
     )
     return (
-        f"unexplained on the own motion: {100 * given:.1f} % of the rms {axis.units.effort_word} with the file's values,"
-        f" {100 * fitted:.1f} % with the identified ones; {verdict}",
+        f"unexplained on the own motion: {100 * given:.1f} % of the rms {axis.units.effort_word} by the file's values,"
+        f" {100 * fitted:.1f} % by the identified ones; {verdict}",
         [IDENTIFIED],
     )
 
 
 def diagnose(session: Session) -> Found:
     """Find what the model misses."""
-    return _diagnose(session, [LEARN_BAG], "diagnosis")
+    return diagnose_bags_of(session, [LEARN_BAG], "diagnosis")
 
 
-def _diagnose(session: Session, bags: Sequence[str], out: str) -> Found:
-    """Diagnose recordings into a folder; note effects and model."""
+def diagnose_bags_of(session: Session, bags: Sequence[str], out: str) -> Found:
+    """Diagnose recordings into a folder; note effects and model.
+
+    Args:
+        session: the session.
+        bags: recordings to learn from, relative to the folder.
+        out: where the diagnosis goes, relative to the folder.
+    """
     begun = time.monotonic()
     ledger, axis = session.ledger, session.axis
     base = ledger.facts.get("model") or ""

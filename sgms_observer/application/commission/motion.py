@@ -1,4 +1,4 @@
-"""Motions of a commissioning, relative to where the axis stood at its beginning, and inside its limits by construction."""
+"""Motions of a commissioning, relative to where the axis stood at its beginning, inside its limits by construction."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Motion:
         return Motion(self.period, np.concatenate([other.position, self.position[1:]]))
 
 
-class Path_:
+class _Path:
     """A motion in the making: moves with raised-cosine ramps, swings and rests."""
 
     def __init__(self, period: float, limits: ExcitationLimits, start: float = 0.0) -> None:
@@ -123,7 +123,10 @@ class Path_:
 
 
 def approach(start: float, target: float, limits: ExcitationLimits, period: float) -> Motion:
-    """Return a gentle move from where the axis stands to where a motion starts.
+    """Return a gentle move from where the axis stands to where a motion starts, the last of it a short slide forth.
+
+    So every motion starts with the friction in the same state, and a compensation that was just switched on has found
+    its own before the motion counts.
 
     Args:
         start: where it stands [m].
@@ -131,9 +134,13 @@ def approach(start: float, target: float, limits: ExcitationLimits, period: floa
         limits: what the table may do.
         period: time between two samples [s].
     """
-    path = Path_(period, limits, start)
+    path = _Path(period, limits, start)
     path.rest()
-    path.move(target, OWN_SPEED_SHARE * limits.speed, OWN_ACCELERATION_SHARE * limits.acceleration)
+    speed, acceleration = OWN_SPEED_SHARE * limits.speed, OWN_ACCELERATION_SHARE * limits.acceleration
+    slide = 2.0 * SETTLING_SHARE * limits.stroke
+    path.move(target - math.copysign(slide, target), speed, acceleration)
+    path.rest()
+    path.move(target, speed, acceleration)
     path.rest()
     return path.motion()
 
@@ -145,7 +152,7 @@ def sign_motion(limits: ExcitationLimits, period: float) -> Motion:
         limits: what the table may do.
         period: time between two samples [s].
     """
-    path = Path_(period, limits)
+    path = _Path(period, limits)
     width, speed = SIGN_STROKE_SHARE * limits.stroke, SIGN_SPEED_SHARE * limits.speed
     path.rest()
     for target in (0.5 * width, -0.5 * width, 0.0):
@@ -169,7 +176,7 @@ def learning_motion(
         stribeck_velocity: velocity at which static friction has fallen towards Coulomb friction [m/s].
         seconds: about how long it may take [s].
     """
-    path = Path_(period, limits)
+    path = _Path(period, limits)
     half = 0.5 * OWN_STROKE_SHARE * limits.stroke
     gentle = OWN_ACCELERATION_SHARE * limits.acceleration
     presliding = min(presliding, 0.1 * half)
@@ -205,7 +212,7 @@ def representative_motion(limits: ExcitationLimits, period: float) -> Motion:
         limits: what the table may do.
         period: time between two samples [s].
     """
-    path = Path_(period, limits)
+    path = _Path(period, limits)
     half = 0.5 * OWN_STROKE_SHARE * limits.stroke
     fast, gentle = OWN_SPEED_SHARE * limits.speed, OWN_ACCELERATION_SHARE * limits.acceleration
     path.rest()

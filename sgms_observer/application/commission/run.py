@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from sgms_observer.application.commission import check, compensate, learn
+from sgms_observer.application.commission import check, compensate, learn, page
 from sgms_observer.application.commission.ledger import DONE, FAILED, SKIPPED, Ledger
+from sgms_observer.application.commission.next_experiment import next_experiment
 from sgms_observer.application.commission.session import Session
 from sgms_observer.errors import SgmsError
 
@@ -36,9 +37,11 @@ STEPS = (
     StepWork("record", learn.record, True),
     StepWork("identify", learn.identify, False),
     StepWork("diagnose", learn.diagnose, False),
+    StepWork("next_experiment", next_experiment, True),
     StepWork("observe", compensate.observe, True),
     StepWork("compensate", compensate.compensate, True),
     StepWork("before_and_after", compensate.before_and_after, True),
+    StepWork("report", page.write_report, False),
 )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from sgms_observer.application.commission.guard import Guard
 from sgms_observer.application.commission.ledger import Ledger
 from sgms_observer.application.commission.motion import Motion
-from sgms_observer.application.commission.table import HeldUp, Heard, Table, Watch
+from sgms_observer.application.commission.table import Heard, HeldUp, Table, Watch
 from sgms_observer.application.commission.tracking import Tracker
 from sgms_observer.errors import ConfigurationError, DataError
 from sgms_observer.excitation.limits import CAUTIOUS_LIMITS, ExcitationLimits
@@ -174,17 +174,18 @@ class Session:
         if not self._confirm(sentence):
             raise DataError("the motion was not confirmed, so nothing moved; start again to go on")
 
-    def play(self, motion: Motion, *watches: Watch) -> Tracker:
+    def play(self, motion: Motion, *watches: Watch, guard: Guard | None = None) -> Tracker:
         """Play a motion under guard; again, where a busy computer was the reason that it was stopped.
 
         Args:
             motion: the motion.
             watches: what looks at it too.
+            guard: stops it, in place of the usual one.
 
         Returns:
             What was heard.
         """
-        return self._repeated(lambda: self._play(motion, watches))
+        return self._repeated(lambda: self._play(motion, watches, guard=guard))
 
     def record(self, motion: Motion, bag: str, *watches: Watch) -> Tracker:
         """Play a motion under guard and record it; again as ``play`` does.
@@ -204,12 +205,14 @@ class Session:
                 self.say(f"Warning: {error}. The motion is played again.")
         return play()
 
-    def _play(self, motion: Motion, watches: Sequence[Watch], bag: Path | None = None) -> Tracker:
-        guard = Guard(self.axis, self.plan.limits, self.origin, self.delay)
+    def _play(
+        self, motion: Motion, watches: Sequence[Watch], bag: Path | None = None, guard: Guard | None = None
+    ) -> Tracker:
+        stops = guard or Guard(self.axis, self.plan.limits, self.origin, self.delay)
         tracker = Tracker(motion, self.origin, self.delay)
 
         def watch(heard: Heard) -> None:
-            guard(heard)
+            stops(heard)
             tracker(heard)
             for one in watches:
                 one(heard)

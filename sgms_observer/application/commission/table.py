@@ -14,6 +14,9 @@ from sgms_observer.application.commission.motion import Motion
 from sgms_observer.errors import DataError
 from sgms_observer.observer.samples import Samples
 
+LEAD = 0.2
+"""How long before its stamp a set-point is sent [s], to a table that follows set-points at their stamps."""
+
 Floats = NDArray[np.float64]
 
 
@@ -60,11 +63,17 @@ class Heard:
 
 
 Watch = Callable[[Heard], None]
-"""Looks at the newest samples of a motion; what it raises stops the motion softly and takes the compensation to zero."""
+"""Looks at the newest samples of a motion; what it raises stops the motion and takes the compensation to zero."""
 
 
 class Table(Protocol):
-    """One axis of a table."""
+    """One axis of a table.
+
+    Attributes:
+        lead: how long before its stamp a set-point is sent [s].
+    """
+
+    lead: float
 
     def listen(self, seconds: float) -> Topics:
         """Return what comes on the graph within a time, once position and effort arrive.
