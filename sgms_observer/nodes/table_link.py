@@ -231,7 +231,7 @@ class TableLink:
     ) -> None:
         """Show the newest samples to the one who watches."""
         stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
-        index = (stamps - begin_ns) * 1e-9 / motion.period
+        index = np.asarray((stamps - begin_ns) * 1e-9 / motion.period, dtype=np.float64)
         grid = np.arange(len(motion.position))
         reference = (
             origin + np.interp(index, grid, motion.position),
@@ -318,7 +318,7 @@ class TableLink:
         finally:
             for number, handler in zip(numbers, before, strict=True):
                 signal.signal(number, handler)
-            number, self._stopped_by = self._stopped_by, 0
-            if number:
-                signal.raise_signal(number)
+            stopped_by, self._stopped_by = self._stopped_by, 0
+            if stopped_by:
+                signal.raise_signal(stopped_by)
                 raise KeyboardInterrupt

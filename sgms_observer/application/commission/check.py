@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from sgms_observer.application.commission.guard import WRONG_SIGN, Guard
+from sgms_observer.application.commission.guard import WRONG_SIGN, Guard, stall
 from sgms_observer.application.commission.motion import Motion, sign_motion
 from sgms_observer.application.commission.session import Session
 from sgms_observer.application.commission.table import LEAD, Topics
@@ -22,6 +22,8 @@ LARGEST_CLOCK_OFFSET = 1.0
 """Largest difference of the stamps from this machine's clock [s]: set-points are sent by that clock."""
 MISSING_SHARE = 0.02
 """Largest share of positions without an effort of the same stamp."""
+MIN_MOVED_SHARE = 0.5
+"""An axis that covers less than this share of the small motion does not follow."""
 OWN_LAG = 5.0e-3
 """A shorter delay between set-point and motion is the table's own tracking error [s]."""
 
@@ -99,6 +101,9 @@ def _sign_run(session: Session, motion: Motion) -> tuple[Guard, Tracker]:
     slack = LONGEST_DELAY * motion.peak_speed
     guard = Guard(session.axis, session.plan.limits, session.origin, 0.0, slack)
     tracker = session.play(motion, guard=guard)
+    way, gone = float(np.ptp(motion.position)), float(np.ptp(tracker.tracking(0.0).position))
+    if gone < MIN_MOVED_SHARE * way:
+        raise stall(session.axis, way, gone)
     if guard.sign < WRONG_SIGN:
         raise DataError(
             f"control_effort acts against the motion of axis {session.axis.name} (correlation {guard.sign:.2f}): its"

@@ -32,6 +32,21 @@ WRONG_SIGN = -0.2
 """Correlation of effort and velocity below which the effort is reversed: friction takes power, it gives none."""
 
 
+def stall(axis: AxisSettings, way: float, gone: float) -> DataError:
+    """Return the sentence about an axis that does not move as it is told.
+
+    Args:
+        axis: the axis.
+        way: what the reference went [m].
+        gone: what the axis went [m].
+    """
+    readable = axis.units.readable
+    return DataError(
+        f"axis {axis.name} stalls: the reference went {readable(way)} and the axis {readable(gone)}; the motion was"
+        " stopped; check that the drive is enabled, follows reference and has enough force"
+    )
+
+
 class Guard:
     """Looks at every sample of a motion.
 
@@ -132,10 +147,7 @@ class Guard:
                     " position_scale, or correct the drive's"
                 )
             if abs(gone) < STALL_SHARE * abs(way):
-                raise DataError(
-                    f"axis {name} stalls: the reference went {readable(abs(way))} and the axis {readable(abs(gone))};"
-                    " the motion was stopped; check that the drive is enabled, follows reference and has enough force"
-                )
+                raise stall(self._axis, abs(way), abs(gone))
             self._way_from = (meant, here)
         if abs(meant - here) > self._largest_lag:
             raise DataError(
