@@ -20,6 +20,8 @@ from sgms_observer.settings.axis import AxisSettings
 
 POSITION, EFFORT, REFERENCE, COMPENSATION = "position", "control_effort", "reference", "friction_compensation"
 
+_LONGEST_GUESS = 0.1  # s behind the latest stamp that the table's clock is taken to go on
+
 
 class AxisListener:
     """Hears position, effort and compensation of one axis.
@@ -74,6 +76,15 @@ class AxisListener:
     def ages(self) -> Sequence[float]:
         """Return the times from a sample's arrival to its compensation's [s]."""
         return self._ages
+
+    def now_ns(self) -> int:
+        """Return the table's time: the latest stamp, and what went by since it came, for a short while [ns].
+
+        Set-points follow this clock: a table whose computer has another clock, or whose simulation runs late, gets them
+        by its own, and none while it stands still.
+        """
+        since = time.monotonic() - self.heard_at[POSITION]
+        return self.positions[-1][0] + round(1e9 * min(since, _LONGEST_GUESS))
 
     def ready(self, seen: int) -> int:
         """Return how many positions have their effort, or will not get it any more.

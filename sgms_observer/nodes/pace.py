@@ -5,7 +5,7 @@ from __future__ import annotations
 LONGEST_CATCH_UP = 0.5
 """A clock that leaps further than this [s] was stopped, set or asleep: the samples in between are given up."""
 
-LONGEST_LAG_OF_FOLLOWER = 10.0
+LONGEST_LAG_OF_FOLLOWER = 60.0
 """The same for an axis that follows set-points: it may lag behind the clock, but what it is to follow must not leap."""
 
 AGE_SENTENCE = "the compensation arrived"

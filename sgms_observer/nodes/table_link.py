@@ -101,18 +101,16 @@ class TableLink:
             ):
                 self._spin(0.05)
             self._listener.forget()
-            begun, arrived = time.monotonic(), time.time_ns()
+            begun = time.monotonic()
             while time.monotonic() < begun + seconds and not self._stopped_by:
                 self._spin(_TURN)
         node = self._node
         samples = self._listener.samples(self._listener.positions)
-        stamps = samples.stamp_ns
         return Topics(
             names=dict(self._listener.names),
             samples=samples,
             efforts=self._listener.effort_count,
             seconds=time.monotonic() - begun,
-            clock_offset=1e-9 * float(stamps[0] - arrived) if len(stamps) else math.nan,
             reference_readers=self._publisher.get_subscription_count(),
             reference_senders=node.count_publishers(REFERENCE) - 1,
             compensation_senders=node.count_publishers(COMPENSATION),
@@ -189,7 +187,7 @@ class TableLink:
         grid_ns = self._listener.positions[-1][
             0
         ]  # set-points with the stamps of samples: the observer pairs them by stamp
-        ahead_ns = time.time_ns() + (self.lead + _START) * 1e9 - grid_ns
+        ahead_ns = self._listener.now_ns() + (self.lead + _START) * 1e9 - grid_ns
         begin_ns = grid_ns + math.ceil(ahead_ns / period_ns) * period_ns
         end_ns = begin_ns + (len(position) - 1) * period_ns
         sent, seen, is_resting = 0, 0, False
@@ -197,7 +195,7 @@ class TableLink:
         self._listener.forget()
         try:
             while not self._listener.positions or self._listener.positions[-1][0] < end_ns:
-                now_ns = time.time_ns()
+                now_ns = self._listener.now_ns() if self._listener.positions else grid_ns
                 due = min(len(position), int((now_ns + self.lead * 1e9 - begin_ns) // period_ns) + 1)
                 if sent < due and now_ns - (begin_ns + sent * period_ns) > _LATEST * 1e9:
                     raise HeldUp(
@@ -253,16 +251,17 @@ class TableLink:
         if not sent:
             return
         period_ns = round(self._period * 1e9)
-        now_ns = time.time_ns() + 10_000_000
+        now_ns = (self._listener.now_ns() if self._listener.positions else begin_ns) + 10_000_000
         at = min(max(0, math.ceil((now_ns - begin_ns) / period_ns)), sent - 1)
         limit = self._limits.acceleration
         places, speeds = braking(float(position[at]), float(velocity[at]), limit, self._period)
         rest = np.full(round(2.0 * LEAD / self._period), places[-1])
         places, speeds = np.concatenate([places, rest]), np.concatenate([speeds, 0.0 * rest])
         start_ns = begin_ns + (at + 1) * period_ns
-        done = 0
+        done, begun = 0, time.monotonic()  # by this machine's clock: the table may say nothing any more
         while done < len(places):
-            due = min(len(places), int((time.time_ns() + 0.5 * self.lead * 1e9 - start_ns) // period_ns) + 1)
+            ahead = time.monotonic() - begun + 0.5 * self.lead
+            due = min(len(places), int((now_ns + ahead * 1e9 - start_ns) // period_ns) + 1)
             self._send(places, speeds, origin, start_ns, range(done, due))
             done = max(done, due)
             self._spin(_TURN)

@@ -18,8 +18,6 @@ LISTEN = 1.5
 """How long the topics are listened to before anything moves [s]."""
 RATE_TOLERANCE = 0.05
 """Largest difference of the median period of the stamps from sample_period, as a share."""
-LARGEST_CLOCK_OFFSET = 1.0
-"""Largest difference of the stamps from this machine's clock [s]: set-points are sent by that clock."""
 MISSING_SHARE = 0.02
 """Largest share of positions without an effort of the same stamp."""
 MIN_MOVED_SHARE = 0.5
@@ -59,10 +57,6 @@ def topic_faults(topics: Topics, axis: AxisSettings, period: float) -> list[str]
         faults.append(
             f"{100 * missing:.0f} % of the positions have no control_effort of the same stamp; stamp both with the"
             " sample time"
-        )
-    if abs(topics.clock_offset) > LARGEST_CLOCK_OFFSET:
-        faults.append(
-            f"the stamps differ from this machine's clock by {topics.clock_offset:.3g} s; synchronise the clocks"
         )
     if topics.reference_readers == 0:
         faults.append("no node subscribes to reference; start the table so that it follows the topic reference")

@@ -33,7 +33,6 @@ class Topics:
         samples: positions with the efforts of their stamps [SI units].
         efforts: messages of the effort.
         seconds: how long it was listened [s].
-        clock_offset: the table's stamps minus this machine's clock [s].
         reference_readers: nodes that subscribe to the reference.
         reference_senders: other nodes that publish it.
         compensation_senders: nodes that publish the compensation.
@@ -43,7 +42,6 @@ class Topics:
     samples: Samples
     efforts: int
     seconds: float
-    clock_offset: float
     reference_readers: int
     reference_senders: int
     compensation_senders: int
