@@ -31,6 +31,7 @@ docs: setup
 # The pictures of README and docs, from a run of the demonstration.
 pictures: demo
 	cp $(OUT)/x_without_friction.png docs/images/friction.png
+	cp $(OUT)/x_tracking.png docs/images/tracking.png
 
 clean:
 	rm -rf .venv .venv-ros .venv-noble build install log out *.egg-info

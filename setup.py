@@ -11,7 +11,7 @@ NAME = "sgms_observer"
 VERSION = re.search(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_text(encoding="utf-8")).group(1)
 
 RUNTIME = [
-    "jinja2>=3.0,<4",
+    "jinja2>=3.0,<4",  # brings markupsafe
     "matplotlib>=3.6,<4",
     "numba>=0.58,<1",
     "numpy>=1.26,<3",
@@ -75,7 +75,10 @@ setup(
     python_requires=">=3.11",
     packages=find_packages(include=["sgms_observer", "sgms_observer.*", "sim_plant", "sim_plant.*"]),
     package_data={
-        "": ["*.html", "*.css", "*.json", "*.yaml", "*.j2", "templates/*.j2", "templates/*/*.j2", "py.typed"]
+        "": [
+            "*.html", "*.css", "*.js", "*.json", "*.yaml", "*.j2", "templates/*.j2", "templates/*/*.j2", "uplot/*",
+            "py.typed",
+        ]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),

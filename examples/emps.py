@@ -9,9 +9,6 @@ on Nonlinear System Identification Benchmarks; see docs/emps.md.
 from __future__ import annotations
 
 import argparse
-import base64
-import html
-import io
 import os
 import shutil
 import signal
@@ -46,6 +43,8 @@ from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.offline.recording import Recording, join_samples, read_recordings, recordings_from_samples
+from sgms_observer.report.page import Page, Plot, Section, render_page
+from sgms_observer.report.time_plot import Line, Panel, time_plot
 from sgms_observer.settings.load import load_settings
 
 Floats = NDArray[np.float64]
@@ -285,42 +284,40 @@ def report(lines: list[str], observed: list[Observed]) -> str:
         lines: sentences with the figures.
         observed: what the observer said of each record.
     """
-    body = [f"<p>{html.escape(line)}</p>" for line in lines]
-    for item in observed:
-        body.append(f"<h2>{html.escape(item.name)}</h2><img alt='force and innovation' src='{_picture(item)}'>")
-    return (
-        "<!doctype html><html lang='en'><head><meta charset='utf-8'><title>EMPS</title><style>body{font:15px/1.5"
-        " sans-serif;max-width:60em;margin:2em auto;padding:0 1em}img{max-width:100%}</style></head><body>"
-        f"<h1>EMPS: identified and observed</h1>{''.join(body)}</body></html>\n"
-    )
+    sections = [Section("Figures", lines), *(Section(item.name, plots=[_plot(item)]) for item in observed)]
+    verdict = "A measured axis, identified and observed from position and effort."
+    return render_page(Page("EMPS: identified and observed", verdict, sections))
 
 
-def _picture(item: Observed) -> str:
-    """Return force and innovations over time as an embedded PNG."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
+def _plot(item: Observed) -> Plot:
+    """Return force and innovations over time."""
     seconds = (item.samples.stamp_ns - item.samples.stamp_ns[0]) * 1e-9
     estimates = item.estimates
-    at = np.isfinite(estimates.innovation)
-    figure, (upper, lower) = pyplot.subplots(2, 1, figsize=(10, 5), sharex=True, layout="constrained")
-    upper.plot(seconds, item.samples.effort, lw=0.6, label="actuator force")
-    upper.plot(seconds, estimates.friction, lw=1.0, label="estimated friction")
-    upper.set_ylabel("N")
-    upper.legend(loc="upper right")
-    lower.plot(seconds[at], estimates.innovation[at], lw=0.6, label="innovation")
-    lower.fill_between(
-        seconds[at], -2.0 * estimates.innovation_std[at], 2.0 * estimates.innovation_std[at], alpha=0.2, label="2 std"
-    )
-    lower.set_ylabel("N")
-    lower.set_xlabel("s")
-    lower.legend(loc="upper right")
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=90)
-    pyplot.close(figure)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+    deviation = 2.0 * estimates.innovation_std
+    panels = [
+        Panel(
+            "force [N]",
+            [
+                Line("actuator force", item.samples.effort, "measured"),
+                Line("estimated friction", estimates.friction, "estimate"),
+            ],
+        ),
+        Panel(
+            "innovation [N]",
+            [
+                Line("innovation", _held(estimates.innovation), "measured"),
+                Line("2 standard deviations", _held(deviation), "reference"),
+                Line("the same, negative", _held(-deviation), "reference"),
+            ],
+        ),
+    ]
+    return time_plot(item.name, f"Force and innovation over time, {item.name}.", seconds, panels)
+
+
+def _held(values: Floats) -> Floats:
+    """Return what is known at corrections only, held until the next one."""
+    latest = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), 0))
+    return np.asarray(values[latest], dtype=np.float64)
 
 
 if __name__ == "__main__":

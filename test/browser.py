@@ -25,16 +25,45 @@ SWITCHES = (
 
 _PATIENCE = 180.0  # s, on a busy machine
 
-_LOOK = """(() => ({
-  wide: document.scrollingElement.scrollWidth,
-  view: document.documentElement.clientWidth,
-  text: document.body.innerText.length,
-  smallest: Math.min(...[...document.querySelectorAll('p, li, td, th')].filter(e => e.innerText.trim())
-    .map(e => parseFloat(getComputedStyle(e).fontSize))),
-  images: [...document.images].map(i => [i.getAttribute('src').slice(0, 60), i.complete ? i.naturalWidth : 0, i.alt]),
-  culprits: [...document.body.querySelectorAll('*')].filter(e => e.getBoundingClientRect().right >
-    document.documentElement.clientWidth + 1).slice(0, 5).map(e => e.tagName + '.' + e.className),
-}))()"""
+_LOOK = """(() => {
+  const seen = (e) => e.getClientRects().length > 0;
+  const size = (e) => parseFloat(getComputedStyle(e).fontSize);
+  const numbers = (colour) => (colour.match(/[\\d.]+/g) || []).map(Number);
+  const luminance = (rgb) => rgb.slice(0, 3).map((c) => c / 255)
+    .map((c) => (c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = (e) => {
+    for (let one = e; one; one = one.parentElement) {
+      const colour = numbers(getComputedStyle(one).backgroundColor);
+      if (colour.length === 3 || colour[3] > 0.5) return colour;
+    }
+    return [255, 255, 255];
+  };
+  const contrast = (e, colour) => {
+    const [one, other] = [luminance(numbers(colour)), luminance(behind(e))].sort((a, b) => b - a);
+    return (one + 0.05) / (other + 0.05);
+  };
+  const written = [...document.querySelectorAll('h1, h2, h3, p, li, td, th, caption, figcaption, strong, summary')]
+    .filter((e) => seen(e) && e.innerText.trim());
+  const drawings = [...document.querySelectorAll('figure svg')].filter(seen);
+  const labels = drawings.flatMap((d) => [...d.querySelectorAll('text')].map((t) => [t, d]));
+  const scale = (d) => d.getBoundingClientRect().width / d.viewBox.baseVal.width;
+  return {
+    wide: document.scrollingElement.scrollWidth,
+    view: document.documentElement.clientWidth,
+    text: document.body.innerText.length,
+    smallest: Math.min(...written.filter((e) => e.matches('p, li, td, th')).map(size)),
+    smallestLabel: Math.min(999, ...labels.map(([t, d]) => size(t) * scale(d))),
+    contrast: Math.min(21, ...written.map((e) => contrast(e, getComputedStyle(e).color)),
+      ...labels.map(([t]) => contrast(t, getComputedStyle(t).fill))),
+    background: luminance(behind(document.body)),
+    images: [...document.images]
+      .map((i) => [i.getAttribute('src').slice(0, 60), i.complete ? i.naturalWidth : 0, i.alt])
+      .concat(drawings.map((d) => ['svg', d.getBoundingClientRect().width, d.getAttribute('aria-label')])),
+    culprits: [...document.body.querySelectorAll('*')].filter((e) => seen(e) && e.getBoundingClientRect().right >
+      document.documentElement.clientWidth + 1).slice(0, 5).map((e) => e.tagName + '.' + e.className),
+  };
+})()"""
 
 
 @dataclass(frozen=True)
@@ -46,7 +75,10 @@ class View:
         page_width: width of the page, larger if it scrolls sideways [px].
         text_length: letters of text on it.
         smallest_text: size of its smallest text [px].
-        images: source, natural width [px] (0 if not drawn) and description of each picture.
+        smallest_label: size of the smallest text of its drawings [px].
+        contrast: least contrast of any text against what lies behind it, from 1 to 21 (WCAG 2.1).
+        background: luminance of the page behind the text, from 0 to 1.
+        images: source, width [px] (0 if not drawn) and description of each picture that shows.
         culprits: some elements that stick out.
         complaints: errors and warnings of the console, exceptions, and requests that failed.
         requests: addresses the page asked for, itself and data included in it excepted.
@@ -56,6 +88,9 @@ class View:
     page_width: int
     text_length: int
     smallest_text: float
+    smallest_label: float
+    contrast: float
+    background: float
     images: tuple[tuple[str, int, str], ...]
     culprits: tuple[str, ...]
     complaints: tuple[str, ...]
@@ -107,12 +142,13 @@ class Browser:
         os.close(self._from)
         shutil.rmtree(self._profile, ignore_errors=True)
 
-    def look(self, page: Path, sights: Sequence[tuple[int, str]]) -> tuple[View, ...]:
+    def look(self, page: Path, sights: Sequence[tuple[int, str, str]]) -> tuple[View, ...]:
         """Open a page once and return what it looks like at several widths.
 
         Args:
             page: HTML file.
-            sights: width of the view [px] and media, which is ``print`` for the page as it is printed.
+            sights: width of the view [px], media, which is ``print`` for the page as it is printed, and the colours the
+                reader prefers, ``light`` or ``dark``.
         """
         with self._tab("Page", "Runtime", "Log", "Network") as session:
             self._resize(session, *sights[0])
@@ -126,12 +162,42 @@ class Browser:
             complaints = self._complaints()
         return tuple(
             View(
-                looks["view"], looks["wide"], looks["text"], looks["smallest"] or 0.0,
+                looks["view"], looks["wide"], looks["text"], looks["smallest"] or 0.0, looks["smallestLabel"],
+                looks["contrast"], looks["background"],
                 tuple((source, drawn, alt) for source, drawn, alt in looks["images"]), tuple(looks["culprits"]),
                 complaints, requests,
             )
             for looks in found
         )  # fmt: skip
+
+    def press(
+        self, page: Path, keys: Sequence[str], expressions: Sequence[str], width: int = 1200, media: str = ""
+    ) -> list[Any]:
+        """Open a page, press keys one after the other, and return what expressions say at the start and after each.
+
+        Args:
+            page: HTML file.
+            keys: names as the DevTools protocol has them: ``Tab``, ``Enter``, ``ArrowRight``, ``+``.
+            expressions: JavaScript; their values are one list for each moment.
+            width: of the view [px].
+            media: ``print`` for the page as it is printed.
+
+        Returns:
+            One entry for each moment, and at the end the complaints of the console.
+        """
+        with self._tab("Page", "Runtime", "Log", "Network") as session:
+            self._resize(session, width, media, "light")
+            self._navigate(session, page)
+            script = f"[{', '.join(expressions)}]"
+            found = [self._value(session, script)]
+            for key in keys:
+                text = {"Enter": "\r", " ": " "}.get(key, key if len(key) == 1 else "")
+                code = {"Tab": 9, "Enter": 13, " ": 32}.get(key, 0)
+                pressed = {"key": key, "windowsVirtualKeyCode": code, **({"text": text} if text else {})}
+                self._call("Input.dispatchKeyEvent", session, type="keyDown" if text else "rawKeyDown", **pressed)
+                self._call("Input.dispatchKeyEvent", session, type="keyUp", key=key, windowsVirtualKeyCode=code)
+                found.append(self._value(session, script))
+            return [*found, self._complaints()]
 
     def print(self, page: Path) -> bytes:
         """Return a page as the PDF that printing it on A4 gives.
@@ -165,15 +231,22 @@ class Browser:
             assert time.monotonic() < end, f"{page} was not loaded in {_PATIENCE:g} s"
             time.sleep(0.02)
 
-    def _resize(self, session: str, width: int, media: str) -> None:
+    def _resize(self, session: str, width: int, media: str, scheme: str) -> None:
         size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
         self._call("Emulation.setDeviceMetricsOverride", session, **size)
-        self._call("Emulation.setEmulatedMedia", session, media=media)
+        preferred = [{"name": "prefers-color-scheme", "value": scheme}]
+        self._call("Emulation.setEmulatedMedia", session, media=media, features=preferred)
 
     def _evaluate(self, session: str) -> dict[str, Any]:
-        answer = self._call("Runtime.evaluate", session, expression=_LOOK, returnByValue=True)
-        looks: dict[str, Any] = answer["result"]["value"]
+        looks: dict[str, Any] = self._value(session, _LOOK)
         return looks
+
+    def _value(self, session: str, script: str) -> Any:
+        """Return the value of a script, once what was changed has been drawn."""
+        drawn = f"new Promise(done => requestAnimationFrame(() => setTimeout(() => done({script}))))"
+        answer = self._call("Runtime.evaluate", session, expression=drawn, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in answer, answer
+        return answer["result"]["value"]
 
     def _complaints(self) -> tuple[str, ...]:
         logs = [

@@ -8,22 +8,27 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from sgms_observer.application.predicted_tracking import predict_tracking
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.closing import Closing, can_look_ahead, closing
-from sgms_observer.diagnosis.criteria import at_least
+from sgms_observer.diagnosis.criteria import at_most
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.report import write_report
+from sgms_observer.diagnosis.report import Run, diagnosis_page
+from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
 from sgms_observer.diagnosis.result import write_augmented, write_result
+from sgms_observer.diagnosis.traces import traces_of
+from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.diagnosis.workflow import Options, diagnose
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recording, read_recordings
+from sgms_observer.report.page import write_page
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.units import Units
 from sgms_observer.whole_file import try_folder
 
-FILES = ("result.json", "augmented.yaml", "report.html")
+FILES = ("result.json", "augmented.yaml", "report.html", RESIDUAL_LOG)
 """What a diagnosis writes into its folder."""
 
 
@@ -62,6 +67,7 @@ class DiagnoseResult:
 
     answer: Answer
     closings: tuple[Closing, ...]
+    tracking: PredictedTracking | None
     notes: tuple[str, ...]
     units: Units
 
@@ -106,18 +112,22 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
             return written, closing(record, written, record.period, band.corner)
 
         written, later = after()
-        fall = improvement(before.blocks, later.blocks).z_score
-        least = -options.criteria.min_z_score
-        test = at_least("model", "friction not cancelled by the feedforward: z-score of its fall", fall, least)
+        growth = improvement(later.blocks, before.blocks).z_score
+        most = options.criteria.min_z_score
+        test = at_most("model", "friction not cancelled by the feedforward: z-score of its growth", growth, most)
         if can_look_ahead(written) and not test.passed and (answer.effects or answer.learnt):
             answer = answer_of(found, axis, options, test)
             written, later = after()
         else:
             answer = replace(answer, tests=(*answer.tests, test))
         closings = (before, later)
-    write_result(answer, closings, axis.units, folder)
-    write_report(answer, axis, closings, options, folder, [*request.bags, *request.holdout], notes)
-    return DiagnoseResult(answer, closings, tuple(notes), axis.units)
+        tracking = predict_tracking(record, axis, written, band.corner)
+    write_result(answer, closings, tracking, axis.units, folder)
+    traces = traces_of(answer)
+    write_residual_log(traces, axis.name, folder)
+    run = Run(axis, options, [*request.bags, *request.holdout], notes)
+    write_page(diagnosis_page(answer, traces, closings, tracking, run), folder)
+    return DiagnoseResult(answer, closings, tracking, tuple(notes), axis.units)
 
 
 def _axes(settings: Settings, request: DiagnoseRequest) -> tuple[AxisSettings, AxisSettings | None]:

@@ -20,10 +20,12 @@ from sgms_observer.identification.answer import (
 )
 from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
 from sgms_observer.identification.least_squares import fit_inverse_model, is_reversed
-from sgms_observer.identification.report import Part, report_path, write_report
+from sgms_observer.identification.questions import Part
+from sgms_observer.identification.report import identification_page, report_path
 from sgms_observer.identification.trace import Traces, least_squares_traces, traces_of, unexplained_share
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recordings, read_recordings
+from sgms_observer.report.page import render_page
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.comments import comments_in, with_comments
 from sgms_observer.settings.load import load_settings
@@ -79,6 +81,7 @@ class IdentifiedAxis:
         band_hz: upper corner of the judging band [Hz].
         notes: sentences about the recordings.
         traces: what the model says beside what was measured.
+        is_converged: whether the search ended by itself; None for least squares, which needs none.
     """
 
     name: str
@@ -88,6 +91,7 @@ class IdentifiedAxis:
     band_hz: float
     notes: tuple[str, ...]
     traces: Traces
+    is_converged: bool | None
 
     def as_json(self) -> dict[str, Any]:
         """Return the axis's part of what ``--json`` prints."""
@@ -198,6 +202,7 @@ def _identified(
     """Identify one axis with the model the user asked for."""
     notes = (*pieces.notes, *unseen.notes)
     unexplained: float | None = None
+    is_converged: bool | None = None
     if job.model == LEAST_SQUARES:
         cutoff = job.cutoff or min(HIGHEST_LEAST_SQUARES_CUTOFF, choose_band(pieces, axis).corner)
         answer, traces = _least_squares(pieces, unseen, axis, cutoff)
@@ -206,14 +211,14 @@ def _identified(
         result: Identification = identify(pieces, axis, options, show)
         answer = identification_answer(result, axis, sample_period)
         traces = traces_of(result, axis, pieces, unseen)
-        cutoff, unexplained = result.cutoff, result.unexplained
+        cutoff, unexplained, is_converged = result.cutoff, result.unexplained, result.is_converged
     held_out = None
     if traces.held_out:
         held_out = unexplained_share(traces.held_out)
         word = axis.units.effort_word
         sentence = f"{axis.name}: {100.0 * held_out:.2f} % of the rms {word} unexplained on held-out bags"
         answer = judged_on_held_out(replace(answer, summary=(*answer.summary, sentence)), axis, held_out)
-    return IdentifiedAxis(axis.name, answer, unexplained, held_out, cutoff, notes, traces)
+    return IdentifiedAxis(axis.name, answer, unexplained, held_out, cutoff, notes, traces, is_converged)
 
 
 def _least_squares(
@@ -250,9 +255,10 @@ def _write_report(settings: Settings, job: IdentifyJob, path: Path, found: Seque
     """Write the report."""
     axes = {axis.name: axis for axis in settings.axes}
     parts = [
-        Part(axes[one.name].units, one.name, one.answer, one.traces, one.band_hz, one.unexplained) for one in found
+        Part(axes[one.name].units, one.name, one.answer, one.traces, one.band_hz, one.unexplained, one.is_converged)
+        for one in found
     ]
-    write_report(parts, path, job.out, job.bags, job.holdout)
+    write_text(render_page(identification_page(parts, job.out, job.bags, job.holdout)), path)
 
 
 def _row_json(row: Row) -> dict[str, Any]:

@@ -131,8 +131,8 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         (f"        limit: {number(1.5 * draft.static)}", f"{force}, never more than this"),
         (f"        slew_limit: {number(5.0e3 * draft.coulomb)}", f"{units.of('N/s')}, never faster than this"),
         (
-            f"        standstill_velocity: {number(draft.speed / 300.0)}",
-            f"{units.velocity} of the reference, below which the compensation holds",
+            "        standstill_velocity: 0.0",
+            f"{units.velocity} that noise may give to an axis at rest; 0: derived from position_noise",
         ),
         (f"        fade_std: {number(0.25 * draft.coulomb)}", f"{force} of uncertainty at which it has faded to zero"),
         (f"        timeout: {number(draft.pause(0.05))}", "s without good samples until it goes to zero"),

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sgms_observer.cli.options import add_output_options, add_overwrite_option
+from sgms_observer.cli.outcome import Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.nodes.conductor import Conductor
@@ -41,17 +42,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--config", metavar="F", help="parameter file of both nodes (default: config/demo.yaml)")
     add_overwrite_option(parser)
-    add_output_options(parser, has_result=False)
+    add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> Outcome:
     """Do the job.
 
     Args:
         args: what the user gave.
 
     Returns:
-        The exit code, 0 only on success.
+        The exit code and the result.
     """
     from sgms_observer.bags.replacement import refuse_existing_bag
     from sgms_observer.errors import ConfigurationError, DataError
@@ -78,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         print(line)
     print(f"report: {result.page}")
     print(f"bag:    {bag}")
-    return 0
+    return Outcome(result=result.result)
 
 
 def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) -> tuple[int, list[str]]:

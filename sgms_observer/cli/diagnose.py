@@ -6,10 +6,14 @@ import argparse
 import json
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option, axis_from, topics_from
 from sgms_observer.cli.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 from sgms_observer.fleet.arguments import add_fleet_arguments
+
+if TYPE_CHECKING:
+    from sgms_observer.application.diagnose import DiagnoseResult
 
 NAME = "diagnose"
 HELP = "find the effect that the model misses, name it, add it to the model, and show the gap shrink"
@@ -24,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bags", nargs="+", metavar="BAG", help="recordings with position and control_effort")
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file with the model as it is now")
     parser.add_argument(
-        "--out", required=True, metavar="DIR", help="folder for result.json, augmented.yaml, report.html"
+        "--out", required=True, metavar="DIR", help="folder for result.json, augmented.yaml, report.html, residual.mcap"
     )
     parser.add_argument(
         "--holdout",
@@ -94,10 +98,10 @@ def run(args: argparse.Namespace) -> int | Outcome:
     with Progress("diagnose", 1.0) as progress:
         done = diagnose_bags(request, progress.show)
     answer, gap, unit = done.answer, done.answer.gap, done.units.effort
-    for note in done.notes:
-        print(f"note: {note}")
     for warning in answer.warnings:
         print(f"Warning: {warning}.")
+    for note in done.notes:
+        print(f"note: {note}")
     print(f"verdict: {answer.verdict} (seed {args.seed})")
     for item in answer.effects:
         values = ", ".join(f"{value:.4g}" for value in item.settings.values)
@@ -112,13 +116,26 @@ def run(args: argparse.Namespace) -> int | Outcome:
         f" (as the file was given {gap.given:.3g} %, not predictable {gap.floor:.3g} %)"
     )
     print(f"observer innovation: {done.closings[0].innovation:.4g} -> {done.closings[1].innovation:.4g} {unit} rms")
-    left = f"{done.closings[0].compensation:.4g} -> {done.closings[1].compensation:.4g}"
-    print(f"friction not cancelled by the feedforward: {left} {unit} rms")
+    before, after = done.closings
+    print(
+        f"friction not cancelled by the feedforward: {before.compensation:.4g} -> {after.compensation:.4g} {unit} rms"
+        f" along {after.along}, counted while it follows the motion ({100.0 * after.share:.0f} % of the time)"
+    )
+    for line in _tracking(done):
+        print(line)
     if answer.next_experiment:
         print(f"next: {answer.next_experiment}")
     print(f"wrote {args.out}/{', '.join(FILES)}")
     result = json.loads((Path(args.out) / FILES[0]).read_text(encoding="utf-8"))
     return Outcome(EXIT_DONE if answer.usable else EXIT_NOT_USABLE, result)
+
+
+def _tracking(done: DiagnoseResult) -> list[str]:
+    """Return lines about the tracking error that the model promises."""
+    if done.tracking is None:
+        return ["predicted tracking error: none, the simulated loop does not stay finite with stage.controller"]
+    caution = done.tracking.caution(done.units)
+    return [done.tracking.sentence(done.units), *([f"caution: {caution}"] if caution else [])]
 
 
 def _shown(value: float | str) -> str:

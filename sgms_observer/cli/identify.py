@@ -73,12 +73,12 @@ def run(args: argparse.Namespace) -> Outcome:
         tuple(args.holdout), topics_from(args.topic), args.overwrite,
     )  # fmt: skip
     done = identify_bags(job, _progress)
+    for warning in done.warnings:
+        print(warning, file=sys.stderr, flush=True)
     for axis in done.axes:
         for note in axis.notes:
             print(f"note: {note}")
         _print(axis.name, axis.answer)
-    for warning in done.warnings:
-        print(warning, file=sys.stderr)
     print(f"wrote {done.path} and {done.report}")
     return Outcome(EXIT_DONE if done.is_usable else EXIT_NOT_USABLE, done.as_json())
 

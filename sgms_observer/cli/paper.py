@@ -19,7 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     Args:
         parser: the command's own parser.
     """
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder for table2, beyond and the figures")
+    parser.add_argument(
+        "--out", required=True, metavar="DIR", help="folder for report.html, table2, beyond and the figures"
+    )
     parser.add_argument("--seeds", type=_count, default=20, metavar="N", help="noise seeds 1..N (default: 20)")
     parser.add_argument(
         "--consistency-seeds", type=_count, default=100, metavar="N", help="noise seeds of the NIS test (default: 100)"
@@ -41,11 +43,13 @@ def run(args: argparse.Namespace) -> int:
     from sgms_observer.paper.beyond import beyond, beyond_markdown, runs_beyond
     from sgms_observer.paper.figures_estimation import figure_five, figures_six_and_seven
     from sgms_observer.paper.figures_friction import figure_three, figure_two
+    from sgms_observer.paper.report import paper_page
     from sgms_observer.paper.table import runs_of_table, table_markdown, table_two
+    from sgms_observer.report.page import write_page
     from sgms_observer.whole_file import refuse_existing_files, try_folder, write_text
 
     folder = Path(args.out)
-    refuse_existing_files([folder / "table2.json", folder / "beyond.json"], args.overwrite)
+    refuse_existing_files([folder / name for name in ("table2.json", "beyond.json", "report.html")], args.overwrite)
     runs = runs_of_table(args.seeds) + runs_beyond(args.seeds, args.consistency_seeds)
     done = itertools.count(1)
     try_folder(folder)
@@ -53,13 +57,11 @@ def run(args: argparse.Namespace) -> int:
         table = table_two(args.seeds, lambda: progress.show(next(done)))
         write_text(json.dumps(table, indent=1), folder / "table2.json")
         write_text(table_markdown(table), folder / "table2.md")
-        figure_two(folder)
-        figure_three(folder)
-        figure_five(folder)
-        figures_six_and_seven(folder)
+        figures = [*figure_two(), *figure_three(), figure_five(), *figures_six_and_seven()]
         further = beyond(args.seeds, args.consistency_seeds, lambda: progress.show(next(done)))
         write_text(json.dumps(further, indent=1), folder / "beyond.json")
         write_text(beyond_markdown(further), folder / "beyond.md")
+        write_page(paper_page(table, further, figures), folder)
     print(table_markdown(table).split("\n## ")[0])
     print(beyond_markdown(further))
     print(f"seeds 1 to {args.seeds}; everything is in {folder}")

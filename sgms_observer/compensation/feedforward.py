@@ -30,7 +30,7 @@ from sgms_observer.compensation.motion_ahead import (
 )
 from sgms_observer.compensation.preview import advance_elements, preview_elements
 from sgms_observer.compensation.safety import safe_output
-from sgms_observer.compensation.trust import fade, next_steady, next_trust
+from sgms_observer.compensation.trust import contradicts, fade, next_steady, next_trust
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.kernels import needed_command
 from sgms_observer.estimators.block import FRICTION_STD, RESULT_SIZE, STATUS
@@ -51,8 +51,10 @@ from sgms_observer.settings.observer import CompensationSettings
 from sgms_observer.status import Status
 
 # one array: the state that evolves, the settings, then what each status means (``_GOOD`` and ``_RESTART``)
-OUTPUT, TRUST, RAW, IS_ALIGNED, STEADY, STATE_SIZE = range(6)
-ENABLED, GAIN, LIMIT, SLEW, LOOK_AHEAD, STANDSTILL, FADE_STD, TIMEOUT, VERDICT = range(STATE_SIZE, STATE_SIZE + 9)
+OUTPUT, TRUST, RAW, IS_ALIGNED, STEADY, HELD, STATE_SIZE = range(7)
+(
+    ENABLED, GAIN, LIMIT, SLEW, LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL, FADE_STD, TIMEOUT, VERDICT,
+) = range(STATE_SIZE, STATE_SIZE + 10)  # fmt: skip
 
 # Without a reference a motion counts once the estimated velocity has kept its sign for so long, or is this many times
 # the standstill velocity: the noise of a velocity at rest does neither.
@@ -166,19 +168,29 @@ def _compensate(
             elif h > 0.0:
                 travel = ahead[k, TRAVEL]
                 advance_elements(carried, carried_modes, travel, abs(travel) / h, factor, row, bars)
-            is_moving = abs(set_velocity) > state[STANDSTILL]
+            limit = state[SET_POINT_STANDSTILL]
+            is_moving = limit == 0.0 or abs(set_velocity) > limit or ahead[k, TRAVEL] != 0.0
+            acceleration, jerk = ahead[k, ACCELERATION], ahead[k, JERK]
+            state[HELD] = 0.0 if is_moving else state[HELD] + h
+            if state[HELD] > state[LOOK_AHEAD]:  # what was predicted has come or not: where the set-point is counts
+                is_moving = True
+                set_velocity = acceleration = jerk = 0.0
             for i in range(n_z):
                 forces[i] = carried[i]
                 modes[i] = carried_modes[i]
         else:
             state[IS_ALIGNED] = 0.0
+            acceleration = jerk = 0.0
             state[STEADY] = next_steady(state[STEADY], set_velocity, h, state[STANDSTILL])
             is_moving = abs(state[STEADY]) >= _STEADY_TIME or abs(set_velocity) > _CLEARLY_MOVING * state[STANDSTILL]
+            estimated = 0.0
             for i in range(n_z):
                 forces[i] = element_force[i]
                 modes[i] = 0
+                estimated += element_force[i]
+            if not is_moving and contradicts(estimated, results[k, FRICTION_STD], state[RAW]):
+                state[RAW] = 0.0
         if is_enabled and is_moving and math.isfinite(set_velocity):
-            acceleration, jerk = ahead[k, ACCELERATION], ahead[k, JERK]
             velocity = preview_elements(
                 forces, modes, set_velocity, acceleration, jerk, state[LOOK_AHEAD], factor, row, bars
             )
@@ -210,6 +222,7 @@ class Compensator:
         model: nominal friction model with mass and offset.
         parameters: which parameters the observer estimates.
         effects: of the axis, or None; their path of the effort is inverted, their delay adds to the look-ahead.
+        standstill: estimated speed that noise alone reaches hardly ever [m/s]; ``standstill_velocity`` overrides it.
     """
 
     def __init__(
@@ -218,9 +231,11 @@ class Compensator:
         model: ModelArrays,
         parameters: ParameterArrays,
         effects: CompiledEffects | None = None,
+        standstill: float = 0.0,
     ) -> None:
         self._model = model
         self._kinds = parameters.kinds
+        self._standstill = standstill
         self._delay = effects.delay if effects else 0.0
         nothing = np.zeros(0, dtype=np.int64)
         added_mass = effects.added_mass if effects else 0.0
@@ -254,6 +269,7 @@ class Compensator:
             settings.limit,
             settings.slew_limit,
             settings.look_ahead + self._delay,
+            settings.standstill_velocity or self._standstill,
             settings.standstill_velocity,
             settings.fade_std,
             settings.timeout,
@@ -326,8 +342,8 @@ class Compensator:
             Columns as named in ``motion_ahead`` [SI units], shape (n, AHEAD_WIDTH).
         """
         ahead = np.empty((len(motion), AHEAD_WIDTH))
-        time, standstill = self._state[LOOK_AHEAD], self._state[STANDSTILL]
-        look_ahead_block(self._memory, time, standstill, motion, reference_position, reference_velocity, ahead)
+        time, *standstill = self._state[[LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL]]
+        look_ahead_block(self._memory, time, *standstill, motion, reference_position, reference_velocity, ahead)
         return ahead
 
     def step_tables(

@@ -2,7 +2,8 @@
 
 Acceleration and jerk are differences of the latest set-points, and count only where successive differences agree: of
 two the smaller one, and none where their signs differ or one is far larger. A smooth reference is followed exactly; the
-corner of a piecewise linear one, a step, or the noise of a set-point that was measured is not carried on.
+corner of a piecewise linear one, a step, or the noise of a set-point that was measured is not carried on. The same
+holds for a velocity that is a difference of set-points: steps of their rounding are travel, but no velocity.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from sgms_observer.filters.motion import ELAPSED, PRESENT_POSITION, PRESENT_VELO
 from sgms_observer.jit import njit
 
 # columns of what is looked ahead: SI units; the first is 1 where there is a set-point, TRAVEL is that since the last
-# sample (NaN at the first), and what is ahead holds ``look_ahead`` later
+# sample (NaN at the first) apart from what counts as noise, and what is ahead holds ``look_ahead`` later
 HAS_REFERENCE, SET_VELOCITY, TRAVEL, ACCELERATION, JERK, AHEAD_POSITION, AHEAD_VELOCITY, AHEAD_ACCELERATION = range(8)
 AHEAD_WIDTH = 8
 
 # what is remembered from sample to sample
 (
     LAST_POSITION, LAST_VELOCITY, LAST_CHANGE, LAST_JERK, BEFORE_LAST_JERK, HAS_LAST,
-    GOOD_POSITION, GOOD_VELOCITY, GOOD_ACCELERATION, MEMORY_SIZE,
-) = range(10)  # fmt: skip
+    GOOD_POSITION, GOOD_VELOCITY, GOOD_ACCELERATION, SLACK, MEMORY_SIZE,
+) = range(11)  # fmt: skip
 
 _ABSURD = 1.0e9  # SI units; what is larger is not looked at
 
@@ -48,10 +49,25 @@ def _usable(value: float, instead: float) -> float:
 
 
 @njit
+def beyond_slack(slack: float, travel: float, width: float) -> tuple[float, float]:
+    """Return the part of a travel that leaves a play of ``width`` to either side, and the place in the play then.
+
+    Args:
+        slack: place in the play before [m].
+        travel: of the set-point [m].
+        width: half the play [m]; 0 lets every travel pass.
+    """
+    place = slack + travel
+    inside = min(max(place, -width), width)
+    return place - inside, inside
+
+
+@njit
 def look_ahead_block(
     memory: Floats,
     look_ahead: float,
     standstill: float,
+    set_point_standstill: float,
     motion: Floats,
     reference_position: Floats,
     reference_velocity: Floats,
@@ -63,6 +79,7 @@ def look_ahead_block(
         memory: of the sample before, shape (MEMORY_SIZE,); zeros at the start.
         look_ahead: time to bridge [s].
         standstill: speed below which an axis without set-point counts as resting [m/s].
+        set_point_standstill: speed of a set-point up to which its changes may be noise [m/s].
         motion: ``Motion.table``.
         reference_position: set-point [m], NaN where there is none, shape (n,).
         reference_velocity: its velocity [m/s], NaN where there is none, shape (n,).
@@ -73,8 +90,10 @@ def look_ahead_block(
         position, velocity = reference_position[k], reference_velocity[k]
         follows = memory[HAS_LAST] > 0.5 and h > 0.0
         travel = position - memory[LAST_POSITION] if follows else math.nan
-        if not math.isfinite(velocity):
+        is_difference = not math.isfinite(velocity)
+        if is_difference:
             velocity = travel / h if h > 0.0 else math.nan
+        set_velocity = velocity
         has_reference = math.isfinite(velocity)
         acceleration = jerk = change = new_jerk = 0.0
         if has_reference:
@@ -86,23 +105,29 @@ def look_ahead_block(
                 jerk = agreed(agreed(new_jerk, memory[LAST_JERK]), memory[BEFORE_LAST_JERK])
                 if acceleration == change:
                     acceleration += 0.5 * jerk * h
+            if is_difference and agreed(velocity, memory[LAST_VELOCITY]) == 0.0:
+                set_velocity = 0.0
             if not math.isfinite(travel):
                 travel = velocity * h
+            width = 0.0 if abs(velocity) > set_point_standstill else set_point_standstill * h
+            if math.isfinite(travel):
+                travel, slack = beyond_slack(memory[SLACK], travel, width)
+                memory[SLACK] = slack
             start = position if math.isfinite(position) else motion[k, PRESENT_POSITION]
             ahead_acceleration = acceleration + jerk * look_ahead
         else:
-            velocity = motion[k, PRESENT_VELOCITY]
+            velocity = set_velocity = motion[k, PRESENT_VELOCITY]
             start = motion[k, PRESENT_POSITION]
             ahead_acceleration = motion[k, FILTERED_ACCELERATION]
         is_resting = not has_reference and not abs(velocity) > standstill
-        moved = 0.0 if is_resting else travel_after(velocity, acceleration, jerk, look_ahead)
+        moved = 0.0 if is_resting else travel_after(set_velocity, acceleration, jerk, look_ahead)
         memory[GOOD_POSITION] = _usable(start + moved, memory[GOOD_POSITION])
         memory[GOOD_VELOCITY] = _usable(
-            velocity_after(velocity, acceleration, jerk, look_ahead), memory[GOOD_VELOCITY]
+            velocity_after(set_velocity, acceleration, jerk, look_ahead), memory[GOOD_VELOCITY]
         )
         memory[GOOD_ACCELERATION] = _usable(ahead_acceleration, memory[GOOD_ACCELERATION])
         out[k, HAS_REFERENCE] = 1.0 if has_reference else 0.0
-        out[k, SET_VELOCITY] = velocity
+        out[k, SET_VELOCITY] = set_velocity
         out[k, TRAVEL] = travel
         out[k, ACCELERATION] = acceleration
         out[k, JERK] = jerk

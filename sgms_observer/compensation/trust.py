@@ -6,6 +6,8 @@ import math
 
 from sgms_observer.jit import njit
 
+MIN_Z_SCORE = 3.0
+"""Standard deviations from zero at which the sign of an estimate counts as known."""
 _FADE_START = 0.5  # share of fade_std up to which nothing is faded
 
 
@@ -25,6 +27,12 @@ def next_steady(steady: float, velocity: float, period: float, standstill: float
         return 0.0
     direction = math.copysign(1.0, velocity)
     return steady + direction * period if steady * direction > 0.0 else direction * period
+
+
+@njit
+def contradicts(friction: float, friction_std: float, held: float) -> bool:
+    """Return whether the estimated friction [N] is surely of the other sign than a force that is held [N]."""
+    return friction * held < 0.0 and abs(friction) > MIN_Z_SCORE * friction_std
 
 
 @njit

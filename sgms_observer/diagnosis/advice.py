@@ -63,7 +63,7 @@ def detectable(found: Diagnosis, axis: AxisSettings, options: Options) -> dict[s
 def next_experiment(verdict: str, named: Sequence[Named], told: Sequence[Located], found: Diagnosis) -> str | None:
     """Return one sentence on what to record next, or None."""
     if verdict == "cannot_tell":
-        said = found.warnings[0] if found.warnings else "identify the axis first, or record more motion"
+        said = found.warnings[0] if found.is_poor else "identify the axis first, or record more motion"
         return said[0].upper() + said[1:] + "."
     if verdict == "ambiguous":
         for item in named:

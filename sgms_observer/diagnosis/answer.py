@@ -14,9 +14,10 @@ from sgms_observer.diagnosis.advice import Named, detectable, next_experiment
 from sgms_observer.diagnosis.ceiling import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
+from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.evidence import Improvement, blocks_of, improvement
 from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
-from sgms_observer.diagnosis.gap import Gap, effort_rms, halves, interval, noise_floor, residuals, rms
+from sgms_observer.diagnosis.gap import Gap, effort_rms, halves, interval, noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.homing import unhomed
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES, Learnt, learn
 from sgms_observer.diagnosis.locate import Located, locate
@@ -139,13 +140,15 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     model, fit = found.after.model, found.after
     after = before if fit is found.before else bench.residuals(model, found.after_refits, fit.effects)
     tests = [test for item in found.rounds for decision in item.decisions for test in decision.tests]
-    shrinks = _improvement(before, after, motions, criteria.block)
+    weights = found.court.weights if has_held_out else [np.ones_like(part) for part in before]
+    shrinks = _improvement(weighted(before, weights), weighted(after, weights), motions, criteria.block)
     if fit is not found.before:
         names = ", ".join(item.accepted.candidate.name for item in found.rounds if item.accepted)
         test = at_least(names, "gap as reported: z-score", shrinks.z_score, criteria.interval_z_score)
         part = at_most(names, "gap as reported, as a share of the effort", rms(after) / effort_rms(motions), 1.0)
-        tests += [test, part]
-        is_borne_out = test.passed and part.passed and contradiction is None
+        grown = at_most(names, "gap as reported, over the gap before", rms(after) / max(rms(before), 1e-300), 1.0)
+        tests += [test, part, grown]
+        is_borne_out = test.passed and part.passed and grown.passed and contradiction is None
         if not is_borne_out:  # the model as it is written does not bear the names out
             accepted, model, fit, after = [], found.before.model, found.before, before
     learnt: tuple[Learnt, ...] = ()
@@ -165,7 +168,9 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         total = residuals(final, motions)
     whole_motions = found.state.held or found.state.learn
     noise = noise_floor(whole_motions, found.state.current.model, found.state.refits.judged.noise, options.seed)
-    floor = _floor(noise, before, after, total, free, surely)
+    unnamed = _unnamed(found, criteria) if has_held_out else None
+    floor = _floor(noise, before, after, total, free, surely, unnamed)
+    surely = max(surely, unnamed.predictable(criteria) if unnamed else 0.0)
     percent = 100.0 / effort_rms(motions)
     named_after = rms(after) * percent
     gap = Gap(
@@ -192,7 +197,7 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     effects = _named(found, accepted, fit, motions, gap, percent, axis, options)
     effects += _read_off(found)
     changed = changed_values(found, fit, options) if fit is not found.before else ()
-    verdict = _verdict(found, effects, rest, (whole, near, misled))
+    verdict = _verdict(found, effects, rest, bool(learnt), whole, (near, misled))
     if verdict == "cannot_tell" and whole.passed and not found.is_poor:
         warnings.append(
             f"the gap is {over:.0f} times the noise, and the recordings to learn from do not show why: learn from"
@@ -246,12 +251,22 @@ def _floor(
     total: Sequence[Floats],
     free: FreeForm,
     surely: float,
+    unnamed: Decision | None,
 ) -> float:
     """Return what no predictor removes [N]: noise and encoder, or what the best predictor leaves if that is more."""
     left = [rms(before), rms(after), rms(total)]
     if surely > 0.0:
         left.append(rms([one - guess for one, guess in zip(after, free.predicted, strict=True)]))
+    if unnamed is not None:
+        left.append(rms(after) * math.sqrt(max(0.0, 1.0 - unnamed.gap.fall / unnamed.gap.before)))
     return max(noise, min(left))
+
+
+def _unnamed(found: Diagnosis, criteria: Criteria) -> Decision | None:
+    """Return the effect that surely predicts most of the rest although it did not pass every test, or None."""
+    last = found.rounds[-1].decisions if found.rounds and found.rounds[-1].accepted is None else ()
+    sure = [item for item in last if item.candidate.settings is not None and item.predictable(criteria) > 0.0]
+    return max(sure, key=lambda item: item.predictable(criteria), default=None)
 
 
 def _free_name(effects: Sequence[EffectSettings]) -> str:
@@ -275,19 +290,25 @@ def _added(
     return back.fall / back.before if back.z_score > criteria.min_z_score and back.before > 0.0 else 0.0
 
 
-def _verdict(found: Diagnosis, effects: Sequence[Named], rest: Test, trust: Sequence[Test]) -> str:
+def _verdict(
+    found: Diagnosis, effects: Sequence[Named], rest: Test, is_learnt: bool, whole: Test, trust: Sequence[Test]
+) -> str:
     """Return the verdict.
 
     Args:
         found: the diagnosis.
         effects: what was named.
         rest: test of the surely predictable share of the rest.
+        is_learnt: whether a learnt term closes some of it.
+        whole: test that the model with the names explains the effort.
         trust: tests that the silence of the recordings means something.
     """
     if found.is_poor:
         return "cannot_tell"
     if effects:
         return "ambiguous" if any(item.alternatives for item in effects) else "effect_found"
+    if not whole.passed and not is_learnt:
+        return "cannot_tell"
     if not rest.passed:
         return "unknown_effect"
     return "no_effect" if all(test.passed for test in trust) else "cannot_tell"

@@ -58,12 +58,9 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
         share * friction.static_force / kappa
         for share, kappa in zip(friction.element_fraction, friction.element_stiffness, strict=True)
     )
-    notes, warnings, sliding, reversals = [], [], 0.0, 0
+    notes, warnings = [], []
+    sliding, reversals = sum(map(travel_of, motions)), sum(map(reversals_of, motions))
     for motion in motions:
-        moving = np.abs(motion.velocity) > MOVING * np.quantile(np.abs(motion.velocity), 0.99)
-        sliding += float(np.sum(np.abs(np.diff(motion.position))))
-        signs = np.sign(motion.velocity[moving])
-        reversals += int(np.sum(signs[1:] != signs[:-1]))
         grid = f", position on a grid of {motion.resolution:.3g} {units.position}" if motion.resolution else ""
         notes.append(
             f"{motion.name}: {motion.time[-1]:.1f} s at {motion.step / motion.period:.4g} Hz, judged below"
@@ -92,6 +89,18 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
     configured = axis.stage.encoder.resolution
     coarser = configured > 0.0 and grid_step > COARSER * configured
     return Audit(tuple(notes), tuple(warnings), bool(poor), grid_step if coarser else None)
+
+
+def travel_of(motion: Motion) -> float:
+    """Return the distance that a recording covers [m or rad]."""
+    return float(np.sum(np.abs(np.diff(motion.position))))
+
+
+def reversals_of(motion: Motion) -> int:
+    """Return how often a recording reverses between parts that count as moving."""
+    moving = np.abs(motion.velocity) > MOVING * np.quantile(np.abs(motion.velocity), 0.99)
+    signs = np.sign(motion.velocity[moving])
+    return int(np.sum(signs[1:] != signs[:-1]))
 
 
 def is_reversed(motions: Sequence[Motion]) -> bool:

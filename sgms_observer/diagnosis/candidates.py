@@ -151,9 +151,10 @@ def effect_candidates(refits: Refits, screen: Screen, before: Refit, workers: in
     chosen = [name for name in ranked if looks[name].gain > max(MIN_GAIN_SHARE * largest, 1.0)][:MOST_FITTED]
     chosen += [name for name in LIKE_NOMINAL if name in looks and name not in chosen]
     jobs = [start for name in chosen for start in screen.starts(name)]
+    alone = replace(refits, workers=1)  # one thread a candidate
 
     def first(start: EffectSettings) -> Refit:
-        return fitted(let_go(refits, start.name), before, start, screen.nominal_columns)
+        return fitted(let_go(alone, start.name), before, start, screen.nominal_columns)
 
     with ThreadPoolExecutor(max_workers=workers) as pool:
         done = list(pool.map(first, jobs))
@@ -165,7 +166,7 @@ def effect_candidates(refits: Refits, screen: Screen, before: Refit, workers: in
     names = ranked[:most] + [name for name in ranked[most:] if name in LIKE_NOMINAL]
 
     def last(name: str) -> Candidate:
-        own = let_go(refits, name)
+        own = let_go(alone, name)
         return Candidate(name, own, to_the_end(own, best[name]), looks[name].trials)
 
     with ThreadPoolExecutor(max_workers=workers) as pool:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sgms_observer.diagnosis.fit import Refit
-from sgms_observer.diagnosis.gap import residuals, rms
 from sgms_observer.effects.catalogue import effect
 
 if TYPE_CHECKING:
@@ -83,5 +82,5 @@ def changed_values(found: Diagnosis, fit: Refit, options: Options) -> tuple[Chan
 def _closed(found: Diagnosis) -> float:
     """Return the share of the closable gap that the changed values close on the recordings to judge on."""
     court = found.court
-    one, other = (rms(residuals(fit.model, court.judge)) for fit in (found.before, found.after))
+    one, other = (court.rms(fit.model) for fit in (found.before, found.after))
     return float(max(0.0, (one - other) / max(one - court.floor, 1e-300)))

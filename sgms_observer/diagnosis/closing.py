@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.evidence import blocks_of
-from sgms_observer.diagnosis.motion import HELD, later, motion_of
+from sgms_observer.diagnosis.motion import HELD, Motion, later, motion_of
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.recording import Recording
@@ -26,17 +27,27 @@ class Closing:
     Attributes:
         innovation: rms of measured minus predicted friction at the corrections [N].
         compensation: rms of what the feedforward leaves of effort minus mass times acceleration, below the band of
-            residuals, with the acceleration as it was and not as an observer knows it at the time [N].
-        blocks: what ``compensation`` is the rms of, in blocks of time [N].
+            residuals, with the acceleration as it was and not as an observer knows it at the time, while the
+            feedforward follows the motion and does not hold [N]; NaN where it never does.
+        blocks: what the feedforward along the measured motion leaves, always, in blocks of time [N].
+        share: share of the time in which the feedforward follows the motion.
+        has_reference: whether the feedforward of ``compensation`` goes along the recorded reference.
     """
 
     innovation: float
     compensation: float
     blocks: tuple[NDArray[np.float64], ...] = ()
+    share: float = 1.0
+    has_reference: bool = False
+
+    @property
+    def along(self) -> str:
+        """Return what the feedforward went along, in words."""
+        return "the recorded reference" if self.has_reference else "the measured motion"
 
 
 def closing(record: Recording, axis: AxisSettings, period: float, band: float) -> Closing:
-    """Run observer and compensation over a recording, along its measured motion.
+    """Run observer and compensation over a recording, along its measured motion, and its reference if it has one.
 
     Args:
         record: position and effort.
@@ -45,20 +56,49 @@ def closing(record: Recording, axis: AxisSettings, period: float, band: float) -
         band: upper corner of the judging band [Hz].
     """
     tuned = replace(axis.compensation, enabled=True, gain=1.0, limit=1.0e6, slew_limit=1.0e9, fade_std=1.0e6)
-    observer = AxisObserver(replace(axis, compensation=tuned), period)
+    axis = replace(axis, compensation=tuned)
     n = len(record.position)
     stamp = np.round(np.arange(n) * record.period * 1e9).astype(np.int64)
     nothing = np.full(n, np.nan)
-    estimates = observer.step(Samples(stamp, record.position, record.effort, nothing, nothing))
+    samples = Samples(stamp, record.position, record.effort, nothing, nothing)
+    observer = AxisObserver(axis, period)
+    estimates = observer.step(samples)
     good = np.arange(n) * record.period > SKIPPED
     innovation = estimates.innovation[good & np.isfinite(estimates.innovation)]
     motion = motion_of(record, HELD if axis.filter.effort_is_held else 0.0, band)
-    feedforward = later(np.nan_to_num(estimates.compensation), motion.lag)[:: motion.step]
-    mass = axis.mass + observer.effects.added_mass
-    left = motion.low_pass(motion.effort - mass * motion.acceleration - feedforward)
-    left = left[motion.thinned(motion.time) > SKIPPED]
-    blocks = tuple(blocks_of(left, motion.residual_period, BLOCK))
-    return Closing(float(np.sqrt(np.mean(innovation**2))), float(np.sqrt(np.mean(left**2))), blocks)
+    needed = motion.effort - (axis.mass + observer.effects.added_mass) * motion.acceleration
+    counted = motion.thinned(motion.time) > SKIPPED
+
+    def left_by(feedforward: NDArray[np.float64]) -> NDArray[np.float64]:
+        applied = later(np.nan_to_num(feedforward), motion.lag)[:: motion.step]
+        return motion.low_pass(needed - applied)[counted]
+
+    left = along_measured = left_by(estimates.compensation)
+    follows = moves(estimates.compensation, motion)[counted]
+    reference = record.whole_reference
+    if reference is not None:
+        along = AxisObserver(axis, period).step(replace(samples, reference_position=reference))
+        left, follows = left_by(along.compensation), moves(reference, motion)[counted]
+    return Closing(
+        innovation=float(np.sqrt(np.mean(innovation**2))),
+        compensation=float(np.sqrt(np.mean(left[follows] ** 2))) if np.any(follows) else math.nan,
+        blocks=tuple(blocks_of(along_measured, motion.residual_period, BLOCK)),
+        share=float(np.mean(follows)),
+        has_reference=reference is not None,
+    )
+
+
+def moves(values: NDArray[np.float64], motion: Motion) -> NDArray[np.bool_]:
+    """Return whether a signal of the recording changes at each residual.
+
+    Args:
+        values: at the samples of the recording, shape (n,).
+        motion: of the recording.
+    """
+    change = np.abs(np.diff(values, prepend=values[:1])) > 0.0
+    window = motion.step * motion.thinning
+    recent = np.convolve(change, np.ones(window), "full")[: len(change)] > 0.5
+    return motion.thinned(recent[:: motion.step])
 
 
 def can_look_ahead(axis: AxisSettings) -> bool:

@@ -35,6 +35,15 @@ FREE_FORM = {
 """Coordinates of the free-form term that an effect has to match; effects periodic in time have none."""
 
 
+def is_like_contact(name: str) -> bool:
+    """Return whether a contact law other than the file's may look like an effect.
+
+    Args:
+        name: of an effect.
+    """
+    return FREE_FORM.get(name) == CONTACT
+
+
 @njit
 def _history(direction: Floats, position: Floats, period: float, since: Floats, far: Floats, rest: Floats) -> None:
     """Write time and distance since the last reversal and the rest before this motion."""

@@ -18,12 +18,8 @@ class Criteria:
             together (Bonferroni).
         interval_z_score: half width of reported intervals in standard errors; 90 %, two-sided.
         min_closed_share: smallest share of the closable squared gap that an effect has to close to be worth a name.
-        min_contact_share: share of the closable squared gap from which an effect that a contact law may look like is
-            named although a change of the contact does as well: it alone explains three quarters of what there is.
         max_gap_over_noise: multiple of the noise from which a gap that nothing predicts makes the verdict
             ``cannot_tell`` instead of ``no_effect``: an order of magnitude.
-        min_returning: smallest agreement of an effect's strength in held-out recordings with that in the fit: an effect
-            belongs to the machine, so it comes back with its strength; what only fits one motion does not.
         max_unexplained: share of the rms effort above which the model is unusable: a third, as for identification.
         max_rate_share: highest frequency of an effect over the sample rate: below Nyquist with room for the filter.
         min_gap_over_floor: the gap counts as closable from this multiple of the floor (closure is null below).
@@ -35,9 +31,7 @@ class Criteria:
     min_z_score: float = 3.0
     interval_z_score: float = 1.645
     min_closed_share: float = 0.05
-    min_contact_share: float = 0.75
     max_gap_over_noise: float = 10.0
-    min_returning: float = 0.5
     max_unexplained: float = 1.0 / 3.0
     max_rate_share: float = 0.4
     min_gap_over_floor: float = 1.1

@@ -111,15 +111,19 @@ def held_out_residuals(model: Model, held: Judged, length: float) -> list[Floats
     return parts
 
 
-def force_residuals(model: Model, motions: Sequence[Motion], length: float) -> list[Floats]:
-    """Return the residual of each block, not whitened, as the gap counts it [N].
+def force_residuals(
+    model: Model, motions: Sequence[Motion], length: float, weights: Sequence[Floats] | None = None
+) -> list[Floats]:
+    """Return the residual of each block, not whitened [N].
 
     Args:
         model: what is judged.
         motions: the recordings.
         length: of a block [s].
+        weights: of the samples of each recording; all alike if None.
     """
     parts: list[Floats] = []
-    for motion in motions:
-        parts += blocks_of(motion.low_pass(predict(model, motion).residual), motion.residual_period, length)
+    for k, motion in enumerate(motions):
+        left = motion.low_pass(predict(model, motion).residual)
+        parts += blocks_of(left if weights is None else left * weights[k], motion.residual_period, length)
     return parts

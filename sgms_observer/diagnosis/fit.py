@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +29,7 @@ FREED_ELEMENTS = np.log(3.0)
 """The same of an element's stiffness and share: a factor of three."""
 STEP = 1.0e-4
 """Step of numerical derivatives, in units of the parameters."""
-UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,), "gravity": (2,)}
+UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,), "dwell_breakaway": (3,), "gravity": (2,)}
 """Parameters that are a unit of others, or follow from the joint, and are never fitted: (effect, indices)."""
 REFRESH = 3
 """Steps after which derivatives by the nominal parameters are computed anew."""
@@ -144,6 +145,7 @@ class Refit:
         jacobian: of residual and prior rows by (logs, free effect parameters), at the solution.
         scales: unit of each free effect parameter in ``jacobian``.
         free: index (effect, parameter) of each free effect parameter.
+        is_converged: whether the last step was too small to matter.
     """
 
     model: Model
@@ -154,6 +156,7 @@ class Refit:
     jacobian: Floats
     scales: Floats
     free: tuple[tuple[int, int], ...]
+    is_converged: bool = True
 
     def deviations(self) -> Floats:
         """Return the standard deviation of each free effect parameter, SI units."""
@@ -175,6 +178,7 @@ def refit(
     iterations: int = _MAX_ITERATIONS,
     nominal_columns: Floats | None = None,
     freedom: Freedom = Freedom(),
+    workers: int = 1,
 ) -> Refit:
     """Fit nominal parameters and effects by Levenberg-Marquardt with numerical derivatives.
 
@@ -189,6 +193,7 @@ def refit(
         nominal_columns: derivatives of the whitened residual by the nominal parameters, when they are known well
             enough: they hardly change while an effect is fitted.
         freedom: nominal parameters that may move beyond the tolerance.
+        workers: threads that share the derivatives.
 
     Returns:
         The best point found.
@@ -237,13 +242,19 @@ def refit(
     if nominal_columns is not None:
         jacobian[:, :n] = np.vstack([nominal_columns, np.diag(1.0 / widths)])
     units = np.concatenate([1.0 / widths, np.ones(len(free))])
-    age = 0
+
+    def derivative(k: int) -> Floats:
+        step = STEP if x[k] + STEP <= high[k] else -STEP
+        shifted = x.copy()
+        shifted[k] += step
+        return np.asarray((residual(shifted) - here) / step)
+
+    age, is_small = 0, False
     for _ in range(iterations):
-        for k in range(n if nominal_columns is not None or age > 0 else 0, len(x)):
-            step = STEP if x[k] + STEP <= high[k] else -STEP
-            shifted = x.copy()
-            shifted[k] += step
-            jacobian[:, k] = (residual(shifted) - here) / step
+        wanted = range(n if nominal_columns is not None or age > 0 else 0, len(x))
+        with ThreadPoolExecutor(max_workers=workers) as pool:
+            for k, column in zip(wanted, pool.map(derivative, wanted), strict=True):
+                jacobian[:, k] = column
         normal, gradient = jacobian.T @ jacobian, jacobian.T @ here
         improved = 0.0
         for _attempt in range(6):
@@ -267,7 +278,7 @@ def refit(
         age = 0 if is_small else (age + 1) % REFRESH
     model, moved = unpack(x)
     units = np.where(ratio, scales * np.exp(x[n:] * ratio), scales)
-    return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free)
+    return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free, is_small)
 
 
 def units(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
@@ -292,6 +303,7 @@ class Refits:
         tolerance: of its parameters.
         freedom: nominal parameters that may move beyond the tolerance.
         held: effects of the owner's file that keep their values.
+        workers: threads that share the derivatives of one fit.
     """
 
     judged: Judged
@@ -299,6 +311,7 @@ class Refits:
     tolerance: float
     freedom: Freedom = Freedom()
     held: frozenset[str] = frozenset()
+    workers: int = 1
 
     def of(
         self,
@@ -318,7 +331,9 @@ class Refits:
             columns: derivatives by the nominal parameters where they are known, see ``refit``.
         """
         still = [*(kept(effects) if fixed is None else fixed), *self.held_parameters(effects)]
-        return refit(self.judged, self.nominal, self.tolerance, effects, start, still, steps, columns, self.freedom)
+        return refit(
+            self.judged, self.nominal, self.tolerance, effects, start, still, steps, columns, self.freedom, self.workers
+        )
 
     def held_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
         """Return the parameters of effects that keep the values of the owner's file, (effect, parameter)."""

@@ -105,7 +105,19 @@ def interval(parts: Sequence[Floats], motions: Sequence[Motion], criteria: Crite
     return float(low), float(high)
 
 
-def noise_floor(motions: Sequence[Motion], model: Model, noise: Sequence[Noise], seed: int) -> float:
+def weighted(parts: Sequence[Floats], weights: Sequence[Floats]) -> tuple[Floats, ...]:
+    """Return residuals with what a sample tells as its weight: little where the contact sticks on a coarse encoder.
+
+    Args:
+        parts: residual of each motion [N].
+        weights: of each motion, as for the whitened residual.
+    """
+    return tuple(part * weight for part, weight in zip(parts, weights, strict=True))
+
+
+def noise_floor(
+    motions: Sequence[Motion], model: Model, noise: Sequence[Noise], seed: int, weights: Sequence[Floats] | None = None
+) -> float:
     """Return the rms residual that noise and the encoder's grid alone leave to a perfect model [N].
 
     Args:
@@ -113,14 +125,16 @@ def noise_floor(motions: Sequence[Motion], model: Model, noise: Sequence[Noise],
         model: any model of about the right friction.
         noise: of the recordings to learn from; the loudest counts.
         seed: of all chance.
+        weights: of the samples of each recording; all alike if None.
     """
     loudest = max(noise, key=lambda item: item.rms)
     parts = []
     for number in range(FLOOR_REPLICATES):
         rng = np.random.default_rng([seed, 79, number])
-        for motion in motions:
+        for k, motion in enumerate(motions):
             simulated = replicate_of(motion, model, loudest, rng)
-            parts.append(simulated.low_pass(predict(model, simulated).residual))
+            left = simulated.low_pass(predict(model, simulated).residual)
+            parts.append(left if weights is None else left * weights[k])
     return rms(parts)
 
 

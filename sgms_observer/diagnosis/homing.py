@@ -78,11 +78,11 @@ def unhomed(models: Sequence[Model], court: Court) -> list[str]:
         return []
     model, criteria = rippled[0], court.criteria
     said = []
-    for motion in court.judge:
-        here = motion.low_pass(predict(model, motion).residual)
+    for motion, weights in zip(court.judge, court.weights, strict=True):
+        here = weights * motion.low_pass(predict(model, motion).residual)
         place = place_of(model, motion)
         there = moved(motion, place)
-        after = there.low_pass(predict(model, there).residual)
+        after = weights * there.low_pass(predict(model, there).residual)
         blocks = [blocks_of(part, motion.residual_period, criteria.block) for part in (here, after)]
         gain = improvement(*blocks)
         closable = gain.before - court.floor**2 * len(here)

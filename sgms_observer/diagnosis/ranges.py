@@ -14,9 +14,7 @@ from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
 SHORTEST = 0.75
-"""Shortest distance of a memory, as a share of the contact's largest reach: less is the contact's own business."""
-SHORTEST_PLAY = 0.3
-"""Shortest play, as a share of the same: a wall is felt within a few micrometres, however long the contact's reach."""
+"""Shortest play or memory, as a share of the contact's largest slip deflection: less is part of the contact."""
 SHORTEST_STOP = 0.01
 """Shortest give of a wall, as a share of the same: less no recording tells."""
 WIDEST_STEP = 0.08
@@ -72,9 +70,7 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
         return SHORTEST * reach, max(3.0 * reach, CONTACT_SHARE * stroke)
     if parameter == "stop":  # softer is a missing element, not a wall
         return SHORTEST_STOP * nominal.reach, 0.5 * nominal.reach
-    if parameter == "gap":
-        return SHORTEST_PLAY * nominal.reach, np.inf
-    if parameter in ("memory_distance", "distance"):
+    if parameter in ("gap", "memory_distance", "distance"):
         return SHORTEST * nominal.reach, np.inf
     return -np.inf, np.inf
 

@@ -11,6 +11,7 @@ from typing import Any
 from sgms_observer.diagnosis.answer import Answer
 from sgms_observer.diagnosis.closing import Closing
 from sgms_observer.diagnosis.contact import SETTLE
+from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.effects import named_values
@@ -22,12 +23,15 @@ SCHEMA = 2
 UNIT = "% of rms effort"
 
 
-def result_of(answer: Answer, closings: Sequence[Closing], units: Units) -> dict[str, Any]:
+def result_of(
+    answer: Answer, closings: Sequence[Closing], tracking: PredictedTracking | None, units: Units
+) -> dict[str, Any]:
     """Return the content of result.json.
 
     Args:
         answer: the answer.
         closings: observer and compensation before and after.
+        tracking: predicted in closed loop; None where the loop does not stay finite.
         units: of the axis.
     """
     gap = answer.gap
@@ -88,7 +92,7 @@ def result_of(answer: Answer, closings: Sequence[Closing], units: Units) -> dict
             {
                 "of": test.of,
                 "name": test.name,
-                "value": test.value if math.isfinite(test.value) else None,
+                "value": finite_or_none(test.value),
                 "threshold": test.threshold,
                 "passed": test.passed,
             }
@@ -105,10 +109,13 @@ def result_of(answer: Answer, closings: Sequence[Closing], units: Units) -> dict
             for item in answer.located
         ],
         "feedforward": {
-            "not_cancelled_before": closings[0].compensation,
-            "not_cancelled_after": closings[1].compensation,
+            "not_cancelled_before": finite_or_none(closings[0].compensation),
+            "not_cancelled_after": finite_or_none(closings[1].compensation),
             "unit": f"{units.effort} rms",
+            "along": closings[1].along,
+            "share": closings[1].share,
         },
+        "tracking_predicted": None if tracking is None else tracking.as_dict(units),
         "detectable": answer.detectable,
         "next_experiment": answer.next_experiment,
         "notes": list(answer.diagnosis.notes),
@@ -174,6 +181,13 @@ def write_augmented(answer: Answer, settings: Settings, axis: str, out: Path) ->
     write_settings(settings, out / "augmented.yaml", {axis: changes_of(answer)}, {"": head})
 
 
-def write_result(answer: Answer, closings: Sequence[Closing], units: Units, out: Path) -> None:
+def finite_or_none(value: float) -> float | None:
+    """Return a number as JSON bears it."""
+    return value if math.isfinite(value) else None
+
+
+def write_result(
+    answer: Answer, closings: Sequence[Closing], tracking: PredictedTracking | None, units: Units, out: Path
+) -> None:
     """Write result.json; arguments as ``result_of``, and the folder."""
-    write_text(json.dumps(result_of(answer, closings, units), indent=1) + "\n", out / "result.json")
+    write_text(json.dumps(result_of(answer, closings, tracking, units), indent=1) + "\n", out / "result.json")

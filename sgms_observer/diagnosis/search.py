@@ -33,6 +33,10 @@ PITCH_STEP = 0.4
 """Step of spatial frequencies over that of one period more in the stroke: a start within the main lobe."""
 MOVING = 0.02
 """Slower than this share of the fast speed the stage counts as resting."""
+REST = 0.01
+"""Slower than this share of the Stribeck velocity the contact counts as resting: the level has changed by 1e-4."""
+FLICKER_TIME = 0.1
+"""An encoder that changes by one step in this time may be at rest [s]."""
 LOOK = 0.05  # strengths are tried at this share of the Coulomb force
 
 
@@ -111,6 +115,7 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
     length = max(float(motion.time[-1]) for motion in motions)
     travel = max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
     knee, reach = model.friction.stribeck_velocity, model.reach
+    rest = max(REST * knee, max(motion.resolution for motion in motions) / FLICKER_TIME)
     longest, period = max(3.0 * reach, CONTACT_SHARE * stroke), model.joint_period
     grid = np.geomspace
     match name:
@@ -176,7 +181,7 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
             return [scaled(name, (0,), (LOOK, s, w * travel)) for s in moments for w in (0.01, 0.05)]
         case "dwell_breakaway":
             return [
-                scaled(name, (0,), (LOOK, t, d))
+                scaled(name, (0,), (LOOK, t, d, rest))
                 for t in (0.05, 0.2, 0.8)
                 for d in grid(0.8 * reach, longest, 5)
             ]

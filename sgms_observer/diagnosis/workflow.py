@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import LAST_STEPS, MOST_COMPARED, Candidate, effect_candidates, to_the_end
-from sgms_observer.diagnosis.coordinates import CONTACT_EFFECTS
+from sgms_observer.diagnosis.contact_start import contact_start
+from sgms_observer.diagnosis.coordinates import is_like_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.decision import (
     CHANGED,
@@ -21,7 +22,7 @@ from sgms_observer.diagnosis.decision import (
 )
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
-from sgms_observer.diagnosis.gap import noise_floor, residuals, rms
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD, Motion, motion_of
@@ -133,9 +134,10 @@ class State:
         """
         judged = self.refits.judged
         judge = self.held or self.learn
-        floor = noise_floor(judge, self.current.model, judged.noise, options.seed)
         held = held_judged(self.held, judged, self.current.model)
-        gap = rms(residuals(first or self.current.model, judge))
+        weights = held.weights if self.held else judged.weights
+        floor = noise_floor(judge, self.current.model, judged.noise, options.seed, weights)
+        gap = rms(weighted(residuals(first or self.current.model, judge), weights))
         return Court(self.learn, judge, judged, held, floor, gap, options.criteria, options.seed)
 
 
@@ -229,14 +231,15 @@ def diagnose(
     report("refit of the file within its tolerance", 0.03)
     fine = nominal.refined()
     refits = Refits(
-        judged_with(learn, fine.with_effects(own)), fine, options.tolerance, held=frozenset(item.name for item in own)
-    )
+        judged_with(learn, fine.with_effects(own)), fine, options.tolerance,
+        held=frozenset(item.name for item in own), workers=options.workers,
+    )  # fmt: skip
     state = State(recordings, learn, held, refits, refits.of(own, None, STEPS))
     state = state.refitted(state.current, AGAIN).timed()
     state = state.refitted(state.current, AGAIN)
-    notes = list(audited.notes)
+    warnings = list(audited.warnings)
     if axis.filter.effort_is_held and state.recordings.lag < NOT_HELD:
-        notes.append("the effort is not held between samples: set filter.effort_is_held to false")
+        warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
     found = state
     rounds: tuple[Round, ...] = ()
     if not audited.is_poor:
@@ -246,8 +249,8 @@ def diagnose(
     before, after, after_refits = _as_written(found, state, nominal)
     court = state.court(options)
     return Diagnosis(
-        nominal, own, found, state, before, after, after_refits, tuple(rounds), court, audited.resolution, tuple(notes),
-        audited.warnings, audited.is_poor,
+        nominal, own, found, state, before, after, after_refits, tuple(rounds), court, audited.resolution,
+        audited.notes, tuple(warnings), audited.is_poor,
     )  # fmt: skip
 
 
@@ -282,7 +285,8 @@ def _search(
         rounds.append(
             Round(screen.looks, tuple(decisions), best, alternatives(best, decisions, options.criteria))
         )
-        state = replace(state, refits=replace(item.refits, judged=refits.judged), current=item.refit)
+        refits = replace(item.refits, judged=refits.judged, workers=options.workers)
+        state = replace(state, refits=refits, current=item.refit)
         state = state.refitted(state.current, STEPS).timed()
         names = [name for name in names if name != best.candidate.name]
         changed = [name for name in changed if name != best.candidate.name]
@@ -296,9 +300,9 @@ def _search(
 def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None:
     """Return the hypothesis to add: what predicts best of those that pass every test.
 
-    An effect that a contact law may look like is added only where it predicts surely better than every change of the
-    contact that passes, or explains most of what there is; else that change is added. Any other effect goes before a
-    change of the contact that moves more values and does not surely predict better.
+    No file has the contact exactly right. So an effect that a contact may look like waits until no change of the
+    contact passes any more: then it has to predict better than the changed contact does. Any other effect goes before
+    a change of the contact that moves more values and does not surely predict better.
 
     Args:
         decisions: the best predicting first.
@@ -308,17 +312,15 @@ def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None
     if not passed:
         return None
     best = passed[0]
-    if best.candidate.name in CONTACT_EFFECTS and best.share < criteria.min_contact_share:
-        for item in passed[1:]:
-            apart = improvement(item.evidence.all, best.evidence.all).z_score
-            if item.candidate.settings is None and apart < criteria.min_z_score:
-                return item
+    changes = [item for item in passed if item.candidate.settings is None]
+    if is_like_contact(best.candidate.name) and changes:
+        best = changes[0]
     if best.candidate.settings is None:
-        for item in passed[1:]:
+        for item in passed:
+            if item.candidate.settings is None or is_like_contact(item.candidate.name):
+                continue
             apart = improvement(item.evidence.all, best.evidence.all).z_score
-            is_simpler = item.candidate.parameter_count < best.candidate.parameter_count
-            is_own = item.candidate.name not in CONTACT_EFFECTS or item.share >= criteria.min_contact_share
-            if is_own and is_simpler and apart < criteria.min_z_score:
+            if item.candidate.parameter_count < best.candidate.parameter_count and apart < criteria.min_z_score:
                 return item
     return best
 
@@ -344,8 +346,8 @@ def changed_candidate(refits: Refits, current: Refit, name: str) -> Candidate:
     """
     free = changed_refits(refits, name)
     is_same = free.nominal.parameter_names() == refits.nominal.parameter_names() and not free.freedom.elements
-    found = free.of(current.effects, current.logs if is_same else None, LAST_STEPS)
-    return Candidate(name, free, found, 1)
+    start = current.logs if is_same else contact_start(free, current.effects)
+    return Candidate(name, free, free.of(current.effects, start, LAST_STEPS), 1)
 
 
 def _pruned(state: State, rounds: Sequence[Round], options: Options) -> tuple[State, tuple[Round, ...]]:

@@ -136,6 +136,8 @@ class Effect:
         inverse: formula of the command that lets a force arrive, or of the true position behind a measured one.
         added_mass: mass that it adds to the model's own, as a multiple of its first parameter [-].
         is_delay: whether it delays the effort by its first parameter [s].
+        question: what a report asks about it, parameters in braces (``Is there a {pitch} pitch?``); empty asks for it
+            by its name.
     """
 
     name: str
@@ -155,6 +157,7 @@ class Effect:
     inverse: Callable[..., Any] | None = None
     added_mass: float = 0.0
     is_delay: bool = False
+    question: str = ""
 
     def __post_init__(self) -> None:
         """Check names and formula arguments.
@@ -191,6 +194,14 @@ class Effect:
     def defaults(self) -> tuple[float, ...]:
         """Return the default values, as the formula's ``p`` has them."""
         return flat_values(self, {})
+
+    def asked(self, values: Mapping[str, str]) -> str:
+        """Return the question that a report asks about the effect.
+
+        Args:
+            values: its parameters by name, with their units.
+        """
+        return self.question.format(**values) if self.question else f"Is there {self.name.replace('_', ' ')}?"
 
     def parameter(self, name: str) -> EffectParameter:
         """Return one parameter.

@@ -37,6 +37,7 @@ FORCE_EFFECTS = (
         "Otten et al. 1997, Linear motor motion control using a learning feedforward controller, T. Mechatronics 2(3)",
         formula.cogging,
         coordinates=("position",),
+        question="Is there a {pitch} pitch?",
     ),
     Effect(
         "spring",
@@ -52,6 +53,7 @@ FORCE_EFFECTS = (
         "Tjahjowidodo et al. 2006, for cable chains; any text on servo axes",
         formula.spring,
         coordinates=("position",),
+        question="Is there a spring of {stiffness}?",
     ),
     Effect(
         "offset",
@@ -67,6 +69,7 @@ FORCE_EFFECTS = (
         ("asymmetric_coulomb", "gravity"),
         "Janot, Gautier, Brunot 2019, EMPS benchmark (offset of the amplifier)",
         formula.offset,
+        question="Is there a constant force of {force}?",
     ),
     Effect(
         "gravity",
@@ -108,6 +111,7 @@ FORCE_EFFECTS = (
         "Craig 2005, Introduction to Robotics, 3rd ed., section 6.7 (gravity terms)",
         formula.gravity,
         coordinates=("position",),
+        question="Does a weight act on the axis, {amplitude} at most?",
     ),
     Effect(
         "asymmetric_viscous",
@@ -130,6 +134,7 @@ FORCE_EFFECTS = (
         "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)",
         formula.asymmetric_viscous,
         coordinates=("velocity",),
+        question="Does viscous friction differ by direction?",
     ),
     Effect(
         "nonlinear_viscous",
@@ -148,6 +153,7 @@ FORCE_EFFECTS = (
         "Waiboer, Aarts, Jonker 2005 (shear-thinning grease); Bair 2007, High Pressure Rheology",
         formula.nonlinear_viscous,
         coordinates=("velocity",),
+        question="Is viscous friction curved over velocity?",
     ),
     Effect(
         "quadratic_drag",
@@ -164,6 +170,7 @@ FORCE_EFFECTS = (
         "Hoerner 1965, Fluid-Dynamic Drag",
         formula.quadratic_drag,
         coordinates=("velocity",),
+        question="Does a drag grow with the square of the velocity?",
     ),
     Effect(
         "eddy_current",
@@ -182,6 +189,7 @@ FORCE_EFFECTS = (
         "Kloss 1929; Wouterse 1991, Critical torque and speed of eddy current brake, IEE Proc. B 138(4)",
         formula.eddy_current,
         coordinates=("velocity",),
+        question="Is there an eddy-current brake, strongest at {peak_velocity}?",
     ),
     Effect(
         "periodic_disturbance",
@@ -197,6 +205,7 @@ FORCE_EFFECTS = (
         ("cogging",),
         "Bodson, Douglas 1997, Adaptive algorithms for the rejection of sinusoidal disturbances, Automatica 33(12)",
         formula.periodic_disturbance,
+        question="Is there a disturbance of {frequency}?",
     ),
     Effect(
         "cross_axis_coupling",
@@ -215,6 +224,7 @@ FORCE_EFFECTS = (
         ("periodic_disturbance",),
         "Altintas et al. 2011, Machine tool feed drives, CIRP Annals 60(2)",
         formula.cross_axis_coupling,
+        question="Does the other axis move this one?",
     ),
     Effect(
         "presliding",
@@ -234,6 +244,7 @@ FORCE_EFFECTS = (
         formula.presliding_next,
         (0.0, 0.0),
         coordinates=("distance since reversal", "direction"),
+        question="Is there presliding over {distance}?",
     ),
     Effect(
         "backlash",
@@ -260,6 +271,7 @@ FORCE_EFFECTS = (
         formula.backlash_next,
         (0.0,),
         coordinates=("distance since reversal", "direction"),
+        question="Is there backlash of {gap}?",
     ),
     Effect(
         "mass_error",
@@ -273,6 +285,7 @@ FORCE_EFFECTS = (
         formula.mass_error,
         added_mass=1.0,
         coordinates=("acceleration",),
+        question="Does the moving mass differ from the file by {mass}?",
     ),
     Effect(
         "flexible_mode",
@@ -295,5 +308,6 @@ FORCE_EFFECTS = (
         formula.flexible_mode_next,
         (0.0, 0.0),
         added_mass=-1.0,
+        question="Is there a resonance at {frequency}?",
     ),
 )

@@ -37,6 +37,7 @@ LEVEL_EFFECTS = (
         "Popovic, Goldenberg 1998, Modeling of friction using spectral analysis, IEEE T. Robotics and Automation 14(1)",
         formula.position_periodic_friction,
         coordinates=("position", "direction"),
+        question="Is there friction with a {pitch} pitch?",
     ),
     Effect(
         "position_dependent_friction",
@@ -61,6 +62,7 @@ LEVEL_EFFECTS = (
         "Huo, Poo 2013 (feed drives, friction over the stroke); Armstrong-Helouvry 1991",
         formula.position_dependent_friction,
         coordinates=("position", "direction"),
+        question="Is friction different around {center}?",
     ),
     Effect(
         "asymmetric_coulomb",
@@ -73,6 +75,7 @@ LEVEL_EFFECTS = (
         "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)",
         formula.asymmetric_coulomb,
         coordinates=("direction",),
+        question="Does sliding friction differ by direction?",
     ),
     Effect(
         "stribeck",
@@ -88,6 +91,7 @@ LEVEL_EFFECTS = (
         "Stribeck 1902; Bo, Pavelescu 1982, Wear 82(3)",
         formula.stribeck,
         coordinates=("velocity",),
+        question="Does friction differ from the file at velocities around {velocity}?",
     ),
     Effect(
         "load_dependent_friction",
@@ -104,6 +108,7 @@ LEVEL_EFFECTS = (
         "Waiboer, Aarts, Jonker 2005; Hamon et al. 2010 (load-dependent friction), IEEE/RSJ IROS",
         formula.load_dependent_friction,
         coordinates=("acceleration", "direction"),
+        question="Does friction grow with the acceleration?",
     ),
     Effect(
         "thermal_drift",
@@ -133,6 +138,7 @@ LEVEL_EFFECTS = (
         formula.thermal_drift_next,
         (0.0,),
         coordinates=("time", "direction"),
+        question="Does friction drift over some {time_constant}?",
     ),
     Effect(
         "wear_step",
@@ -155,6 +161,7 @@ LEVEL_EFFECTS = (
         formula.wear_step_next,
         (0.0,),
         coordinates=("time", "direction"),
+        question="Does friction change after a travel of {travel}?",
     ),
     Effect(
         "dwell_breakaway",
@@ -165,8 +172,11 @@ LEVEL_EFFECTS = (
             EffectParameter(
                 "memory_distance", "m", 1.0e-4, 1.0e-8, 1.0, "travel over which it is forgotten", acts_on="position"
             ),
+            EffectParameter(
+                "rest_velocity", "m/s", 1.0e-4, 1.0e-9, 1.0, "speed below which the contact rests", acts_on="velocity"
+            ),
         ),
-        "s -> s (1 + A x), dx/dt = (1 - x) / tau at rest, dx/dt = -|v| x / d in motion",
+        "s -> s (1 + A x), dx/dt = exp(-(v / v_0)^2) (1 - x) / tau - |v| x / d",
         "a peak at break-away that grows with the rest before it",
         "rests of several lengths before equal motions",
         ("stribeck", "presliding"),
@@ -175,6 +185,7 @@ LEVEL_EFFECTS = (
         formula.dwell_breakaway_next,
         (0.0,),
         coordinates=("dwell", "distance since reversal", "direction"),
+        question="Does break-away grow with rests of about {dwell_time}?",
     ),
     Effect(
         "frictional_lag",
@@ -208,5 +219,6 @@ LEVEL_EFFECTS = (
         formula.frictional_lag_next,
         (0.0, 0.0, 0.0),
         coordinates=("velocity", "acceleration"),
+        question="Does friction lag behind changes of speed?",
     ),
 )

@@ -19,6 +19,7 @@ PATH_EFFECTS = (
         "Gautier, Briot 2014, Global identification of joint drive gains, J. Dynamic Systems 136(5)",
         formula.actuator_gain,
         inverse=formula.actuator_gain_command,
+        question="Is the actuator's gain {gain}?",
     ),
     Effect(
         "actuator_saturation",
@@ -35,6 +36,7 @@ PATH_EFFECTS = (
         "Astrom, Hagglund 2006, Advanced PID Control",
         formula.actuator_saturation,
         inverse=formula.actuator_saturation_command,
+        question="Does the effort saturate at {limit}?",
     ),
     Effect(
         "actuator_dead_zone",
@@ -51,6 +53,7 @@ PATH_EFFECTS = (
         "Tao, Kokotovic 1994, Adaptive control of plants with unknown dead-zones, IEEE T. Automatic Control 39(1)",
         formula.actuator_dead_zone,
         inverse=formula.actuator_dead_zone_command,
+        question="Is there a dead zone of {width}?",
     ),
     Effect(
         "actuator_delay",
@@ -74,6 +77,7 @@ PATH_EFFECTS = (
         "Janot, Gautier, Brunot 2019, EMPS benchmark (command delay)",
         formula.actuator_delay,
         is_delay=True,
+        question="Does the effort arrive {delay} late?",
     ),
     Effect(
         "encoder_interpolation_error",
@@ -90,6 +94,7 @@ PATH_EFFECTS = (
         "Heydemann 1981, Determination and correction of quadrature fringe measurement errors, Applied Optics 20(19)",
         formula.encoder_interpolation_error,
         inverse=formula.encoder_interpolation_correction,
+        question="Is there an encoder error with a {pitch} pitch?",
     ),
     Effect(
         "quantisation",
@@ -112,5 +117,6 @@ PATH_EFFECTS = (
         ("encoder_interpolation_error",),
         "Widrow, Kollar 2008, Quantization Noise",
         formula.quantisation,
+        question="Do the positions lie on a grid of {resolution}?",
     ),
 )

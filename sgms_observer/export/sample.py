@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sgms_observer.compensation.feedforward import LOOK_AHEAD, STANDSTILL, _compensate
+from sgms_observer.compensation.feedforward import LOOK_AHEAD, SET_POINT_STANDSTILL, STANDSTILL, _compensate
 from sgms_observer.compensation.motion_ahead import (
     AHEAD_ACCELERATION,
     AHEAD_POSITION,
@@ -111,8 +111,8 @@ def observe_sample(
     result[STATUS] = _take_sample(estimator, row, row[row_of.EFFORT] - force[0], factor[0], result)
     _write_present(estimator, row, factor[0], result)
     look_ahead_block(
-        set_points, feedforward[LOOK_AHEAD], feedforward[STANDSTILL], motion, reference_position, reference_velocity,
-        ahead,
+        set_points, feedforward[LOOK_AHEAD], feedforward[STANDSTILL], feedforward[SET_POINT_STANDSTILL], motion,
+        reference_position, reference_velocity, ahead,
     )  # fmt: skip
     if has_effects:
         level = level_at(scalars, ahead[0, AHEAD_VELOCITY], 1.0)

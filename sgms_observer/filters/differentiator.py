@@ -15,6 +15,7 @@ from sgms_observer.observer.samples import Floats
 from sgms_observer.settings.observer import FilterSettings
 
 _KINDS = {"lowpass": layout.LOWPASS, "savgol": layout.SAVGOL, "kalman": layout.KALMAN}
+_PULSE = 1.0e-3  # of the step that counts as a jump
 _NOMINAL_WITHIN = 2.0e-9  # s: what rounding to nanoseconds does to a period; such stamps count as even
 
 
@@ -116,6 +117,26 @@ def effort_noise_gain(settings: FilterSettings, sample_period: float) -> float:
     effort = np.zeros(count)
     effort[ready + 1 + differentiator.delay_samples] = 1.0
     weights = differentiator.step(stamp_ns, np.zeros(count), effort).effort[ready:]
+    return float(np.sqrt(np.sum(weights * weights)))
+
+
+def velocity_noise_gain(settings: FilterSettings, sample_period: float) -> float:
+    """Return the standard deviation of the present velocity over that of white noise on the position [1/s].
+
+    It is the length of the filter's impulse response, ``sqrt(sum w_i^2)``.
+
+    Args:
+        settings: the filter.
+        sample_period: nominal time between two samples [s].
+    """
+    differentiator = Differentiator(settings, sample_period)
+    ready = int(differentiator.config[layout.READY_AFTER])
+    count = 4 * ready + 100
+    stamp_ns = np.round(np.arange(count) * sample_period * 1e9).astype(np.int64)
+    pulse = _PULSE * settings.jump_speed * sample_period
+    position = np.zeros(count)
+    position[ready + 1] = pulse
+    weights = differentiator.step(stamp_ns, position, np.zeros(count)).present_velocity[ready:] / pulse
     return float(np.sqrt(np.sum(weights * weights)))
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sgms_observer.fleet.jobs import Outcome
-from sgms_observer.report.page import Section, Table, write_page
+from sgms_observer.report.page import Page, Section, Table, write_page
 from sgms_observer.whole_file import write_text
 
 _NIS_HIGH = 5.0
@@ -40,7 +40,8 @@ def write_summary(title: str, outcomes: Sequence[Outcome], folder: Path, config:
     if faults:
         table = Table(("recording", "what is wrong"), faults, "Recordings that gave no result")
         sections.append(Section("Left out", [f"{len(faults)} of {len(outcomes)} recordings gave no result."], [table]))
-    return write_page(folder, title, verdict(outcomes), sections, f"With the parameters of {Path(config).name}.")
+    page = Page(title, verdict(outcomes), sections, f"With the parameters of {Path(config).name}.")
+    return write_page(page, folder)
 
 
 def verdict(outcomes: Sequence[Outcome]) -> str:

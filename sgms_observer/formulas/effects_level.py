@@ -5,9 +5,6 @@ Rules and names as in ``effects_force``; ``level`` is the model's own s(v) [N] b
 
 import math
 
-STILL_SPEED = 1.0e-4  # m/s; below it a contact counts as resting
-SOFT_ACCELERATION = 1.0e-2  # m/s^2; rounds the corner of |a|
-
 
 def position_periodic_friction(q, p):
     """Friction periodic in position: flips with the direction, unlike cogging [-]; p: share, pitch, phase."""
@@ -37,7 +34,7 @@ def stribeck(v, p):
 
 def load_dependent_friction(a, p):
     """Friction that rises with the transmitted inertial load [-]; p: coefficient [s^2/m]."""
-    return 1.0 + p[0] * (math.sqrt(a * a + SOFT_ACCELERATION * SOFT_ACCELERATION) - SOFT_ACCELERATION)
+    return 1.0 + p[0] * math.fabs(a)
 
 
 def thermal_drift(s, p):
@@ -70,8 +67,8 @@ def dwell_breakaway(s, p):
 
 
 def dwell_breakaway_next(v, h, s, p):
-    """Age the contact at rest, renew it over the memory distance in motion; p: share, dwell_time, memory_distance."""
-    stillness = math.exp(-(v / STILL_SPEED) * (v / STILL_SPEED))
+    """Age the contact at rest, renew it in motion; p: share, dwell_time, memory_distance, rest_velocity."""
+    stillness = math.exp(-(v / p[3]) * (v / p[3]))
     aged = 1.0 + (s[0] - 1.0) * math.exp(-stillness * h / p[1])
     return (aged * math.exp(-math.fabs(v) * h / p[2]),)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from sgms_observer.compensation.feedforward import Compensator
 from sgms_observer.compensation.motion_ahead import AHEAD_ACCELERATION, AHEAD_POSITION, AHEAD_VELOCITY
+from sgms_observer.compensation.standstill import standstill_velocity
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.estimators.estimator import Estimator
 from sgms_observer.estimators.interval import stribeck_level
@@ -83,7 +84,13 @@ class AxisObserver:
         self.effects = CompiledEffects(axis.effects, sample_period)
         self.differentiator = Differentiator(axis.filter, sample_period)
         self.estimator = Estimator(axis.estimator, axis.friction, axis.mass + self.effects.added_mass)
-        self.compensator = Compensator(axis.compensation, self.estimator.model, self.estimator.parameters, self.effects)
+        self.compensator = Compensator(
+            axis.compensation,
+            self.estimator.model,
+            self.estimator.parameters,
+            self.effects,
+            standstill_velocity(axis.filter, sample_period),
+        )
         self.deadline_misses = 0
         self._effects_state = self.effects.initial_state()
         self._ahead_state = self.effects.initial_state()

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from sgms_observer.errors import DataError
 from sgms_observer.observer.samples import Samples
-from sgms_observer.offline.encoder import encoder_step, position_noise
+from sgms_observer.offline.encoder import encoder_step, position_noise, white_noise, without_unit_rounding
 from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]
@@ -77,6 +77,12 @@ class Recording:
     def position_noise(self) -> float:
         """Standard deviation of the white part of the position: noise and the encoder's steps [m or rad]."""
         return position_noise(self.position, self.encoder_step)
+
+    @property
+    def whole_reference(self) -> Floats | None:
+        """Set-point at every sample [m or rad], or None where it is not known at every one."""
+        known = self.reference_position is not None and bool(np.all(np.isfinite(self.reference_position)))
+        return self.reference_position if known else None
 
     def with_more_noise(self, seed: int) -> Recording:
         """Return the recording with as much noise again on its position.
@@ -159,8 +165,20 @@ def read_recordings(
     for name, samples in BagSamples(path, wanted, sample_period, topics=topics):
         blocks[name].append(samples)
     label = Path(path).name
-    second = join_samples(blocks[other.name]) if other is not None else None
-    return recordings_from_samples(join_samples(blocks[axis.name]), label, sha256, second)
+    second = _without_unit_rounding(join_samples(blocks[other.name])) if other is not None else None
+    return recordings_from_samples(_without_unit_rounding(join_samples(blocks[axis.name])), label, sha256, second)
+
+
+def _without_unit_rounding(samples: Samples) -> Samples:
+    """Return samples that do not show in their last bits which unit the log was written in."""
+    finite = np.isfinite(samples.position) & np.isfinite(samples.effort)
+    noise = position_noise(samples.position[finite])
+    return replace(
+        samples,
+        position=without_unit_rounding(samples.position, noise),
+        effort=without_unit_rounding(samples.effort, white_noise(samples.effort[finite])),
+        reference_position=without_unit_rounding(samples.reference_position, noise),
+    )
 
 
 def recordings_from_samples(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from sgms_observer.observer.samples import Floats
@@ -18,7 +16,8 @@ from sgms_observer.paper.conditions import (
     simulate,
 )
 from sgms_observer.paper.estimate import Estimate, estimate
-from sgms_observer.whole_file import write_figure
+from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, TRUTH, sheet
+from sgms_observer.report.page import Picture
 from sim_plant.record import StageRecord
 
 SEED = 1
@@ -41,68 +40,59 @@ def onsets(record: StageRecord) -> tuple[float, float]:
     return reversal, float(sliding[0])
 
 
-def figure_five(folder: Path) -> None:
-    """Write Figure 5: position, velocity and friction over the sine."""
-    from matplotlib.figure import Figure
-
+def figure_five() -> Picture:
+    """Draw Figure 5: position, velocity and friction over the sine."""
     record = simulate(CHOSEN, 2, SEED)
-    figure = Figure(figsize=(7.0, 6.0), layout="constrained")
-    axes = figure.subplots(3, 1, sharex=True)
     signals = (
         ("position [µm]", record.position * 1e6),
         ("velocity [mm/s]", record.velocity * 1e3),
         ("friction [N]", record.friction),
     )
-    for axis, (label, values) in zip(axes, signals, strict=True):
-        axis.plot(record.time, values)
-        axis.set_ylabel(label)
-        axis.grid(alpha=0.3)
-    for onset in onsets(record):
-        axes[2].axvspan(onset - _BEFORE, onset + _AFTER / 2, alpha=0.2)
-    axes[0].set_title("Figure 5: sine of 200 µm at 5 Hz")
-    axes[2].set_xlabel("time [s]")
-    write_figure(figure, folder / "figure5.png", 150)
+    with sheet("figure5", "Figure 5: sine of 200 µm at 5 Hz.", rows=3, height=1.8, sharex=True) as drawn:
+        for axis, (label, values) in zip(drawn.axes, signals, strict=True):
+            axis.plot(record.time, values, color=MEASURED)
+            axis.set_ylabel(label)
+        for onset in onsets(record):
+            drawn.axes[2].axvspan(onset - _BEFORE, onset + _AFTER / 2, color=REFERENCE, alpha=0.3)
+        drawn.axes[2].set_xlabel("time [s]")
+    return drawn.picture
 
 
-def figures_six_and_seven(folder: Path) -> None:
-    """Write Figures 6 and 7: estimates with kappa 20 % low and high."""
-    for number, row in ((6, "minus20"), (7, "plus20")):
-        _zoom_figure(folder / f"figure{number}.png", number, row)
+def figures_six_and_seven() -> tuple[Picture, ...]:
+    """Draw Figures 6 and 7: estimates with kappa 20 % low and high."""
+    return tuple(_zoom_figure(number, row) for number, row in ((6, "minus20"), (7, "plus20")))
 
 
-def _zoom_figure(path: Path, number: int, row: str) -> None:
-    from matplotlib.figure import Figure
-
+def _zoom_figure(number: int, row: str) -> Picture:
     record = simulate(CHOSEN, 2, SEED)
     factor = ROWS[row]
     windows = onsets(record)
-    figure = Figure(figsize=(9.0, 6.5), layout="constrained")
-    axes = figure.subplots(2, 2)
-    for i, model in enumerate(MODELS):
-        friction = estimator_friction(model, factor)
-        estimates: dict[str, Estimate] = {
-            name: estimate(record, LOWPASS, estimator_settings(name), friction, CHOSEN.mass, factor)
-            for name in ("ekf_z", "mhe_zp")
-        }
-        curves: tuple[tuple[str, str, Floats], ...] = (
-            ("system", "b-", record.friction),
-            ("EKF(z)", "g--", estimates["ekf_z"].live),
-            ("MHE(z,p), live", "r:", estimates["mhe_zp"].live),
-            ("MHE(z,p), trajectory", "r-.", estimates["mhe_zp"].trajectory),
-        )
-        corrected = np.flatnonzero(np.isfinite(estimates["ekf_z"].results.innovation))
-        for j, onset in enumerate(windows):
-            axis = axes[i, j]
-            shown = (record.time >= onset - _BEFORE) & (record.time <= onset + _AFTER)
-            for label, style, values in curves:
-                axis.plot(record.time[shown] * 1e3, values[shown], style, label=label, linewidth=1.2)
-            at = corrected[shown[corrected]]
-            axis.plot(record.time[at] * 1e3, record.friction[at], "ko", markersize=3, fillstyle="none")
-            letter = "abcd"[2 * i + j]
-            axis.set_title(f"({letter}) {'GMS' if model == 'gms' else 'S-GMS'}, {('presliding', 'sliding')[j]}")
-            axis.set_xlabel("time [ms]")
-            axis.set_ylabel("friction [N]")
-            axis.grid(alpha=0.3)
-    axes[0, 0].legend(fontsize=8)
-    figure.suptitle(f"Figure {number}: kappa {100 * (factor - 1):+.0f} %")
-    write_figure(figure, path, 150)
+    caption = (
+        f"Figure {number}: kappa {100 * (factor - 1):+.0f} %; GMS (a, b) and S-GMS (c, d) in presliding (a, c) and"
+        " where full sliding begins (b, d). Circles: the stage at the corrections."
+    )
+    with sheet(f"figure{number}", caption, rows=4, height=2.1) as drawn:
+        for i, model in enumerate(MODELS):
+            friction = estimator_friction(model, factor)
+            estimates: dict[str, Estimate] = {
+                name: estimate(record, LOWPASS, estimator_settings(name), friction, CHOSEN.mass, factor)
+                for name in ("ekf_z", "mhe_zp")
+            }
+            curves: tuple[tuple[str, str, str, Floats], ...] = (
+                ("system", MEASURED, "-", record.friction),
+                ("EKF(z)", FORWARD, "--", estimates["ekf_z"].live),
+                ("MHE(z,p), live", ESTIMATE, ":", estimates["mhe_zp"].live),
+                ("MHE, trajectory", BACKWARD, "-.", estimates["mhe_zp"].trajectory),
+            )
+            corrected = np.flatnonzero(np.isfinite(estimates["ekf_z"].results.innovation))
+            for j, onset in enumerate(windows):
+                axis = drawn.axes[2 * i + j]
+                shown = (record.time >= onset - _BEFORE) & (record.time <= onset + _AFTER)
+                for label, colour, style, values in curves:
+                    named = label if i == j == 0 else None
+                    axis.plot(record.time[shown] * 1e3, values[shown], style, color=colour, label=named)
+                at = corrected[shown[corrected]]
+                axis.plot(record.time[at] * 1e3, record.friction[at], "o", color=TRUTH, markersize=3, fillstyle="none")
+                axis.set(xlabel="time [ms]", ylabel=f"({'abcd'[2 * i + j]}) friction [N]")
+        drawn.axes[0].legend(loc="lower center", bbox_to_anchor=(0.45, 1.0), ncols=2)
+    return drawn.picture

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,9 @@ from sgms_observer.friction.gms import gms_step
 from sgms_observer.friction.sgms import sgms_step
 from sgms_observer.jit import njit
 from sgms_observer.observer.samples import Floats
+from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, TRUTH, sheet
+from sgms_observer.report.page import Picture
 from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.whole_file import write_figure
 
 _N = 8
 EIGHT = FrictionSettings(
@@ -37,6 +37,8 @@ EIGHT = FrictionSettings(
 SLIP_DISTANCE = EIGHT.element_fraction[0] * EIGHT.static_force / EIGHT.element_stiffness[0]
 """All eight elements of the caption slip at this deflection [m]: nu_i / kappa_i is the same for each."""
 
+MOST_POINTS = 5_000
+"""Points of a line in a figure."""
 _STEP = 1.0e-4  # s
 _level: Any = njit(formulas.stribeck_level)
 
@@ -160,55 +162,49 @@ def lag(settings: FrictionSettings, is_gms: bool, has_reversals: bool) -> tuple[
     return velocity[last], friction[last]
 
 
-def figure_two(folder: Path) -> None:
-    """Write Figures 2 a-d."""
+def figure_two() -> tuple[Picture, ...]:
+    """Draw Figures 2 a-d."""
     panels: dict[str, tuple[str, str, str, Callable[[bool], tuple[Floats, Floats]], float]] = {
         "a": ("hysteresis with nonlocal memory", "position [nm]", "friction [N]", lambda g: hysteresis(EIGHT, g), 1e9),
         "b": ("no drift under a force below breakaway", "time [s]", "position [nm]", lambda g: drift(EIGHT, g), 1.0),
         "c": ("frictional lag", "velocity [µm/s]", "friction [N]", lambda g: lag(EIGHT, g, False), 1e6),
         "d": ("periodic motion with sliding", "velocity [µm/s]", "friction [N]", lambda g: lag(EIGHT, g, True), 1e6),
     }
+    pictures = []
     for name, (title, x_label, y_label, curve, x_scale) in panels.items():
-        figure, axis = _panel(f"Figure 2({name}): {title}", x_label, y_label)
-        for is_gms, label, style in ((True, "GMS", "-"), (False, "S-GMS", "--")):
-            x, y = curve(is_gms)
-            axis.plot(x * x_scale, y * (1e9 if name == "b" else 1.0), style, label=label)
-        _save(figure, axis, folder / f"figure2{name}.png")
+        with sheet(f"figure2{name}", f"Figure 2({name}): {title}.") as drawn:
+            axis = drawn.axes[0]
+            for is_gms, label, colour, style in ((True, "GMS", MEASURED, "-"), (False, "S-GMS", ESTIMATE, "--")):
+                x, y = curve(is_gms)
+                every = max(1, len(x) // MOST_POINTS)
+                y = y * (1e9 if name == "b" else 1.0)
+                axis.plot((x * x_scale)[::every], y[::every], style, color=colour, label=label)
+            axis.set(xlabel=x_label, ylabel=y_label)
+        pictures.append(drawn.picture)
+    return tuple(pictures)
 
 
-def figure_three(folder: Path) -> None:
-    """Write Figures 3 a-d: lambda, gamma and zeta at the closing of a minor loop, and where that lies."""
+def figure_three() -> tuple[Picture, ...]:
+    """Draw Figures 3 a-d: lambda, gamma and zeta at the closing of a minor loop, and where that lies."""
     variants: dict[str, tuple[str, list[tuple[str, dict[str, Any]]]]] = {
-        "a": ("lambda", [(f"lambda = {x:g}", {"smoothing_lambda": x}) for x in (1000.0, 100.0, 30.0)]),
-        "b": ("gamma", [(f"gamma = {x:g}", {"smoothing_gamma": x}) for x in (10.0, 1.0, 0.3)]),
-        "c": ("zeta", [(f"zeta = {x:g}", {"smoothing_zeta": x}) for x in (0.99, 0.95, 0.9)]),
+        "a": ("lambda", [(f"{x:g}", {"smoothing_lambda": x}) for x in (1000.0, 100.0, 30.0)]),
+        "b": ("gamma", [(f"{x:g}", {"smoothing_gamma": x}) for x in (10.0, 1.0, 0.3)]),
+        "c": ("zeta", [(f"{x:g}", {"smoothing_zeta": x}) for x in (0.99, 0.95, 0.9)]),
         "d": ("the whole loop", [("S-GMS", {})]),
     }
     position, gms = hysteresis(EIGHT, True)
     top = float(np.max(position))
+    pictures = []
     for name, (title, entries) in variants.items():
-        figure, axis = _panel(f"Figure 3({name}): {title}", "position [nm]", "friction [N]")
-        axis.plot(position * 1e9, gms, "k-", label="GMS", linewidth=1.0)
-        for label, change in entries:
-            axis.plot(position * 1e9, hysteresis(replace(EIGHT, **change), False)[1], "--", label=label)
-        if name != "d":
-            axis.set_xlim(0.1 * top * 1e9, 1.02 * top * 1e9)
-            axis.set_ylim(0.5 * float(np.max(gms)), 1.06 * float(np.max(gms)))
-        _save(figure, axis, folder / f"figure3{name}.png")
-
-
-def _panel(title: str, x_label: str, y_label: str) -> tuple[Any, Any]:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(5.0, 3.6), layout="constrained")
-    axis = figure.subplots()
-    axis.set_title(title)
-    axis.set_xlabel(x_label)
-    axis.set_ylabel(y_label)
-    axis.grid(alpha=0.3)
-    return figure, axis
-
-
-def _save(figure: Any, axis: Any, path: Path) -> None:
-    axis.legend()
-    write_figure(figure, path, 150)
+        with sheet(f"figure3{name}", f"Figure 3({name}): {title}.") as drawn:
+            axis = drawn.axes[0]
+            axis.plot(position * 1e9, gms, color=TRUTH, label="GMS", linewidth=1.0)
+            for (label, change), colour in zip(entries, (ESTIMATE, FORWARD, BACKWARD), strict=False):
+                smooth = hysteresis(replace(EIGHT, **change), False)[1]
+                axis.plot(position * 1e9, smooth, "--", color=colour, label=label)
+            if name != "d":
+                axis.set_xlim(0.1 * top * 1e9, 1.02 * top * 1e9)
+                axis.set_ylim(0.5 * float(np.max(gms)), 1.06 * float(np.max(gms)))
+            axis.set(xlabel="position [nm]", ylabel="friction [N]")
+        pictures.append(drawn.picture)
+    return tuple(pictures)

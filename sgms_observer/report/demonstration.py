@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +16,18 @@ from numpy.typing import NDArray
 from sgms_observer.bags.reader import BagSamples, read_joint_states
 from sgms_observer.errors import DataError
 from sgms_observer.observer.axis_observer import AxisObserver
+from sgms_observer.report.demonstration_result import axis_result, change, headline, result_of
 from sgms_observer.report.lateness import RECOVERY, Lateness, judge_lateness
-from sgms_observer.report.page import Section, Table, write_page
-from sgms_observer.report.run_pictures import Run, run_pictures
+from sgms_observer.report.page import Page, Section, Table, write_page
+from sgms_observer.report.run_pictures import Run, run_pictures, tracking_picture
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.units import Units
+from sgms_observer.whole_file import write_text
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+RESULT = "result.json"
 _SETTLE = 1.0  # s at the start of each half that count for nothing
 _SHOWN = 0.4  # s in the pictures
 
@@ -61,14 +66,16 @@ class Presentation:
     Attributes:
         lines: for the terminal.
         page: the report.
+        result: content of result.json.
     """
 
     lines: list[str]
     page: Path
+    result: dict[str, Any]
 
 
 def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Presentation:
-    """Evaluate the recording and write the report.
+    """Evaluate the recording and write the report and result.json.
 
     Args:
         bag: the recording of both nodes.
@@ -83,6 +90,7 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
     lines: list[str] = []
     sections: list[Section] = []
     verdicts: list[str] = []
+    results: dict[str, dict[str, Any]] = {}
     for axis in settings.axes:
         run, stamps = _run_of(bag, axis)
         switched = (switched_ns - int(stamps[0])) * 1e-9
@@ -91,19 +99,18 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
         with_it = _half(run, way, switched + _SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
         lines += _lines(axis, without, with_it, same, compared)
-        verdicts.append(
-            f"axis {axis.name}: friction known to {100 * without.friction_share:.2f} % of its range, tracking error"
-            f" {_times(without.tracking_rms, with_it.tracking_rms)} with compensation"
-        )
+        verdicts.append(headline(axis.name, without, with_it, axis.units))
+        results[axis.name] = axis_result(without, with_it, same, compared)
         sections += _sections(axis, run, switched, without, with_it, same, compared)
-    page = write_page(
-        out,
+    page = Page(
         "Friction observer on a simulated stage",
-        "; ".join(verdicts) + ".",
+        ". ".join(verdict[0].upper() + verdict[1:] for verdict in verdicts) + ".",
         sections,
         f"From {bag.name}, recorded from stage_node and observer_node on the ROS graph.",
     )
-    return Presentation(lines, page)
+    result = result_of(results)
+    write_text(json.dumps(result, indent=1) + "\n", out / RESULT)
+    return Presentation([*verdicts, *lines], write_page(page, out), result)
 
 
 def _run_of(bag: Path, axis: AxisSettings) -> tuple[Run, Ints]:
@@ -188,13 +195,6 @@ def _replayed(bag: Path, settings: Settings, axis: str) -> tuple[int, int]:
     return sum(replayed.get(stamp) == friction for stamp, friction in live), len(stamps)
 
 
-def _times(before: float, after: float) -> str:
-    """Return how an error changed, in words."""
-    if after <= before:
-        return f"{before / after:.1f} times smaller"
-    return f"{after / before:.1f} times larger"
-
-
 def _on_the_way(without: Half, with_it: Half, units: Units) -> str:
     """Return what late compensations did, as far as the recording tells."""
     readable = _readable(without, with_it, units)
@@ -207,8 +207,8 @@ def _on_the_way(without: Half, with_it: Half, units: Units) -> str:
         return f"{late}, and never for {RECOVERY:g} s none: this machine is too busy for this rate"
     return (
         f"{late}; apart from these and {1e3 * RECOVERY:.0f} ms after each: {readable(with_it.clear_rms)} rms,"
-        f" {readable(with_it.clear_peak)} peak, {_times(without.tracking_rms, with_it.clear_rms)} and"
-        f" {_times(without.tracking_peak, with_it.clear_peak)}"
+        f" {readable(with_it.clear_peak)} peak: rms {change(without.tracking_rms, with_it.clear_rms)},"
+        f" peak {change(without.tracking_peak, with_it.clear_peak)}"
     )
 
 
@@ -228,8 +228,8 @@ def _lines(axis: AxisSettings, without: Half, with_it: Half, same: int, compared
         f"  tracking error      {readable(without.tracking_rms)} rms, {readable(without.tracking_peak)} peak"
         " without compensation",
         f"                      {readable(with_it.tracking_rms)} rms, {readable(with_it.tracking_peak)} peak"
-        f" with it: {_times(without.tracking_rms, with_it.tracking_rms)} and"
-        f" {_times(without.tracking_peak, with_it.tracking_peak)}",
+        f" with it: rms {change(without.tracking_rms, with_it.tracking_rms)},"
+        f" peak {change(without.tracking_peak, with_it.tracking_peak)}",
         f"  replay of the bag   {same} of {compared} live estimates again to the last bit",
         f"  on the way          {_on_the_way(without, with_it, axis.units)}",
     ]
@@ -262,10 +262,11 @@ def _sections(
         f"Replaying the recording gives {same} of {compared} live estimates again to the last bit.",
     )
     end = float(run.time[-1])
+    lead = tracking_picture(run, (switched - _SHOWN, switched), (end - _SHOWN, end), f"{name}_tracking")
     before = run_pictures(run, (max(0.0, switched - _SHOWN), switched), f"{name}_without_")
     after = run_pictures(run, (max(switched, end - _SHOWN), end), f"{name}_with_")
     return (
-        Section(f"Axis {name}: the numbers", text, (table,)),
+        Section(f"Axis {name}: tracking without and with compensation", text, (table,), (lead,)),
         Section(f"Axis {name}: without compensation", pictures=before),
         Section(f"Axis {name}: with compensation", pictures=after),
     )

@@ -1,8 +1,10 @@
-"""How every picture of a report is made: one style, PNG bytes, no screen needed."""
+"""How every picture of a report is made: one style, SVG in the page's own colours, no screen needed."""
 
 from __future__ import annotations
 
+import html
 import io
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,21 +18,33 @@ from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sgms_observer.report.colours import COLOURS, light
 from sgms_observer.report.page import Picture
 
-TRUTH, ESTIMATE, MEASURED, REFERENCE = "#1c2430", "#d1495b", "#0b6e99", "#8a94a3"
+TRUTH, ESTIMATE, MEASURED, REFERENCE = light("ink"), light("estimate"), light("measured"), light("reference")
+FORWARD, BACKWARD = light("forward"), light("backward")
+_WIDTH = 4.6  # inch: two pictures side by side on a desk, and letters of 9 px at least on a telephone
+_PNG_DPI = 160
 _STYLE: dict[Any, Any] = {
-    "figure.dpi": 110,
+    "figure.dpi": 100,
     "font.size": 9.5,
+    "text.color": light("ink"),
+    "axes.edgecolor": light("soft"),
+    "axes.labelcolor": light("ink"),
+    "xtick.color": light("ink"),
+    "ytick.color": light("ink"),
     "axes.grid": True,
-    "grid.color": "#e3e7ec",
+    "grid.color": light("line"),
     "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
     "axes.spines.top": False,
     "axes.spines.right": False,
+    "axes.titlesize": 9.5,
     "lines.linewidth": 1.2,
     "legend.frameon": False,
-    "axes.titlesize": 10,
+    "legend.fontsize": 9.0,
     "agg.path.chunksize": 20000,
+    "svg.fonttype": "none",
 }
 
 
@@ -40,34 +54,65 @@ class Sheet:
 
     figure: Figure
     axes: list[Axes]
-    picture: Picture | None = None
+    drawn: Picture | None = None
+
+    @property
+    def picture(self) -> Picture:
+        """Return the picture of a sheet whose block has ended."""
+        if self.drawn is None:
+            raise RuntimeError("the sheet is still being drawn")
+        return self.drawn
 
 
 @contextmanager
 def sheet(
-    name: str, caption: str, rows: int = 1, columns: int = 1, height: float = 3.2, **share: Any
+    name: str, caption: str, rows: int = 1, columns: int = 1, height: float = 3.0, **share: Any
 ) -> Iterator[Sheet]:
     """Draw a picture.
 
     Args:
         name: short name.
         caption: what it shows, in one sentence.
-        rows: rows of axes.
-        columns: columns of axes.
+        rows: axes, one above the other.
+        columns: axes beside each other; in a report one, or they could not be read on a telephone.
         height: of one row [inch].
         share: ``sharex`` and the like, for matplotlib.
 
     Yields:
-        The sheet to draw on; afterwards its ``picture`` holds the PNG.
+        The sheet to draw on; afterwards its ``picture`` holds SVG and PNG.
     """
-    with pyplot.rc_context(_STYLE):
-        figure, grid = pyplot.subplots(rows, columns, figsize=(9.0, height * rows), squeeze=False, **share)
+    with pyplot.rc_context({**_STYLE, "svg.hashsalt": name}):
+        figure, grid = pyplot.subplots(rows, columns, figsize=(_WIDTH * columns, height * rows), squeeze=False, **share)
         drawn = Sheet(figure, list(grid.ravel()))
         try:
             yield drawn
-            figure.tight_layout()
-            buffer = io.BytesIO()
-            figure.savefig(buffer, format="png")
-            drawn.picture = Picture(name, caption, buffer.getvalue())
+            for axes in drawn.axes:
+                handles, labels = axes.get_legend_handles_labels()
+                if len(labels) > 1 and axes.get_legend() is None:
+                    axes.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2,
+                                ncols=min(4, len(labels)), handlelength=1.4, columnspacing=1.0)  # fmt: skip
+            figure.tight_layout(pad=0.5)
+            png, svg = io.BytesIO(), io.StringIO()
+            figure.savefig(png, format="png", dpi=_PNG_DPI)
+            figure.savefig(svg, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+            drawn.drawn = Picture(name, caption, _of_the_page(svg.getvalue(), name, caption), png.getvalue())
         finally:
             pyplot.close(figure)
+
+
+def _of_the_page(svg: str, name: str, caption: str) -> str:
+    """Return a drawing as a page carries it: described, in the page's colours, its names apart from other drawings'."""
+    own = re.sub(r"\W", "_", name)
+    svg = svg[svg.index("<svg") :].strip()
+    size = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
+    width, height = size.groups() if size else ("100", "60")
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" viewBox="0 0 {width}'
+        f' {height}" role="img" aria-label="{html.escape(caption)}">'
+    )
+    body = svg[svg.index(">") + 1 :]
+    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
+    body = re.sub(r'\bid="', f'id="{own}-', body)
+    body = re.sub(r'(url\(|href=")#', rf"\1#{own}-", body)
+    names = {pair[0]: colour for colour, pair in COLOURS.items()}
+    return head + re.sub("|".join(names), lambda found: f"var(--{names[found[0]]})", body)

@@ -1,17 +1,26 @@
-"""A report as one self-contained HTML page: sections of text, tables and pictures, everything escaped."""
+"""A report as one self-contained HTML page: verdict, warnings, answers, sections; everything escaped."""
 
 from __future__ import annotations
 
 import base64
+import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 
 from sgms_observer import __version__
+from sgms_observer.report.colours import COLOURS
 from sgms_observer.whole_file import write_bytes
+
+GOOD, UNSURE, BAD = "good", "unsure", "bad"
+"""States of an answer, as green, amber and red lights show them."""
+_FOLDER = Path(__file__).parent
 
 
 @dataclass(frozen=True)
@@ -21,17 +30,31 @@ class Picture:
     Args:
         name: short name, also of the PNG beside the page.
         caption: what it shows, in one sentence.
-        png: the file's bytes.
+        svg: the drawing as the page carries it: text is text, and colours are those of the page.
+        png: the same on white, for the file beside the page.
     """
 
     name: str
     caption: str
+    svg: str
     png: bytes
 
-    @property
-    def data(self) -> str:
-        """Return the bytes as the page carries them."""
-        return base64.b64encode(self.png).decode("ascii")
+
+@dataclass(frozen=True)
+class Plot:
+    """A plot over time that zooms.
+
+    Args:
+        name: short name.
+        caption: what it shows, in one sentence.
+        content: series and panels, as the page's script reads them.
+        still: the whole of it as a picture, for paper and where no script runs.
+    """
+
+    name: str
+    caption: str
+    content: Mapping[str, Any]
+    still: Picture
 
 
 @dataclass(frozen=True)
@@ -42,11 +65,30 @@ class Table:
         header: titles of the columns.
         rows: one sequence per row, as long as the header.
         caption: what it shows, in one sentence.
+        is_folded: whether the page shows the caption alone until a reader opens it.
     """
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str = ""
+    is_folded: bool = False
+
+
+@dataclass(frozen=True)
+class Light:
+    """A question with its answer, shown as a traffic light.
+
+    Args:
+        topic: what it is about: data, convergence, believability.
+        question: in plain words.
+        state: ``GOOD``, ``UNSURE`` or ``BAD``.
+        answer: one sentence or two, with the numbers that decide.
+    """
+
+    topic: str
+    question: str
+    state: str
+    answer: str
 
 
 @dataclass(frozen=True)
@@ -56,46 +98,93 @@ class Section:
     Args:
         title: its heading.
         text: paragraphs.
-        tables: shown after the text.
-        pictures: shown after the tables.
+        tables: shown last.
+        pictures: shown after the plots.
+        plots: shown after the text.
+        is_folded: whether the page shows the heading alone until a reader opens it.
     """
 
     title: str
     text: Sequence[str] = ()
     tables: Sequence[Table] = ()
     pictures: Sequence[Picture] = field(default_factory=tuple)
+    plots: Sequence[Plot] = ()
+    is_folded: bool = False
 
 
-def render_page(title: str, verdict: str, sections: Sequence[Section], provenance: str = "") -> str:
-    """Return the page.
+@dataclass(frozen=True)
+class Page:
+    """What a report says.
 
     Args:
         title: heading of the page.
         verdict: the result in one sentence.
         sections: its parts.
         provenance: where the numbers come from, in the footer.
+        warnings: sentences that start with ``Warning:``; they stand above everything but the verdict.
+        lights: questions with their answers; those of one topic stand together.
+    """
+
+    title: str
+    verdict: str
+    sections: Sequence[Section]
+    provenance: str = ""
+    warnings: Sequence[str] = ()
+    lights: Sequence[Light] = ()
+
+    @property
+    def topics(self) -> list[str]:
+        """Return the topics of the lights, each once."""
+        return list(dict.fromkeys(light.topic for light in self.lights))
+
+    @cached_property
+    def plots(self) -> list[Plot]:
+        """Return the plots of all sections."""
+        return [plot for section in self.sections for plot in section.plots]
+
+    @property
+    def pictures(self) -> list[Picture]:
+        """Return every picture of the page."""
+        listed = [picture for section in self.sections for picture in section.pictures]
+        return [*listed, *(plot.still for plot in self.plots)]
+
+
+def render_page(page: Page) -> str:
+    """Return a page as HTML; it needs no other file and no network.
+
+    Args:
+        page: what it says.
     """
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
+        loader=FileSystemLoader(_FOLDER),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    scripts, styles = [], [_own("page.css")]
+    if page.plots:
+        scripts = [_own("uplot/uPlot.iife.min.js"), _own("plot.js")]
+        styles.insert(0, _own("uplot/uPlot.min.css"))
     return environment.get_template("page.html").render(
-        title=title, verdict=verdict, sections=sections, provenance=provenance, version=__version__
+        page=page,
+        colours=COLOURS,
+        styles=[Markup(style) for style in styles],
+        scripts=[Markup(script) for script in scripts],
+        hashes=[_hash(script) for script in scripts],
+        drawn=_drawn,
+        words={GOOD: "Yes.", UNSURE: "Not sure.", BAD: "No."},
+        signs={GOOD: "\N{CHECK MARK}", UNSURE: "?", BAD: "\N{MULTIPLICATION X}"},
+        version=__version__,
     )
 
 
-def write_page(folder: Path, title: str, verdict: str, sections: Sequence[Section], provenance: str = "") -> Path:
+def write_page(page: Page, folder: Path) -> Path:
     """Write ``report.html`` and its pictures as PNG files, each whole or not at all.
 
     Args:
+        page: what it says.
         folder: where to; made if it is missing.
-        title: heading of the page.
-        verdict: the result in one sentence.
-        sections: its parts.
-        provenance: where the numbers come from, in the footer.
 
     Returns:
         Path of the page.
@@ -103,9 +192,23 @@ def write_page(folder: Path, title: str, verdict: str, sections: Sequence[Sectio
     Raises:
         RecordingError: the folder cannot be written.
     """
-    page = folder / "report.html"
-    for section in sections:
-        for picture in section.pictures:
-            write_bytes(picture.png, folder / f"{re.sub(r'[^A-Za-z0-9_.-]', '_', picture.name)}.png")
-    write_bytes(render_page(title, verdict, sections, provenance).encode(), page)
-    return page
+    for picture in page.pictures:
+        write_bytes(picture.png, folder / f"{re.sub(r'[^A-Za-z0-9_.-]', '_', picture.name)}.png")
+    path = folder / "report.html"
+    write_bytes(render_page(page).encode(), path)
+    return path
+
+
+def _own(name: str) -> str:
+    """Return a file of this package that goes into the page, without the last line's end."""
+    return (_FOLDER / name).read_text(encoding="utf-8").strip()
+
+
+def _hash(script: str) -> str:
+    """Return what the page's policy names a script by: no other script may run, whatever a bag or a file says."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+
+
+def _drawn(picture: Picture) -> Markup:
+    """Return a picture as the page carries it; matplotlib has escaped its text."""
+    return Markup(picture.svg)

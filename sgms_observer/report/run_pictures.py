@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, Sheet, sheet
+from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, sheet
 from sgms_observer.report.page import Picture
 from sgms_observer.settings.units import Units
 
@@ -94,6 +94,27 @@ def run_pictures(run: Run, window: tuple[float, float], name: str = "") -> tuple
     )
 
 
+def tracking_picture(run: Run, before: tuple[float, float], after: tuple[float, float], name: str) -> Picture:
+    """Draw the tracking error without and with compensation, on one scale.
+
+    Args:
+        run: the whole run.
+        before: part without compensation [s].
+        after: part with compensation [s].
+        name: of the picture.
+    """
+    caption = "Tracking error without compensation, then with it, on one scale."
+    parts = [run.between(*window) for window in (before, after)]
+    errors = [part.position - part.reference for part in parts]
+    factor, unit = _readable(np.concatenate(errors), run.units)
+    with sheet(name, caption, rows=2, height=1.9, sharey=True) as drawn:
+        for axes, part, error, word in zip(drawn.axes, parts, errors, ("without", "with"), strict=True):
+            _line(axes, part.time, factor * error, MEASURED)
+            axes.set(ylabel=f"tracking error [{unit}]", title=f"{word} compensation")
+        drawn.axes[1].set_xlabel("time [s]")
+    return drawn.picture
+
+
 def _motion(run: Run, name: str) -> Picture:
     caption = "Position with its set-point, tracking error and estimated velocity."
     factor, unit = _readable(run.position, run.units)
@@ -108,8 +129,7 @@ def _motion(run: Run, name: str) -> Picture:
         middle.set_ylabel(f"tracking error [{error_unit}]")
         _line(bottom, run.time, speed_factor * run.velocity, ESTIMATE, "estimated")
         bottom.set(xlabel="time [s]", ylabel=f"velocity [{speed_unit}]")
-        _legends(drawn)
-    return _finished(drawn)
+    return drawn.picture
 
 
 def _friction(run: Run, name: str) -> Picture:
@@ -124,8 +144,7 @@ def _friction(run: Run, name: str) -> Picture:
         width = 2.0 * run.friction_std
         bottom.fill_between(run.time, -width, width, color=ESTIMATE, alpha=0.15, linewidth=0, label="two sigma")
         bottom.set(xlabel="time [s]", ylabel=f"error [{run.units.effort}]")
-        _legends(drawn)
-    return _finished(drawn)
+    return drawn.picture
 
 
 def _maps(run: Run, name: str) -> Picture:
@@ -134,15 +153,13 @@ def _maps(run: Run, name: str) -> Picture:
     speed_factor, speed_unit = _readable(run.velocity, run.units, "m/s")
     abscissas = (speed_factor * run.velocity, factor * run.position)
     labels = (f"velocity [{speed_unit}]", f"position [{unit}]")
-    with sheet(f"{name}hysteresis", caption, columns=2, height=3.6, sharey=True) as drawn:
+    with sheet(f"{name}hysteresis", caption, rows=2, height=2.8, sharey=True) as drawn:
         for axes, abscissa, label in zip(drawn.axes, abscissas, labels, strict=True):
             if run.has_truth:
                 _line(axes, abscissa, run.truth, TRUTH, "truth")
             _line(axes, abscissa, run.friction, ESTIMATE, "estimate", alpha=0.8)
-            axes.set_xlabel(label)
-        drawn.axes[0].set_ylabel(f"friction [{run.units.effort}]")
-        _legends(drawn)
-    return _finished(drawn)
+            axes.set(xlabel=label, ylabel=f"friction [{run.units.effort}]")
+    return drawn.picture
 
 
 def _zoom(run: Run, reversal: float, name: str) -> Picture:
@@ -152,8 +169,7 @@ def _zoom(run: Run, reversal: float, name: str) -> Picture:
         _band(axes, run)
         axes.axvline(reversal, color=REFERENCE, linewidth=0.8)
         axes.set(xlabel="time [s]", ylabel=f"friction [{run.units.effort}]")
-        _legends(drawn)
-    return _finished(drawn)
+    return drawn.picture
 
 
 def _readable(values: Floats, units: Units, unit: str = "m") -> tuple[float, str]:
@@ -178,17 +194,3 @@ def _line(axes: Axes, x: Floats, y: Floats, color: str, label: str | None = None
     if np.isfinite(y).any():
         every = max(1, len(x) // _MOST_POINTS)
         axes.plot(x[::every], y[::every], color=color, label=label, **style)  # type: ignore[arg-type]
-
-
-def _legends(drawn: Sheet) -> None:
-    """Show a legend wherever there is something to tell apart."""
-    for axes in drawn.axes:
-        if len(axes.get_legend_handles_labels()[1]) > 1:
-            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=4, fontsize=8.5)
-
-
-def _finished(drawn: Sheet) -> Picture:
-    """Return the picture of a sheet whose block has ended."""
-    if drawn.picture is None:
-        raise RuntimeError("the sheet is still being drawn")
-    return drawn.picture

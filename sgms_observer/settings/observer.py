@@ -24,7 +24,12 @@ class FilterSettings:
     cutoff: float = setting(500.0, "cut-off of the low-pass", "Hz", above=0.0)
     window: float = setting(3.0e-3, "length of the polynomial's window", "s", above=0.0)
     degree: int = setting(3, "degree of the polynomial", minimum=2, maximum=6)
-    position_noise: float = setting(5.0e-9, "standard deviation of the position measurement", "m", above=0.0)
+    position_noise: float = setting(
+        5.0e-9,
+        "standard deviation of the position measurement, the encoder's steps (step / sqrt 12) included",
+        "m",
+        above=0.0,
+    )
     jerk_density: float = setting(
         1.0, "spectral density of the jerk for the kalman filter", "m/s^3/sqrt(Hz)", above=0.0
     )
@@ -102,8 +107,9 @@ class CompensationSettings:
         0.0, "delay from measurement to actuation that the prediction bridges", "s", minimum=0.0, maximum=0.1
     )
     standstill_velocity: float = setting(
-        2.0e-5,
-        "reference speed below which the stage is meant to stand still and the compensation holds",
+        0.0,
+        "speed up to which a motion may be noise and does not move the compensation; 0 derives it: for a reference"
+        " none, without one from position_noise and the filter",
         "m/s",
         minimum=0.0,
     )

@@ -14,6 +14,7 @@ from sgms_observer.cli.main import main
 from sgms_observer.observer.block_pairing import Messages, push_block
 from sgms_observer.observer.pairing import Pairing
 from sgms_observer.offline.recording import read_recordings
+from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.units import UNSCALED, Scales
 
@@ -191,3 +192,20 @@ def test_identification_in_degrees_is_that_in_radians(tmp_path: Path, model: str
     assert scaled.friction.viscous_coefficient == pytest.approx(si.friction.viscous_coefficient, rel=1e-4)
     assert scaled.friction.coulomb_force == pytest.approx(si.friction.coulomb_force, rel=1e-4)
     assert scaled.effects[0].values[0] == pytest.approx(si.effects[0].values[0], rel=1e-3)
+
+
+def test_the_same_positions_in_degrees_are_the_same_recording_to_the_last_bit(tmp_path: Path) -> None:
+    generator = np.random.default_rng(8)
+    step = 2.0 * np.pi / 2**20
+    angle = np.round(0.3 * np.sin(2e-3 * np.arange(4000)) / step) * step
+    torque = generator.normal(0.0, 2.0, 4000)
+    stamp = START_NS + 1_000_000 * np.arange(4000, dtype=np.int64)
+    for name, values in (("radians", angle), ("degrees", np.rad2deg(angle))):
+        with BagWriter(tmp_path / name) as writer:
+            writer.write_joint_states("position", stamp, ["elbow"], position=values)
+            writer.write_joint_states("control_effort", stamp, ["elbow"], effort=torque)
+    (first,) = read_recordings(tmp_path / "radians", AxisSettings(name="elbow"))
+    (second,) = read_recordings(tmp_path / "degrees", AxisSettings(name="elbow", position_scale=np.pi / 180.0))
+    assert not np.array_equal(angle, np.deg2rad(np.rad2deg(angle)))
+    np.testing.assert_array_equal(second.position, first.position)
+    np.testing.assert_allclose(first.position, angle, rtol=0.0, atol=0.01 * step)

@@ -26,7 +26,7 @@ def _ahead(position: Floats, velocity: Floats, look_ahead: float, period: float 
     motion = np.zeros((len(position), LEAD))
     motion[:, ELAPSED] = period
     out = np.empty((len(position), AHEAD_WIDTH))
-    look_ahead_block(np.zeros(MEMORY_SIZE), look_ahead, 2e-5, motion, position, velocity, out)
+    look_ahead_block(np.zeros(MEMORY_SIZE), look_ahead, 2e-5, 0.0, motion, position, velocity, out)
     return out
 
 
@@ -65,7 +65,7 @@ def test_without_a_reference_a_resting_axis_is_met_where_it_is() -> None:
     motion[:, ELAPSED], motion[:, PRESENT_POSITION], motion[:, PRESENT_VELOCITY] = PERIOD, 0.3, (1e-6, 1e-2, -1e-2)
     out = np.empty((3, AHEAD_WIDTH))
     missing = np.full(3, np.nan)
-    look_ahead_block(np.zeros(MEMORY_SIZE), 1e-2, 2e-5, motion, missing, missing, out)
+    look_ahead_block(np.zeros(MEMORY_SIZE), 1e-2, 2e-5, 0.0, motion, missing, missing, out)
     assert out[:, AHEAD_POSITION].tolist() == pytest.approx([0.3, 0.3001, 0.2999], abs=1e-12)
 
 

@@ -1,13 +1,17 @@
 """``sgms diagnose`` from bags to files: a blind case, its truth opened only at the end."""
 
 import json
+import math
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from browser import Browser
 from looks import check_report
 from workflow_case import AXIS, record
 
+from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.cli.main import main
 from sgms_observer.diagnosis.answer import answer_of
 from sgms_observer.diagnosis.workflow import Options, diagnose
@@ -62,8 +66,74 @@ def test_report_is_self_contained(case: tuple[CasePaths, Path]) -> None:
     assert 'src="http' not in page and 'href="http' not in page
 
 
+def test_report_asks_for_the_pitch_that_was_found(case: tuple[CasePaths, Path]) -> None:
+    page = (case[1] / "report.html").read_text()
+    item = json.loads((case[1] / "result.json").read_text())["effects"][0]
+    pitch = f"{1e3 * item['parameters']['pitch']:#.3g}".rstrip(".")
+    found = re.search(rf'<li class="(\w+)"><span class="lamp"[^>]*>.</span><span class="question">Is there a {pitch} mm pitch'
+                      r"\?</span> <strong>([^<]+)</strong> ([^<]+)</li>", page)  # fmt: skip
+    assert found is not None
+    assert found[1] == ("unsure" if item["alternatives"] else "good")
+    assert f"Confidence {item['confidence']:.2f}." in found[3]
+    assert f"from {item['gap_before']:.3g} to {item['gap_after']:.3g} %" in found[3]
+
+
+def test_report_shows_what_it_is_made_for(case: tuple[CasePaths, Path]) -> None:
+    page = (case[1] / "report.html").read_text()
+    for label in (
+        "gap [% of rms effort]", "file as given", "with cogging", "residual [N]", "position [mm]", "effect, forward",
+        "measured force [N]", "modelled force [N]", "friction [N]", "velocity [mm/s]", "tracking error [um]",
+    ):  # fmt: skip
+        assert f">{label}<" in page, label
+    folded = page[page.index("<details") :]
+    assert "Round 1: hypotheses fitted fully" in folded and "First look" in folded
+    gap = json.loads((case[1] / "result.json").read_text())["gap"]
+    assert f"rows, fit {100.0 - gap['after']:.1f} %" in page
+
+
 def test_report_reads_well_in_a_browser(case: tuple[CasePaths, Path], browser: Browser) -> None:
-    check_report(browser, case[1] / "report.html", 3)
+    check_report(browser, case[1] / "report.html", 8)
+
+
+def test_residual_log_holds_what_the_gap_is_made_of(case: tuple[CasePaths, Path]) -> None:
+    """Measured = modelled + residual at the stamps of the recording, and their rms give the gap of result.json."""
+    paths, out = case
+    log = out / "residual.mcap"
+    gap = json.loads((out / "result.json").read_text())["gap"]
+    squares = dict.fromkeys(("measured", "residual_before", "residual"), 0.0)
+    count = 0
+    for bag in paths.holdouts:
+        effort = {}
+        for topic in (*squares, "modelled_before", "modelled", "effects"):
+            states = read_joint_states(log, f"{bag.name}/{topic}")
+            assert states.names == (["cogging"] if topic == "effects" else ["x"])
+            effort[topic] = states.effort[:, 0]
+        assert effort["modelled"] + effort["residual"] == pytest.approx(effort["measured"])
+        assert effort["modelled_before"] + effort["residual_before"] == pytest.approx(effort["measured"])
+        measured = read_joint_states(log, f"{bag.name}/measured")
+        recorded = read_joint_states(bag, "position")
+        near = np.searchsorted(recorded.stamp_ns, measured.stamp_ns)
+        assert np.abs(recorded.stamp_ns[near] - measured.stamp_ns).max() < 1_000
+        assert np.abs(recorded.position[near, 0] - measured.position[:, 0]).max() < 1e-5
+        for topic in squares:
+            squares[topic] += float(effort[topic] @ effort[topic])
+        count += effort["measured"].size
+    assert count > 1_000
+    share = {topic: 100.0 * math.sqrt(square / squares["measured"]) for topic, square in squares.items()}
+    assert share["residual"] == pytest.approx(gap["after"])
+    assert share["residual_before"] == pytest.approx(gap["before"])
+
+
+def test_effort_of_the_effect_in_the_log_is_that_of_its_parameters(case: tuple[CasePaths, Path]) -> None:
+    paths, out = case
+    found = json.loads((out / "result.json").read_text())["effects"][0]["parameters"]
+    above = paths.holdouts[0].name
+    position = read_joint_states(out / "residual.mcap", f"{above}/measured").position[:, 0]
+    effort = read_joint_states(out / "residual.mcap", f"{above}/effects").effort[:, 0]
+    angle = 2.0 * np.pi * position / found["pitch"]
+    force = found["amplitude"] * np.sin(angle + found["phase"])
+    force += found["second_amplitude"] * np.sin(2.0 * angle + found["second_phase"])
+    assert np.sqrt(np.mean((effort - force) ** 2)) < 0.02 * abs(found["amplitude"])
 
 
 def verdict_of(learn: Recording) -> str:

@@ -59,7 +59,7 @@ def check(answer: Answer, learn: Recording) -> None:
         answer: of a diagnosis.
         learn: the recording it learnt from.
     """
-    result = result_of(answer, (Closing(1.0, 1.0), Closing(1.0, 1.0)), AXIS.units)
+    result = result_of(answer, (Closing(1.0, 1.0), Closing(1.0, 1.0)), None, AXIS.units)
     json.loads(json.dumps(result, allow_nan=False))  # numbers that every reader of JSON knows
     gap = answer.gap
     named = [item for item in answer.effects if item.settings.name != "quantisation"]

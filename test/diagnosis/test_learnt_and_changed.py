@@ -141,7 +141,7 @@ def test_a_coulomb_force_that_moved_is_listed_with_its_old_and_new_value() -> No
     assert moved.before == 5.6
     assert moved.after == pytest.approx(4.0, rel=0.05)
     assert moved.closes > 0.5
-    result = result_of(answer, (Closing(1.0, 1.0), Closing(1.0, 1.0)), AXIS.units)
+    result = result_of(answer, (Closing(1.0, 1.0), Closing(1.0, 1.0)), None, AXIS.units)
     (entry,) = [item for item in result["changed"] if item["name"] == "friction.coulomb_force"]
     assert set(entry) == {"name", "from", "to", "std_error", "closes"} and entry["std_error"] > 0.0
 

@@ -7,7 +7,7 @@ import numpy as np
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.decision import Court, held_judged
 from sgms_observer.diagnosis.fit import judged_with
-from sgms_observer.diagnosis.gap import noise_floor, residuals, rms
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.offline.recording import Recording
@@ -77,6 +77,8 @@ def court_of(learn: Sequence[Motion], truth: Model, held: Sequence[Motion] = (),
     """
     judged = judged_with(learn, truth)
     judge = tuple(held) or tuple(learn)
-    lowest = noise_floor(judge, truth, judged.noise, 1) if floor is None else floor
-    first = rms(residuals(Model.of(AXIS), judge))
-    return Court(tuple(learn), judge, judged, held_judged(held, judged, truth), lowest, first, Criteria(), 1)
+    unseen = held_judged(held, judged, truth)
+    weights = unseen.weights if held else judged.weights
+    lowest = noise_floor(judge, truth, judged.noise, 1, weights) if floor is None else floor
+    first = rms(weighted(residuals(Model.of(AXIS), judge), weights))
+    return Court(tuple(learn), judge, judged, unseen, lowest, first, Criteria(), 1)

@@ -20,6 +20,7 @@ from sgms_observer.diagnosis.gap import Gap
 from sgms_observer.diagnosis.learnt import Learnt
 from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.result import result_of
+from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
 from sgms_observer.effects.learnt_map import LearntMap
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.units import Units
@@ -31,9 +32,11 @@ PATHS = [*(ROOT / "sgms_observer" / "diagnosis").glob("*.py"), ROOT / "sgms_obse
 SOURCE = "\n".join(path.read_text(encoding="utf-8") for path in PATHS)
 ROWS = re.findall(r"^\| ([^|]+) \| [^|]+ \| (`\w+`|-) \| ([\d.]+) \|$", PAGE, re.MULTILINE)
 NATURAL = {
+    "gap as reported, over the gap before": 1.0,
+    "delay over sample period": 0.5,
     "parameters at the end of their range": 0.0,
     "gap as reported, as a share of the effort": 1.0,
-    "friction not cancelled by the feedforward: z-score of its fall": 0.0,
+    "friction not cancelled by the feedforward: z-score of its growth": 3.0,
 }
 """Thresholds that nobody could choose otherwise."""
 BY_PARAMETER = {"effects.parameters", "effects.std_error", "detectable"}
@@ -70,7 +73,10 @@ def test_every_key_of_result_json_is_in_the_glossary_and_no_other() -> None:
     section = GLOSSARY.partition("## Keys of result.json")[2]
     explained = re.findall(r"^\| `([\w.]+)` \| \S.*\. \| .+ \|$", section, re.MULTILINE)
     assert len(explained) == len(set(explained))
-    assert set(explained) == keys_of(result_of(full_answer(), (Closing(1.0, 2.0), Closing(0.5, 1.0)), Units()))
+    error = TrackingError(1.0e-6, 2.0e-6)
+    tracking = PredictedTracking(error, error, error, error, 10.0)
+    result = result_of(full_answer(), (Closing(1.0, 2.0), Closing(0.5, 1.0)), tracking, Units())
+    assert set(explained) == keys_of(result)
 
 
 @pytest.mark.parametrize("field", [field.name for field in fields(Criteria)])

@@ -24,7 +24,7 @@ VALUES = {
     "load_dependent_friction": (0.1,),
     "thermal_drift": (-0.3, 5.0, 0.6, 0.03),
     "wear_step": (0.2, 0.1, 0.02),
-    "dwell_breakaway": (0.4, 0.3, 5.0e-5),
+    "dwell_breakaway": (0.4, 0.3, 5.0e-5, 1.0e-4),
     "frictional_lag": (60.0, 2.0e-5),
     "backlash": (1.0e-5, 0.5, 3.0e-5),
     "actuator_gain": (1.1,),

@@ -39,10 +39,10 @@ PAGE = LIMITED.format(
 from pathlib import Path
 from sgms_observer.cli.main import _fail
 from sgms_observer.errors import SgmsError
-from sgms_observer.report.page import Picture, Section, write_page
+from sgms_observer.report.page import Page, Picture, Section, write_page
 try:
-    picture = Picture("large", "a picture", b"x" * 400_000)
-    write_page(Path(sys.argv[1]), "title", "verdict", [Section("part", pictures=[picture])])
+    picture = Picture("large", "a picture", "<svg></svg>", b"x" * 400_000)
+    write_page(Page("title", "verdict", [Section("part", pictures=[picture])]), Path(sys.argv[1]))
 except SgmsError as error:
     sys.exit(_fail(str(error)))
 """

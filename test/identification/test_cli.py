@@ -15,9 +15,10 @@ from sgms_observer.cli.main import main
 from sgms_observer.identification.answer import bag_hash
 from sgms_observer.identification.identify import IdentifyOptions, identify
 from sgms_observer.identification.least_squares import fit_inverse_model
-from sgms_observer.identification.report import sliding_rows, stribeck_points
+from sgms_observer.identification.report import sliding_rows
 from sgms_observer.identification.trace import least_squares_traces, traces_of, unexplained_share
 from sgms_observer.offline.recording import read_recordings
+from sgms_observer.report.friction_pictures import stribeck_points
 from sgms_observer.settings.load import load_settings
 
 PERIOD = 1.0e-3
@@ -129,7 +130,10 @@ def test_a_report_lies_beside_the_parameter_file(
     for word in ("modelled force", "on held-out", "over velocity", "over position"):
         assert word in captions
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "force [N]" not in page and "rms residual [N]" in page  # axes of pictures are in the pictures
+    for label in ("force [N]", "residual [N]", "friction [N]", "position [mm]", "velocity [mm/s]", "rms residual [N]"):
+        assert label in page
+    for question in ("Did the fit converge?", "Do the recordings show all parameters?", "May the model be used as it is?"):
+        assert question in page
     assert f"{100.0 * (1.0 - result['axes']['x']['held_out']):.1f} % on held-out recordings" in page
     assert "95 % interval" in page and "Warning: x." in page
     assert list(tmp_path.glob("*.png")) == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -108,13 +109,40 @@ def test_the_demonstration(demonstration: tuple[Path, str]) -> None:
     in_time, late = "every compensation came in time", r"[\d.e-]+ % of the samples got a compensation late"
     assert re.search(rf"on the way +({in_time}|{late})", said)
     page = (out / "report.html").read_text()
-    assert page.count("data:image/png;base64") == 8 and "<script" not in page
-    assert len(list(out.glob("*.png"))) == 8
+    assert page.count("<svg") == 9 and "<script" not in page
+    assert len(list(out.glob("*.png"))) == 9
     assert (out / "bag" / "metadata.yaml").exists()
 
 
+def test_the_demonstration_writes_its_figures(demonstration: tuple[Path, str]) -> None:
+    """result.json has the keys that other programs read, and the headline says the same."""
+    out, said = demonstration
+    result = json.loads((out / "result.json").read_text())
+    assert result.keys() == {"schema", "axes"} and result["schema"] == 1 and result["axes"].keys() == {"x"}
+    found = result["axes"]["x"]
+    assert found.keys() == {
+        "friction_rms", "friction_nrmse", "tracking", "late_share", "replay_equal", "replay_total",
+    }  # fmt: skip
+    assert found["tracking"].keys() == {"rms_before", "rms_after", "peak_before", "peak_after"}
+    assert 0.0 < found["friction_nrmse"] < 0.03 and found["friction_rms"] > 0.0
+    assert found["replay_equal"] == found["replay_total"] > 5000
+    assert 0.0 <= found["late_share"] <= 1.0
+    headline = re.search(r"^axis x: friction estimated to ([\d.]+) % .*rms ([\d.]+)x (\w+).*peak ([\d.]+)x (\w+)"
+                         r".*; ([\d.e-]+) % of the compensation messages came late$", said, re.MULTILINE)  # fmt: skip
+    assert headline is not None, said
+    share, rms, rms_way, peak, peak_way, late = headline.groups()
+    tracking = found["tracking"]
+    assert float(share) == pytest.approx(100.0 * found["friction_nrmse"], abs=0.006)
+    assert float(late) == pytest.approx(100.0 * found["late_share"], rel=0.01)
+    for times, way, kind in ((rms, rms_way, "rms"), (peak, peak_way, "peak")):
+        ratio = tracking[f"{kind}_before"] / tracking[f"{kind}_after"]
+        assert (way == "smaller") == (ratio >= 1.0)
+        assert float(times) == pytest.approx(max(ratio, 1.0 / ratio), abs=0.06)
+    assert headline.group(0)[1:] in (out / "report.html").read_text()
+
+
 def test_report_of_the_demonstration_reads_well(demonstration: tuple[Path, str], browser: Browser) -> None:
-    check_report(browser, demonstration[0] / "report.html", 8)
+    check_report(browser, demonstration[0] / "report.html", 9)
 
 
 def test_a_demonstration_that_is_killed_leaves_no_node_behind(tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ CASES = {
     "load_dependent_friction": Case((0.3,)),
     "thermal_drift": Case((-0.4, 0.5, 0.6, 0.03)),
     "wear_step": Case((0.4, 0.02, 0.005)),
-    "dwell_breakaway": Case((0.8, 0.1, 1e-3), MOVES),
+    "dwell_breakaway": Case((0.8, 0.1, 1e-3, 1e-4), MOVES),
     "frictional_lag": Case((20.0, 2e-5), SLOW),
     "learnt_map": Case(MAPS[0].settings().values),
     "learnt_map_2": Case(MAPS[1].settings().values),

@@ -1,0 +1,59 @@
+"""Start values of a contact that the file does not know: how much of it slips at each deflection."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from sgms_observer.diagnosis.fit import Refits, limits
+from sgms_observer.diagnosis.model import COULOMB, STATIC, VISCOUS, predict
+from sgms_observer.settings.axis import EffectSettings
+
+Floats = NDArray[np.float64]
+
+
+def contact_start(refits: Refits, effects: Sequence[EffectSettings]) -> Floats:
+    """Return logarithms of the nominal parameters that fit the shares of the elements to the recordings.
+
+    With given slip deflections the friction is linear in the shares: each element alone gives a column, and bounded
+    least squares has one solution. Viscous friction is fitted with them.
+
+    Args:
+        refits: to the recordings; the nominal model has the elements.
+        effects: that act beside the contact.
+
+    Source: Al-Bender, Lampaert, Swevers 2005, IEEE Trans. Automatic Control 50(11) (elements in parallel).
+    """
+    judged, nominal = refits.judged, refits.nominal
+    friction, names = nominal.friction, nominal.parameter_names()
+    reach = limits(nominal, refits.tolerance, refits.freedom)
+    shares = np.array(friction.element_fraction)
+    first = len(names) - len(shares)
+    columns, target = [], np.zeros(0)
+    for kappa, share in zip(friction.element_stiffness, shares, strict=True):
+        alone = replace(
+            friction, element_stiffness=(kappa / share,), element_fraction=(1.0,), element_damping=(0.0,)
+        )
+        predicted = [
+            predict(replace(nominal, friction=alone).with_effects(effects), motion) for motion in judged.motions
+        ]
+        column = judged.whitened([one.friction for one in predicted])
+        columns.append(column)
+        target = judged.whitened([one.residual for one in predicted]) + column
+    viscous = judged.whitened([friction.viscous_coefficient * motion.velocity for motion in judged.motions])
+    low = np.append(shares * np.exp(-reach[first:]), np.expm1(-reach[VISCOUS]))
+    high = np.append(shares * np.exp(reach[first:]), np.expm1(reach[VISCOUS]))
+    high = np.maximum(high, low + 1e-9)
+    found = lsq_linear(np.column_stack([*columns, viscous]), target, bounds=(low, high)).x
+    total = float(np.sum(found[:-1]))
+    logs = np.zeros(len(names))
+    logs[VISCOUS] = np.log1p(found[-1])
+    logs[COULOMB] = logs[STATIC] = np.log(total)
+    ratio = found[:-1] / total / shares
+    logs[first - len(shares) : first] = np.log(ratio)  # stiffness follows the share: the deflection stays
+    logs[first:] = np.log(ratio)
+    return np.asarray(np.clip(logs, -reach, reach), dtype=np.float64)

@@ -1,0 +1,218 @@
+"""The questions that a reader asks first, answered from the run: data, convergence, believability."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sgms_observer.diagnosis.advice import Named
+from sgms_observer.diagnosis.answer import Answer
+from sgms_observer.diagnosis.audit import MIN_REVERSALS, reversals_of, travel_of
+from sgms_observer.diagnosis.closing import Closing
+from sgms_observer.diagnosis.criteria import Test
+from sgms_observer.diagnosis.decision import AT_END
+from sgms_observer.diagnosis.fit import Refit, limits
+from sgms_observer.diagnosis.report_tables import NINETY
+from sgms_observer.diagnosis.workflow import Options
+from sgms_observer.effects.catalogue import effect
+from sgms_observer.report.page import BAD, GOOD, UNSURE, Light
+from sgms_observer.settings.units import Units
+
+DATA, CONVERGENCE, BELIEVABILITY = "Data", "Convergence", "Believability"
+
+
+def questions_of(answer: Answer, closings: Sequence[Closing], options: Options, units: Units) -> tuple[Light, ...]:
+    """Return the questions with their answers.
+
+    Args:
+        answer: of the diagnosis.
+        closings: observer and compensation before and after.
+        options: as it was run.
+        units: of the axis.
+    """
+    return (
+        _motion(answer, units),
+        _held_out(answer),
+        _fits(answer),
+        _tolerance(answer, options),
+        _explained(answer),
+        *(_effect(item, answer, units) for item in answer.effects),
+        *_changed(answer),
+        _rest(answer),
+        _feedforward(answer, closings, units),
+    )
+
+
+def _test(answer: Answer, name: str) -> Test | None:
+    """Return a test of the whole model, or None where it was not made."""
+    return next((test for test in answer.tests if test.of == "model" and test.name.startswith(name)), None)
+
+
+def _motion(answer: Answer, units: Units) -> Light:
+    """Ask whether the recordings show friction at all."""
+    found = answer.diagnosis
+    motions = found.state.learn
+    seconds = sum(float(motion.time[-1]) for motion in motions)
+    travel = units.readable(sum(map(travel_of, motions)))
+    reversals = sum(map(reversals_of, motions))
+    facts = f"{seconds:.3g} s with {travel} of travel and {reversals} reversals (at least {MIN_REVERSALS} are needed)."
+    if found.is_poor:
+        facts += "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in found.warnings)
+    return Light(DATA, "Do the recordings show the friction?", BAD if found.is_poor else GOOD, facts)
+
+
+def _held_out(answer: Answer) -> Light:
+    """Ask whether something judged that nothing was fitted to."""
+    question = "Was the model judged on recordings that it was not fitted to?"
+    if answer.diagnosis.state.held:
+        count = len(answer.diagnosis.state.held)
+        return Light(DATA, question, GOOD, f"{count} held-out recording{'s' if count > 1 else ''}.")
+    halves = "Halves of the recordings judged each other; name a recording of another day with --holdout."
+    return Light(DATA, question, UNSURE, halves)
+
+
+def _fits(answer: Answer) -> Light:
+    """Ask whether the fits ended by themselves."""
+    found = answer.diagnosis
+    open_ends = [
+        name for name, fit in (("the file", found.before), ("the augmented model", found.after)) if not fit.is_converged
+    ]
+    question = "Did the fits converge?"
+    if not open_ends:
+        return Light(CONVERGENCE, question, GOOD, "The last steps changed the fits by less than chance does.")
+    ends = " and ".join(dict.fromkeys(open_ends))
+    return Light(CONVERGENCE, question, UNSURE, f"The last step of the fit of {ends} was not small yet.")
+
+
+def _tolerance(answer: Answer, options: Options) -> Light:
+    """Ask whether the values of the file stayed inside their tolerance."""
+    found = answer.diagnosis
+    names = at_limit(found.before, options.tolerance)
+    question = "Are the values of the file right within their tolerance?"
+    inside = f"The refit before any effect stayed inside {100 * options.tolerance:.3g} %."
+    if not names:
+        return Light(CONVERGENCE, question, GOOD, inside)
+    ends = f"The refit before any effect stopped at {100 * options.tolerance:.3g} % for {', '.join(names)}."
+    return Light(CONVERGENCE, question, UNSURE, ends)
+
+
+def at_limit(fit: Refit, tolerance: float) -> list[str]:
+    """Return the values of the file that a refit left at the end of their tolerance; elements have none.
+
+    Args:
+        fit: of the file, within its tolerance.
+        tolerance: of its values.
+    """
+    names = fit.model.parameter_names()
+    reach = limits(fit.model, tolerance)
+    held = np.abs(fit.logs) >= reach * (1.0 - AT_END)
+    return [name for name, is_held in zip(names, held, strict=True) if is_held and not name.startswith("element")]
+
+
+def _explained(answer: Answer) -> Light:
+    """Ask whether the model explains the effort."""
+    test = _test(answer, "share of the effort that is unexplained")
+    share = f"{answer.gap.after:.3g} % of the rms effort is unexplained"
+    if test is None:
+        return Light(BELIEVABILITY, "Does the model explain the effort?", UNSURE, f"{share}.")
+    state = GOOD if test.passed else BAD
+    limit = f"{share} on {answer.gap.held_out} data; the limit is {100 * test.threshold:.3g} %."
+    return Light(BELIEVABILITY, "Does the model explain the effort?", state, limit)
+
+
+def _effect(item: Named, answer: Answer, units: Units) -> Light:
+    """Ask whether an effect that was named is there."""
+    entry = effect(item.settings.name)
+    values = {
+        parameter.name: with_unit(value, parameter.unit, units)
+        for parameter, value in zip(entry.parameters, item.settings.values, strict=False)
+    }
+    facts = [f"Confidence {item.confidence:.2f}."]
+    score = next((test for test in accepted_tests(answer, entry.name) if test.name.startswith("z-score")), None)
+    if score is not None:
+        facts.append(
+            f"With it the model predicts better by {score.value:.3g} standard errors, {score.threshold:.3g} are needed."
+        )
+    if np.isfinite(item.gap_after):
+        facts.append(f"The gap falls from {item.gap_before:.3g} to {item.gap_after:.3g} %.")
+    if item.alternatives:
+        names = " or ".join(name.replace("_", " ") for name in item.alternatives)
+        facts.insert(0, f"It could also be {names}.")
+    return Light(BELIEVABILITY, entry.asked(values), UNSURE if item.alternatives else GOOD, " ".join(facts))
+
+
+def accepted_tests(answer: Answer, name: str) -> tuple[Test, ...]:
+    """Return the tests that an effect passed when it was added.
+
+    Args:
+        answer: of the diagnosis.
+        name: of the effect.
+    """
+    for item in answer.diagnosis.rounds:
+        if item.accepted is not None and item.accepted.candidate.name == name:
+            return item.accepted.tests
+    return ()
+
+
+def with_unit(value: float, unit: str, units: Units) -> str:
+    """Return a value as people read it, with three digits: ``12.0 mm``.
+
+    Args:
+        value: in the unit without a prefix.
+        unit: what it has on a prismatic axis; ``-`` for none.
+        units: of the axis.
+    """
+    factor, name = units.prefixed(value, unit) if unit != "-" else (1.0, "")
+    number = f"{value * factor:#.3g}" if 0.01 <= abs(value * factor) < 1000.0 else f"{value * factor:.3g}"
+    return f"{number.rstrip('.')} {name}".strip()
+
+
+def _changed(answer: Answer) -> list[Light]:
+    """Ask whether values of the file changed, where some did."""
+    if not answer.changed:
+        return []
+    listed = []
+    for item in answer.changed:
+        if isinstance(item.before, str) or isinstance(item.after, str):
+            listed.append(f"{item.name} from {item.before} to {item.after}")
+        else:
+            half = NINETY * item.std_error
+            listed.append(f"{item.name} from {item.before:.3g} to {item.after:.3g} (90 %: +- {half:.2g})")
+    return [Light(BELIEVABILITY, "Did values of the file change?", GOOD, f"{'; '.join(listed)}.")]
+
+
+def _rest(answer: Answer) -> Light:
+    """Ask whether only noise is left."""
+    question = "Is what is left noise?"
+    rest, near = _test(answer, "surely predictable share of the rest"), _test(answer, "gap over noise")
+    if rest is None or near is None:
+        return Light(BELIEVABILITY, question, UNSURE, "It was not tested.")
+    facts = (
+        f"{100 * max(rest.value, 0.0):.2g} % of the squared rest is surely predictable (limit"
+        f" {100 * rest.threshold:.3g} %); the rest is {near.value:.2g} times the noise (limit {near.threshold:.3g})."
+    )
+    if not rest.passed:
+        learnt = " A learnt map of it was added." if answer.learnt else " It has no name in the catalogue."
+        return Light(BELIEVABILITY, question, UNSURE if answer.learnt else BAD, facts + learnt)
+    return Light(BELIEVABILITY, question, GOOD if near.passed else UNSURE, facts)
+
+
+def _feedforward(answer: Answer, closings: Sequence[Closing], units: Units) -> Light:
+    """Ask whether the compensation is better off with the answer."""
+    before, after = (item.compensation for item in closings)
+    facts = (
+        f"Friction not cancelled by the feedforward along {closings[1].along}: {before:.3g} before,"
+        f" {after:.3g} {units.effort} rms after, counted while it follows the motion"
+        f" ({100.0 * closings[1].share:.0f} % of the time)."
+    )
+    question = "Does the feedforward leave less friction with the new model?"
+    test = _test(answer, "friction not cancelled by the feedforward")
+    if test is None:
+        return Light(BELIEVABILITY, question, UNSURE, facts)
+    if not test.passed:
+        refused = " Effects that were found would leave more friction; they were not added."
+        return Light(BELIEVABILITY, question, BAD, facts + refused)
+    is_sure = test.value <= -test.threshold
+    chance = "" if is_sure else f" The change is {-test.value:.2g} standard errors, which may be chance."
+    return Light(BELIEVABILITY, question, GOOD if is_sure else UNSURE, facts + chance)

@@ -1,0 +1,205 @@
+"""Pictures of a diagnosis's report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.answer import Answer
+from sgms_observer.diagnosis.learnt import Learnt
+from sgms_observer.diagnosis.locate import Located
+from sgms_observer.diagnosis.traces import Trace
+from sgms_observer.effects.catalogue import effect
+from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, sheet
+from sgms_observer.report.friction_pictures import (
+    hysteresis,
+    measured_against_modelled,
+    over_velocity,
+    residual_over_position,
+    stribeck_points,
+)
+from sgms_observer.report.page import Picture, Plot
+from sgms_observer.report.time_plot import Line, Panel, one_after_another, time_plot, with_holes
+from sgms_observer.settings.units import Units
+
+Floats = NDArray[np.float64]
+
+_MOST_LOCATED = 6
+_GRID_COLOURS = (FORWARD, BACKWARD, MEASURED, ESTIMATE, REFERENCE)
+
+
+def gap_bar(answer: Answer) -> Picture:
+    """Draw the gap as given, refitted, after each effect and after what was learnt, down to the floor."""
+    gap = answer.gap
+    steps = [("file as given", gap.given), ("refitted", gap.before)]
+    steps += [
+        (f"with {item.settings.name.replace('_', ' ')}", item.gap_after)
+        for item in answer.effects
+        if np.isfinite(item.gap_after)
+    ]
+    if not answer.effects and gap.after < gap.before:
+        steps.append(("with changed values", gap.after))
+    if answer.learnt:
+        steps.append(("with learnt map", answer.gap_with_learnt))
+    caption = "Gap after each step, down to the part that nothing recorded here predicts."
+    with sheet("gap", caption, height=0.8 + 0.32 * len(steps)) as drawn:
+        axes = drawn.axes[0]
+        names, sizes = [name for name, _ in steps][::-1], [size for _, size in steps][::-1]
+        bars = axes.barh(names, sizes, color=MEASURED, height=0.62, label="gap")
+        axes.bar_label(bars, labels=[f"{size:.3g} %" for size in sizes], padding=3, fontsize=9.0)
+        axes.axvline(gap.floor, color=ESTIMATE, lw=1.6, ls="--", label=f"not predictable, {gap.floor:.3g} %")
+        axes.set_xlim(0.0, 1.18 * max(*sizes, gap.floor, 1e-12))
+        axes.set_xlabel("gap [% of rms effort]")
+        axes.grid(visible=False, axis="y")
+    return drawn.picture
+
+
+def effect_over_position(answer: Answer, traces: Sequence[Trace], units: Units) -> Picture:
+    """Draw the residual without what was found over the position, and what was found on it."""
+    names = [item.settings.name for item in answer.effects if item.settings.name in traces[0].effects]
+    names += [item.settings.name for item in answer.learnt]
+    position, velocity = (_all(traces, lambda one: one.position), _all(traces, lambda one: one.velocity))
+    if not names:
+        residual = _all(traces, lambda one: one.residual)
+        caption = "Residual in even bins of the position, with its standard error, by direction."
+        return residual_over_position("residual_over_position", caption, position, velocity, residual, units)
+
+    def found(trace: Trace) -> Floats:
+        return np.asarray(np.sum([trace.effects[name] for name in names], axis=0), dtype=np.float64)
+
+    fitted = _all(traces, found)
+    residual = _all(traces, lambda one: one.residual) + fitted
+    listed = ", ".join(name.replace("_", " ") for name in names)
+    caption = (
+        f"Residual of the model without {listed}, in even bins of the position, with its standard error, by direction."
+        " Lines: the fitted effect."
+    )
+    periods = [
+        value
+        for item in answer.effects
+        for parameter, value in zip(effect(item.settings.name).parameters, item.settings.values, strict=False)
+        if parameter.name == "pitch"
+    ]
+    return residual_over_position(
+        "residual_over_position", caption, position, velocity, residual, units, fitted, min(periods, default=None)
+    )
+
+
+def beside_each_other(answer: Answer, traces: Sequence[Trace], units: Units) -> Picture:
+    """Draw measured over modelled effort."""
+    caption = f"Measured over modelled {units.effort_word} on {answer.gap.held_out} data, with all that was found."
+    measured, modelled = _all(traces, lambda one: one.effort), _all(traces, lambda one: one.after)
+    return measured_against_modelled("fit", caption, measured, modelled, 100.0 - answer.gap_with_learnt, units)
+
+
+def friction_pictures(answer: Answer, traces: Sequence[Trace], units: Units) -> tuple[Picture, ...]:
+    """Draw friction over velocity and over position."""
+    sliding = [trace.is_sliding for trace in traces]
+    velocity = np.concatenate([one.velocity[rows] for one, rows in zip(traces, sliding, strict=True)])
+    friction = np.concatenate([one.friction[rows] for one, rows in zip(traces, sliding, strict=True)])
+    modelled = np.concatenate([one.modelled_friction[rows] for one, rows in zip(traces, sliding, strict=True)])
+    centre, mean, _deviation = stribeck_points(velocity, modelled)
+    curve = [(centre[side], mean[side]) for side in (centre < 0.0, centre > 0.0) if side.any()]
+    word = units.effort_word
+    sliding_caption = (
+        f"Friction while sliding: measured {word} minus what mass and effects take. Points: mean and standard deviation"
+        " in each range of velocity; line: the model's means in the same ranges."
+    )
+    loops = "The same friction of all rows over position: the loops that it draws, measured and modelled."
+    position = with_holes([one.position for one in traces])
+    measured = with_holes([one.friction for one in traces])
+    model = with_holes([one.modelled_friction for one in traces])
+    return (
+        over_velocity("stribeck", sliding_caption, velocity, friction, curve, units),
+        hysteresis("hysteresis", loops, position, measured, model, units),
+    )
+
+
+def over_time(traces: Sequence[Trace], units: Units) -> Plot:
+    """Return measured and modelled effort, residuals and motion over time, as a plot that zooms."""
+
+    def line(label: str, values: Callable[[Trace], Floats], colour: str, factor: float = 1.0) -> Line:
+        return Line(label, factor * with_holes([values(one) for one in traces]), colour)
+
+    fastest = max(float(np.max(np.abs(one.velocity))) for one in traces)
+    speed, speed_unit = units.prefixed(fastest, "m/s")
+    panels = [
+        Panel(
+            f"{units.effort_word} [{units.effort}]",
+            [line("measured", lambda one: one.effort, "measured"), line("modelled", lambda one: one.after, "estimate")],
+        ),
+        Panel(
+            f"residual [{units.effort}]",
+            [
+                line("before", lambda one: one.residual_before, "reference"),
+                line("after", lambda one: one.residual, "estimate"),
+            ],
+        ),
+        Panel(f"velocity [{speed_unit}]", [line("velocity", lambda one: one.velocity, "ink", speed)]),
+    ]
+    errors = np.concatenate([one.tracking_error for one in traces])
+    known = np.abs(errors[np.isfinite(errors)])
+    if known.size:
+        factor, unit = units.prefixed(float(known.max()))
+        tracking = line("position - set-point", lambda one: one.tracking_error, "forward", factor)
+        panels.append(Panel(f"tracking error [{unit}]", [tracking]))
+    several = " The recordings follow one another." if len(traces) > 1 else ""
+    caption = f"Measured and modelled {units.effort_word}, residual and motion over time.{several}"
+    return time_plot("over_time", caption, one_after_another([one.time for one in traces]), panels)
+
+
+def learnt_picture(learnt: Learnt, units: Units) -> Picture:
+    """Draw a learnt map."""
+    table = learnt.map.table()
+    both = zip(learnt.map.coordinates, learnt.map.grids, strict=True)
+    gridded = [(key, grid) for key, grid in both if key != "direction"]
+    key, grid = gridded[0]
+    with sheet(learnt.map.name, f"Learnt map: {learnt.sentence}.") as drawn:
+        axes = drawn.axes[0]
+        columns = table.reshape(len(grid), -1)
+        if "direction" in learnt.map.coordinates:
+            labels = ["backward", "forward"]
+        elif len(gridded) == 1:
+            labels = ["both directions"]
+        else:
+            labels = [f"{gridded[1][0]} {value:.3g}" for value in gridded[1][1]]
+        for number, (column, label) in enumerate(zip(columns.T, labels, strict=True)):
+            axes.plot(grid, column, "o-", ms=3, label=label, color=_GRID_COLOURS[number % len(_GRID_COLOURS)])
+        axes.set_xlabel(key)
+        axes.set_ylabel(f"{units.effort_word} [{units.effort}]")
+    return drawn.picture
+
+
+def located_pictures(answer: Answer, units: Units) -> tuple[Picture, ...]:
+    """Draw the residual over the coordinates that tell most, before and after, with position, velocity and time."""
+    wanted = ["position", "velocity", "time"]
+    listed: list[Located] = [item for name in wanted for item in answer.all_located if item.coordinate == name]
+    listed += [item for item in answer.all_located if item not in listed][: _MOST_LOCATED - len(listed)]
+    later = {item.coordinate: item for item in answer.located_after}
+    pictures = []
+    for item in listed:
+        caption = f"Mean residual over {item.coordinate}; grey: where chance would leave it."
+        with sheet(f"where_{item.coordinate}", caption, height=2.4) as drawn:
+            axes = drawn.axes[0]
+            middle = float(np.mean(item.mean))
+            factor, unit = units.prefixed(float(np.max(np.abs(item.centres))), item.unit)
+            places = factor * item.centres
+            axes.fill_between(
+                places, middle - item.band, middle + item.band, color=REFERENCE, alpha=0.35, label="chance"
+            )
+            axes.plot(places, item.mean, "o-", color=MEASURED, ms=3, label="before")
+            if item.coordinate in later:
+                after = later[item.coordinate]
+                axes.plot(factor * after.centres, after.mean, "o-", color=ESTIMATE, ms=3, label="after")
+            axes.locator_params(axis="x", nbins=5)
+            axes.set_xlabel(f"{item.coordinate} [{unit}]")
+            axes.set_ylabel(f"residual [{units.effort}]")
+        pictures.append(drawn.picture)
+    return tuple(pictures)
+
+
+def _all(traces: Sequence[Trace], values: Callable[[Trace], Floats]) -> Floats:
+    """Return a signal of all traces."""
+    return np.concatenate([values(one) for one in traces])

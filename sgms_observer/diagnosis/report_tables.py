@@ -1,0 +1,134 @@
+"""Tables of a diagnosis's report."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sgms_observer.diagnosis.advice import Named
+from sgms_observer.diagnosis.answer import Answer
+from sgms_observer.diagnosis.workflow import Options
+from sgms_observer.effects.catalogue import effect
+from sgms_observer.report.page import Table
+from sgms_observer.settings.units import Units
+
+NINETY = 1.645
+"""Half width of a 90 % interval in standard errors."""
+
+
+def gap_table(answer: Answer) -> Table:
+    """Return the gap in its three parts."""
+    gap = answer.gap
+    closure = "nothing to close" if gap.closure is None else f"{100.0 * gap.closure:.0f} %"
+    rows = [
+        ("named", f"{gap.named:.3g} %", "closed by the effects and changed values"),
+        ("predictable, without a name", f"{gap.predictable:.3g} %", "a free-form regression predicts it"),
+        ("not predictable", f"{gap.floor:.3g} %", "noise, encoder, and what nothing recorded here predicts"),
+        ("closure", closure, "(before - after) / (before - not predictable)"),
+    ]
+    return Table(("part", "size", "meaning"), rows, "Parts of the gap; their squares add up", is_folded=True)
+
+
+def changed_table(answer: Answer) -> list[Table]:
+    """Return the values of the file that moved, if any did."""
+    rows = [
+        (item.name, _number(item.before), _number(item.after), f"{item.std_error:.2g}", f"{100.0 * item.closes:.0f} %")
+        for item in answer.changed
+    ]
+    header = ("value of the file", "in the file", "in the recordings", "standard error", "closes together")
+    return [Table(header, rows, "Values of the file that moved beyond their tolerance")] if rows else []
+
+
+def _number(value: float | str) -> str:
+    """Return a value of the file for people."""
+    return value if isinstance(value, str) else f"{value:.4g}"
+
+
+def effect_tables(answer: Answer, units: Units) -> list[Table]:
+    """Return the parameters of each effect that was named."""
+    header = ("parameter", "value", "90 % interval", "unit")
+    return [Table(header, _parameter_rows(item, units), item.settings.name) for item in answer.effects]
+
+
+def _parameter_rows(item: Named, units: Units) -> list[tuple[str, str, str, str]]:
+    """Return the table rows of one effect's parameters."""
+    entry = effect(item.settings.name)
+    rows = []
+    for parameter, value, error in zip(entry.parameters, item.settings.values, item.std_error, strict=True):
+        low, high = value - NINETY * error, value + NINETY * error
+        interval = f"{low:.4g} .. {high:.4g}" if error > 0.0 else "fixed"
+        rows.append((parameter.name, f"{value:.5g}", interval, units.of(parameter.unit)))
+    return rows
+
+
+def test_tables(answer: Answer) -> list[Table]:
+    """Return every hypothesis that was fitted fully, with its tests: value, threshold and outcome."""
+    tables = []
+    for number, step in enumerate(answer.diagnosis.rounds, 1):
+        rows = []
+        for item in step.decisions:
+            name = item.candidate.name
+            if step.accepted is not None and name == step.accepted.candidate.name:
+                outcome = "added"
+            elif name in step.alternatives:
+                outcome = "not told from the added one"
+            else:
+                outcome = "not added"
+            for test in item.tests:
+                mark = "passed" if test.passed else "failed"
+                rows.append((name, outcome, test.name, f"{test.value:.3g}", f"{test.threshold:.3g}", mark))
+                name = outcome = ""
+        if rows:
+            header = ("hypothesis", "outcome", "test", "value", "threshold", "")
+            caption = f"Round {number}: hypotheses fitted fully, the best predicting first"
+            tables.append(Table(header, rows, caption, is_folded=True))
+    whole = [test for test in answer.tests if test.of == "model"]
+    if whole:
+        listed = [
+            (test.name, f"{test.value:.3g}", f"{test.threshold:.3g}", "passed" if test.passed else "failed")
+            for test in whole
+        ]
+        tables.append(Table(("test", "value", "threshold", ""), listed, "Tests of the whole model", is_folded=True))
+    return tables
+
+
+def located_table(answer: Answer, units: Units) -> Table:
+    """Return where the residual of the refitted file is largest."""
+    rows = [
+        (
+            item.coordinate,
+            f"{item.low:.3g} .. {item.high:.3g} {units.of(item.unit)}",
+            f"{100 * item.share:.0f} %",
+            f"{item.p_value:.3f}",
+        )
+        for item in answer.located
+    ]
+    header = ("coordinate", "largest between", "share of the slow residual", "p")
+    return Table(header, rows, "Coordinates over which the residual varies by more than chance")
+
+
+def detectable_table(answer: Answer) -> Table:
+    """Return the smallest size of each effect that would have been seen."""
+    rows = [
+        (name, f"{100 * size:.1f} %", effect(name).excitation)
+        for name, size in sorted(answer.detectable.items(), key=lambda x: x[1])
+    ]
+    return Table(("effect", "smallest size seen (share of Coulomb force)", "shown best by"), rows)
+
+
+def refit_table(answer: Answer, options: Options) -> Table:
+    """Return how far the refit within the tolerance moved the values of the file."""
+    found = answer.diagnosis
+    names = found.before.model.parameter_names()
+    rows = [(name, f"{100 * (np.exp(one) - 1):+.2f} %") for name, one in zip(names, found.before.logs, strict=True)]
+    caption = f"Change of the file's values by the refit within the tolerance of {100 * options.tolerance:.3g} %"
+    return Table(("parameter", "change"), rows, caption, is_folded=True)
+
+
+def looks_table(answer: Answer) -> list[Table]:
+    """Return the first look at every effect, if there was one."""
+    if not answer.diagnosis.rounds:
+        return []
+    looks = sorted(answer.diagnosis.rounds[0].looks.items(), key=lambda item: -item[1].gain)
+    rows = [(name, f"{look.gain:.0f}", f"{look.trials}") for name, look in looks]
+    caption = "First look: decrease of the whitened squared residual"
+    return [Table(("effect", "chi2_reduction", "shapes tried"), rows, caption, is_folded=True)]

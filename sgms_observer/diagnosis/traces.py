@@ -1,0 +1,117 @@
+"""What the model says beside what was measured, row by row of the judging band: what the report and the log show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.answer import Answer
+from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.offline.recording import Recording
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+SLIDING = 0.01
+"""Stick indicator below which the axis counts as sliding: the last element has slipped."""
+RINGING = 2.0
+"""Periods of the band to the nearest row that does not slide, in which the low-pass still shows it."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One recording, or a half of it, beside the model; all arrays of shape (n,), below the band.
+
+    Attributes:
+        name: where it comes from.
+        start: stamp of the first sample of the recording [s].
+        time: of each row since then [s].
+        position, velocity: of each row [m or rad, per s].
+        effort: measured [N or N m].
+        before: effort that the file refitted within its tolerance predicts [N or N m].
+        after: effort that the model predicts with everything that was found [N or N m].
+        effects: effort of each effect of that model: by how much it changes the predicted effort [N or N m].
+        friction: measured effort minus what mass and effects take of it [N or N m].
+        is_sliding: rows where friction follows the velocity alone.
+        tracking_error: position minus set-point [m or rad]; NaN where no set-point was recorded.
+    """
+
+    name: str
+    start: float
+    time: Floats
+    position: Floats
+    velocity: Floats
+    effort: Floats
+    before: Floats
+    after: Floats
+    effects: dict[str, Floats]
+    friction: Floats
+    is_sliding: Booleans
+    tracking_error: Floats
+
+    @property
+    def residual_before(self) -> Floats:
+        """Return what the file refitted within its tolerance leaves."""
+        return self.effort - self.before
+
+    @property
+    def residual(self) -> Floats:
+        """Return what everything that was found leaves."""
+        return self.effort - self.after
+
+    @property
+    def modelled_friction(self) -> Floats:
+        """Return the friction that the model predicts."""
+        return self.friction - self.residual
+
+
+def traces_of(answer: Answer) -> tuple[Trace, ...]:
+    """Return the traces of the recordings that the gap was measured on.
+
+    Args:
+        answer: of the diagnosis.
+    """
+    recordings = answer.diagnosis.state.recordings
+    records = recordings.holdouts or tuple(record for record in recordings.records for _half in range(2))
+    both = zip(answer.residual_before, answer.residual_after, strict=True)
+    return tuple(
+        _trace(record, motion, answer.model, before, after)
+        for record, motion, (before, after) in zip(records, answer.motions, both, strict=True)
+    )
+
+
+def _trace(record: Recording, motion: Motion, model: Model, before: Floats, after: Floats) -> Trace:
+    """Return one trace."""
+    whole = predict(model, motion)
+    effects = {}
+    for item in model.effects:
+        others = replace(model, effects=tuple(one for one in model.effects if one.name != item.name))
+        effects[item.name] = motion.low_pass(predict(others, motion).residual - whole.residual)
+    effort = motion.low_pass(motion.effort)
+    friction = whole.friction + model.friction.viscous_coefficient * motion.velocity
+    time = motion.thinned(motion.time)
+    return Trace(
+        motion.name, record.start, time, motion.thinned(motion.position), motion.thinned(motion.velocity), effort,
+        effort - before, effort - after, effects, motion.low_pass(friction) + after,
+        _is_sliding(motion, whole.doubt), _tracking_error(record, time),
+    )  # fmt: skip
+
+
+def _is_sliding(motion: Motion, stick_indicator: Floats) -> Booleans:
+    """Return the rows where the axis slides and has slid for some periods of the band."""
+    width = max(1, int(RINGING / motion.band / motion.period))
+    sticks = np.convolve(stick_indicator > SLIDING, np.ones(2 * width + 1), mode="same")
+    slides: Booleans = motion.thinned(sticks) < 0.5
+    return slides
+
+
+def _tracking_error(record: Recording, time: Floats) -> Floats:
+    """Return position minus set-point as recorded, at the rows of a trace."""
+    if record.reference_position is None:
+        return np.full(len(time), np.nan)
+    error = record.position - record.reference_position
+    place = np.clip(np.round(time / record.period).astype(np.int64), 0, len(error) - 1)
+    return np.asarray(error[place], dtype=np.float64)

@@ -1,0 +1,117 @@
+"""The tracking error that a model promises: of the simulated stage, without compensation and with it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.settings.units import Units
+
+MAX_RATIO = 1.5
+"""Largest ratio of simulated to recorded error at which the simulated controller counts as that of the recording."""
+
+
+@dataclass(frozen=True)
+class TrackingError:
+    """Position minus set-point.
+
+    Attributes:
+        rms: root mean square [m].
+        peak: largest magnitude [m].
+    """
+
+    rms: float
+    peak: float
+
+    @staticmethod
+    def of(error: NDArray[np.float64]) -> TrackingError:
+        """Return rms and peak of an error [m], shape (n,)."""
+        return TrackingError(float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error))))
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the content for JSON."""
+        return {"rms": self.rms, "peak": self.peak}
+
+
+@dataclass(frozen=True)
+class PredictedTracking:
+    """Tracking errors of the stage that ``augmented.yaml`` describes, in closed loop with the file's controller.
+
+    Attributes:
+        without: without compensation.
+        given: with the compensation of the file as it was given.
+        augmented: with the compensation of ``augmented.yaml``.
+        recorded: of the recording itself; None where it has no reference.
+        seconds: simulated time [s].
+    """
+
+    without: TrackingError
+    given: TrackingError
+    augmented: TrackingError
+    recorded: TrackingError | None
+    seconds: float
+
+    @property
+    def along(self) -> str:
+        """Return what the stage follows, in words."""
+        return "the measured motion" if self.recorded is None else "the recorded reference"
+
+    def caution(self, units: Units) -> str:
+        """Return why the errors may be those of another controller than the recording's; empty where they are not.
+
+        Args:
+            units: of the axis.
+        """
+        remedy = "compare the predicted errors with each other only, or set stage.controller to the machine's"
+        if self.recorded is None:
+            return (
+                "the recording has no reference, so nothing shows whether stage.controller of the file is the"
+                f" controller of the recording; {remedy}"
+            )
+        ratio = self.without.rms / self.recorded.rms if self.recorded.rms > 0.0 else math.inf
+        if 1.0 / MAX_RATIO <= ratio <= MAX_RATIO:
+            return ""
+        return (
+            f"the recorded tracking error is {units.readable(self.recorded.rms)} rms, the simulated one without"
+            f" compensation {units.readable(self.without.rms)}: stage.controller of the file is not the controller of"
+            f" the recording, or a compensation was on; {remedy}"
+        )
+
+    def sentence(self, units: Units) -> str:
+        """Return the errors in words.
+
+        Args:
+            units: of the axis.
+        """
+        readable = partial(units.readable, largest=self.without.peak)
+        rows = [
+            f"{readable(error.rms)} rms, {readable(error.peak)} peak {text}"
+            for error, text in (
+                (self.without, "without compensation"),
+                (self.given, "with that of the file as given"),
+                (self.augmented, "with that of augmented.yaml"),
+            )
+        ]
+        return f"predicted tracking error along {self.along}: {'; '.join(rows)}"
+
+    def as_dict(self, units: Units) -> dict[str, Any]:
+        """Return the content for result.json.
+
+        Args:
+            units: of the axis.
+        """
+        return {
+            "without": self.without.as_dict(),
+            "given": self.given.as_dict(),
+            "augmented": self.augmented.as_dict(),
+            "recorded": None if self.recorded is None else self.recorded.as_dict(),
+            "along": self.along,
+            "seconds": self.seconds,
+            "unit": units.position,
+            "caution": self.caution(units) or None,
+        }

@@ -1,0 +1,81 @@
+"""The figures of a demonstration: result.json, and the headline that says the same in words."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from sgms_observer.settings.units import Units
+
+if TYPE_CHECKING:
+    from sgms_observer.report.demonstration import Half
+
+SCHEMA = 1
+
+
+def axis_result(without: Half, with_it: Half, same: int, compared: int) -> dict[str, Any]:
+    """Return one axis of result.json: friction errors without compensation, tracking errors in SI units.
+
+    Args:
+        without: errors of the half without compensation.
+        with_it: errors of the half with it.
+        same: live estimates that the replay gave again to the last bit.
+        compared: live estimates.
+    """
+    return {
+        "friction_rms": without.friction_rms,
+        "friction_nrmse": without.friction_share,
+        "tracking": {
+            "rms_before": without.tracking_rms,
+            "rms_after": with_it.tracking_rms,
+            "peak_before": without.tracking_peak,
+            "peak_after": with_it.tracking_peak,
+        },
+        "late_share": None if math.isnan(with_it.late_share) else with_it.late_share,
+        "replay_equal": same,
+        "replay_total": compared,
+    }
+
+
+def result_of(axes: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return the content of result.json.
+
+    Args:
+        axes: name to ``axis_result``.
+    """
+    return {"schema": SCHEMA, "axes": axes}
+
+
+def change(before: float, after: float) -> str:
+    """Return how an error changed, in words."""
+    if after <= before:
+        return f"{before / after:.1f}x smaller" if after > 0.0 else "gone"
+    return f"{after / before:.1f}x larger" if before > 0.0 else "new"
+
+
+def headline(axis: str, without: Half, with_it: Half, units: Units) -> str:
+    """Return the outcome in one sentence: friction error, rms and peak of the tracking error, and late messages.
+
+    Args:
+        axis: its name.
+        without: errors of the half without compensation.
+        with_it: errors of the half with it.
+        units: of the axis.
+    """
+    largest = max(without.tracking_peak, with_it.tracking_peak)
+    sizes = [
+        f"{word} {change(before, after)}"
+        f" ({units.readable(before, largest=largest)} to {units.readable(after, largest=largest)})"
+        for word, before, after in (
+            ("rms", without.tracking_rms, with_it.tracking_rms),
+            ("peak", without.tracking_peak, with_it.tracking_peak),
+        )
+    ]
+    if math.isnan(with_it.late_share):
+        late = "the recording does not tell which messages came late"
+    else:
+        late = f"{100.0 * with_it.late_share:.3g} % of the compensation messages came late"
+    return (
+        f"axis {axis}: friction estimated to {100.0 * without.friction_share:.2f} % of its range; tracking error with"
+        f" compensation: {', '.join(sizes)}; {late}"
+    )

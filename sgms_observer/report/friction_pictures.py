@@ -1,0 +1,220 @@
+"""Pictures of friction and of what a model misses: over velocity, over position, measured against modelled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, sheet
+from sgms_observer.report.page import Picture
+from sgms_observer.settings.units import Units
+
+Floats = NDArray[np.float64]
+Curve = tuple[Floats, Floats]
+
+SLOWEST = 1.0e-3
+"""Slowest range of the velocity that is drawn, as a share of the largest velocity."""
+_RANGES = 14  # of the velocity, in each direction
+_FEWEST = 5  # rows of a bin that is drawn
+_MOST_DOTS = 20_000  # of a picture
+_MOST_POINTS = 4_000  # of a line over position
+_BINS = 120  # of the position, as far as the rows suffice
+_ROWS_OF_A_BIN = 20
+_BINS_OF_A_PERIOD = 12  # so that a period is seen and not folded
+_PERIODS = 20  # of an effect that are shown where the whole stroke has too many
+
+
+def thinned(values: Floats, most: int) -> Floats:
+    """Return every k-th value, so few that a picture can hold them.
+
+    Args:
+        values: shape (n,).
+        most: about how many.
+    """
+    return values[:: max(1, len(values) // most)]
+
+
+def stribeck_points(velocity: Floats, friction: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return mean velocity, mean friction and its standard deviation in each range of velocity, slow ones narrower.
+
+    Args:
+        velocity: of rows where the axis slides.
+        friction: of the same rows.
+    """
+    top = float(np.max(np.abs(velocity), initial=0.0))
+    points = []
+    if top > 0.0:
+        edges = np.concatenate(([0.0], top * np.geomspace(SLOWEST, 1.0 + 1e-9, _RANGES)))
+        for low, high in pairwise(edges):
+            for sign in (-1.0, 1.0):
+                inside = (sign * velocity > low) & (sign * velocity <= high)
+                if np.sum(inside) >= _FEWEST:
+                    points.append((velocity[inside].mean(), friction[inside].mean(), friction[inside].std()))
+    ordered = np.array(sorted(points)).reshape(-1, 3)
+    return ordered[:, 0], ordered[:, 1], ordered[:, 2]
+
+
+def over_velocity(
+    name: str, caption: str, velocity: Floats, friction: Floats, model: Sequence[Curve], units: Units
+) -> Picture:
+    """Draw friction over velocity: rows, their means and the model.
+
+    Args:
+        name: short name.
+        caption: what it shows.
+        velocity: of rows where the axis slides.
+        friction: measured, of the same rows.
+        model: velocity and friction of the model, a line for each direction.
+        units: of the axis.
+    """
+    fastest = max([float(np.max(np.abs(part[0]), initial=0.0)) for part in model], default=0.0)
+    factor, unit = units.prefixed(max(fastest, float(np.max(np.abs(velocity), initial=0.0))), "m/s")
+    none = "" if len(velocity) else " It never slides so far and so long one way that a row counts."
+    with sheet(name, caption + none) as drawn:
+        axes = drawn.axes[0]
+        axes.plot(factor * thinned(velocity, _MOST_DOTS), thinned(friction, _MOST_DOTS), ".", color=REFERENCE, ms=1.5,
+                  alpha=0.5, rasterized=True)  # fmt: skip
+        axes.plot([], [], ".", color=REFERENCE, label="rows")
+        centre, mean, deviation = stribeck_points(velocity, friction)
+        axes.errorbar(factor * centre, mean, deviation, fmt="o", color=MEASURED, ms=4, lw=1.0, label="measured, mean")
+        for number, (line, level) in enumerate(model):
+            axes.plot(factor * line, level, color=ESTIMATE, label="model" if number == 0 else None)
+        axes.set_xlabel(f"velocity [{unit}]")
+        axes.set_ylabel(f"friction [{units.effort}]")
+    return drawn.picture
+
+
+def hysteresis(
+    name: str, caption: str, position: Floats, measured: Floats, modelled: Floats, units: Units
+) -> Picture:
+    """Draw measured and modelled friction over position.
+
+    Args:
+        name: short name.
+        caption: what it shows.
+        position: shape (n,); NaN between pieces.
+        measured, modelled: friction at these positions.
+        units: of the axis.
+    """
+    factor, unit = _prefixed(position, units)
+    with sheet(name, caption) as drawn:
+        axes = drawn.axes[0]
+        for values, colour, label in ((measured, MEASURED, "measured"), (modelled, ESTIMATE, "modelled")):
+            places = factor * thinned(position, _MOST_POINTS)
+            axes.plot(places, thinned(values, _MOST_POINTS), color=colour, lw=0.7, label=label)
+        axes.set_xlabel(f"position [{unit}]")
+        axes.set_ylabel(f"friction [{units.effort}]")
+    return drawn.picture
+
+
+def measured_against_modelled(
+    name: str, caption: str, measured: Floats, modelled: Floats, fit: float, units: Units
+) -> Picture:
+    """Draw measured over modelled effort, with the line on which a perfect model lies.
+
+    Args:
+        name: short name.
+        caption: what it shows.
+        measured, modelled: efforts of the same rows.
+        fit: 100 minus the rms residual in % of the rms effort [%].
+        units: of the axis.
+    """
+    with sheet(name, caption) as drawn:
+        axes = drawn.axes[0]
+        axes.plot(thinned(modelled, _MOST_DOTS), thinned(measured, _MOST_DOTS), ".", color=MEASURED, ms=2.0, alpha=0.6,
+                  rasterized=True)  # fmt: skip
+        axes.plot([], [], ".", color=MEASURED, label=f"rows, fit {fit:.1f} %")
+        ends = [float(np.min(measured)), float(np.max(measured))]
+        axes.plot(ends, ends, color=ESTIMATE, label="measured = modelled")
+        axes.set_xlabel(f"modelled {units.effort_word} [{units.effort}]")
+        axes.set_ylabel(f"measured {units.effort_word} [{units.effort}]")
+    return drawn.picture
+
+
+def residual_over_position(
+    name: str,
+    caption: str,
+    position: Floats,
+    velocity: Floats,
+    residual: Floats,
+    units: Units,
+    effect: Floats | None = None,
+    period: float | None = None,
+) -> Picture:
+    """Draw the residual in even bins of the position, a colour for each direction, and what effects say of it.
+
+    Args:
+        name: short name.
+        caption: what it shows.
+        position, velocity: shape (n,).
+        residual: without the effects, shape (n,).
+        units: of the axis.
+        effect: effort of the effects at the same rows; None where there are none.
+        period: shortest period in position of an effect; the part of the stroke with the most rows is shown where the
+            whole has more than ``_PERIODS`` of them and too many bins.
+    """
+    low, high, count = position_bins(position, period)
+    factor, unit = units.prefixed(max(abs(low), abs(high)))
+    edges = np.linspace(low, high, count + 1)
+    centre = factor * 0.5 * (edges[1:] + edges[:-1])
+    with sheet(name, caption) as drawn:
+        axes = drawn.axes[0]
+        for sign, colour, label in ((1.0, FORWARD, "forward"), (-1.0, BACKWARD, "backward")):
+            rows = (sign * velocity > 0.0) & (position >= low) & (position <= high)
+            mean, error = binned(position[rows], residual[rows], edges)
+            axes.errorbar(centre, mean, error, fmt="o", color=colour, ms=2.5, lw=0.8, label=label)
+            if effect is not None:
+                fitted = binned(position[rows], effect[rows], edges)[0]
+                axes.plot(centre, fitted, color=colour, lw=1.4, label=f"effect, {label}")
+        axes.set_xlabel(f"position [{unit}]")
+        axes.set_ylabel(f"residual [{units.effort}]")
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2 if effect is not None else 4,
+                    borderaxespad=0.2, columnspacing=1.0, handlelength=1.4)  # fmt: skip
+    return drawn.picture
+
+
+def position_bins(position: Floats, period: float | None) -> tuple[float, float, int]:
+    """Return the part of the stroke that is shown, and the number of even bins in it.
+
+    Args:
+        position: of all rows.
+        period: that the bins must resolve; None for none.
+    """
+    low, high = float(np.min(position)), float(np.max(position))
+    if high <= low:
+        return low - 1e-9, low + 1e-9, 1
+    count = int(np.clip(len(position) // _ROWS_OF_A_BIN, 1, _BINS))
+    if period is None or (high - low) * _BINS_OF_A_PERIOD / period <= count:
+        return low, high, count
+    width = min(high - low, _PERIODS * period)
+    starts = np.linspace(low, high - width, 200)
+    ordered = np.sort(position)
+    inside = np.searchsorted(ordered, starts + width) - np.searchsorted(ordered, starts)
+    start = float(starts[int(np.argmax(inside))])
+    return start, start + width, max(1, round(width * _BINS_OF_A_PERIOD / period))
+
+
+def binned(position: Floats, values: Floats, edges: Floats) -> tuple[Floats, Floats]:
+    """Return mean of each bin and its standard error; NaN where a bin holds too few rows.
+
+    Args:
+        position: shape (n,).
+        values: shape (n,).
+        edges: of k bins, shape (k + 1,).
+    """
+    size = len(edges) - 1
+    place = np.clip(np.searchsorted(edges, position, side="right") - 1, 0, size - 1)
+    count = np.bincount(place, minlength=size)
+    enough = np.where(count >= _FEWEST, count, np.nan)
+    mean = np.bincount(place, values, size) / enough
+    square = np.bincount(place, values**2, size) / enough
+    return mean, np.sqrt(np.maximum(square - mean**2, 0.0) / enough)
+
+
+def _prefixed(position: Floats, units: Units) -> tuple[float, str]:
+    """Return factor and unit in which positions are easy to read."""
+    known = np.abs(position[np.isfinite(position)])
+    return units.prefixed(float(np.max(known, initial=0.0)))

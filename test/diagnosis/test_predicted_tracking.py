@@ -1,0 +1,118 @@
+"""The tracking error predicted beside a diagnosis is the one that the loop then has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sgms_observer.application.predicted_tracking import predict_tracking
+from sgms_observer.diagnosis.closing import closing
+from sgms_observer.diagnosis.tracking import MAX_RATIO, PredictedTracking, TrackingError
+from sgms_observer.observer.axis_observer import AxisObserver
+from sgms_observer.offline.recording import Recording
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
+from sgms_observer.settings.load import load_settings
+from sgms_observer.settings.units import Units
+from sim_plant.record import StageRecord
+from sim_plant.stage import SimulatedStage
+
+CONFIG = Path(__file__).parents[2] / "config" / "compensation.yaml"
+PERIOD = 1.0e-3
+COUNT = 4000
+BAND = 100.0
+COGGING = EffectSettings("cogging", (1.0, 2.0e-4, 0.3, 0.0, 0.0))
+
+
+def _given() -> AxisSettings:
+    """Return an axis whose file does not know of the stage's cogging."""
+    axis = load_settings(CONFIG).axes[0]
+    return replace(
+        axis,
+        filter=replace(axis.filter, window=9.0e-3),
+        estimator=replace(axis.estimator, correction_every=2),
+        compensation=replace(axis.compensation, enabled=False, look_ahead=1.5 * PERIOD),
+        stage_friction=axis.friction,
+        stage_effects=(COGGING,),
+    )
+
+
+def _augmented(axis: AxisSettings) -> AxisSettings:
+    return replace(axis, effects=(COGGING,))
+
+
+def _recorded(axis: AxisSettings, has_reference: bool = True) -> tuple[Recording, StageRecord]:
+    """Return what a bag of the stage holds, and the truth."""
+    run = SimulatedStage(axis, PERIOD).step(COUNT)
+    samples = run.samples
+    reference = samples.reference_position if has_reference else np.full(COUNT, np.nan)
+    return Recording("simulated", PERIOD, samples.position, samples.effort, reference), run
+
+
+def _in_the_loop(axis: AxisSettings) -> TrackingError:
+    """Return the tracking error of the stage with the observer in the loop."""
+    observer = AxisObserver(replace(axis, compensation=replace(axis.compensation, enabled=True)), PERIOD)
+    run, _ = SimulatedStage(axis, PERIOD).step_answered(COUNT, lambda one: float(observer.step(one).compensation[-1]))
+    return TrackingError.of((run.position - run.reference_position)[500:])
+
+
+def test_the_prediction_is_what_the_loop_does() -> None:
+    given = _given()
+    record, _ = _recorded(given)
+    predicted = predict_tracking(record, given, _augmented(given), BAND)
+    assert predicted is not None and predicted.recorded is not None
+    assert predicted.without.rms == pytest.approx(predicted.recorded.rms, rel=0.1)
+    for found, axis in ((predicted.given, given), (predicted.augmented, _augmented(given))):
+        real = _in_the_loop(axis)
+        assert found.rms == pytest.approx(real.rms, rel=0.15)
+        assert found.peak == pytest.approx(real.peak, rel=0.3)
+    assert predicted.augmented.rms < 0.6 * predicted.given.rms < 0.6 * predicted.without.rms
+    assert predicted.caution(Units()) == ""
+
+
+def test_another_controller_is_told() -> None:
+    given = _given()
+    record, _ = _recorded(given)
+    slower = replace(given.stage, controller=replace(given.stage.controller, bandwidth=40.0))
+    predicted = predict_tracking(record, replace(given, stage=slower), _augmented(given), BAND)
+    assert predicted is not None
+    assert "stage.controller of the file is not the controller of the recording" in predicted.caution(Units())
+
+
+def test_without_a_reference_the_measured_motion_is_followed() -> None:
+    given = _given()
+    record, _ = _recorded(given, has_reference=False)
+    predicted = predict_tracking(record, given, _augmented(given), BAND)
+    assert predicted is not None and predicted.recorded is None
+    assert predicted.augmented.rms < predicted.given.rms < predicted.without.rms
+    assert "no reference" in predicted.caution(Units())
+
+
+@pytest.mark.parametrize("ratio, is_told", [(1.0 / MAX_RATIO + 0.01, False), (MAX_RATIO + 0.01, True), (0.5, True)])
+def test_a_caution_bounds_the_ratio_of_the_errors(ratio: float, is_told: bool) -> None:
+    recorded, simulated = TrackingError(1.0e-6, 2.0e-6), TrackingError(ratio * 1.0e-6, 2.0e-6)
+    predicted = PredictedTracking(simulated, simulated, simulated, recorded, 10.0)
+    assert bool(predicted.caution(Units())) == is_told
+
+
+def test_the_feedforward_figure_counts_the_reference_while_it_moves() -> None:
+    """Half of the recording rests; the rest is what the feedforward has nothing to do with."""
+    given = _augmented(_given())
+    record, _ = _recorded(given)
+    rest = np.full(COUNT, record.reference_position[-1] if record.reference_position is not None else 0.0)
+    effort = np.full(COUNT, record.effort[-1])
+    assert record.reference_position is not None
+    resting = replace(
+        record,
+        position=np.concatenate([record.position, np.full(COUNT, record.position[-1])]),
+        effort=np.concatenate([record.effort, effort]),
+        reference_position=np.concatenate([record.reference_position, rest]),
+    )
+    alone, both = (closing(one, given, PERIOD, BAND) for one in (record, resting))
+    assert alone.has_reference and alone.share > 0.95
+    assert both.share == pytest.approx(0.47, abs=0.05)
+    assert both.compensation == pytest.approx(alone.compensation, rel=0.2)
+    unknown = closing(replace(record, reference_position=None), given, PERIOD, BAND)
+    assert not unknown.has_reference

@@ -1,0 +1,145 @@
+"""Questions of a report: their answers follow the run, and each state comes up where it should."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sgms_observer.diagnosis.advice import Named
+from sgms_observer.diagnosis.changed import Changed
+from sgms_observer.diagnosis.closing import Closing
+from sgms_observer.diagnosis.criteria import at_least, at_most
+from sgms_observer.diagnosis.gap import Gap
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.questions import at_limit, questions_of, with_unit
+from sgms_observer.diagnosis.workflow import Options
+from sgms_observer.report.page import BAD, GOOD, UNSURE
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
+from sgms_observer.settings.units import REVOLUTE, Units
+
+MODEL = Model.of(AxisSettings())
+TIME = 1e-3 * np.arange(4000)
+
+
+def motion() -> Any:
+    """Return a motion to and fro."""
+    return SimpleNamespace(time=TIME, position=0.01 * np.sin(5.0 * TIME), velocity=0.05 * np.cos(5.0 * TIME))
+
+
+def answer(**changes: Any) -> Any:
+    """Return what the questions need of an answer in which all is well, but for the changes."""
+    gap = Gap(6.0, 5.0, 2.0, 1.9, 1.8, (4.9, 5.1), (1.9, 2.1), "held-out", 100.0, 1.1)
+    fit = SimpleNamespace(model=MODEL, logs=np.zeros(len(MODEL.parameter_names())), is_converged=True)
+    state = SimpleNamespace(learn=(motion(),), held=(motion(),))
+    score = at_least("cogging", "z-score, held-out recordings", 9.1, 3.0)
+    accepted = SimpleNamespace(candidate=SimpleNamespace(name="cogging"), tests=(score,))
+    run = SimpleNamespace(
+        state=state, before=fit, after=fit, is_poor=False, warnings=(), rounds=(SimpleNamespace(accepted=accepted),)
+    )
+    values = {
+        "gap": gap,
+        "effects": (Named(EffectSettings("cogging", (1.4, 0.012, 0.3, 0.0, 0.0)), (0.1,) * 5, 0.98, (), 5.0, 2.0),),
+        "changed": (),
+        "learnt": (),
+        "diagnosis": run,
+        "tests": (
+            at_most("model", "share of the effort that is unexplained", 0.02, 1.0 / 3.0),
+            at_most("model", "surely predictable share of the rest", 0.01, 0.1),
+            at_most("model", "gap over noise, where nothing predicts it", 1.1, 10.0),
+            at_most("model", "friction not cancelled by the feedforward: z-score of its growth", -5.0, 3.0),
+        ),
+    }
+    for key, value in changes.items():
+        if key in values:
+            values[key] = value
+        else:
+            setattr(run, key, value)
+    return SimpleNamespace(**values)
+
+
+def states(of: Any) -> dict[str, tuple[str, str]]:
+    """Return state and answer of each question."""
+    lights = questions_of(of, (Closing(1.0, 2.0), Closing(0.5, 1.0)), Options(), Units())
+    return {light.question: (light.state, light.answer) for light in lights}
+
+
+def with_test(name: str, value: float) -> tuple[Any, ...]:
+    """Return the tests of an answer, one of them with another value."""
+    return tuple(
+        replace(test, value=value, passed=value <= test.threshold if "feedforward" not in test.name else value >= -3.0)
+        if test.name.startswith(name)
+        else test
+        for test in answer().tests
+    )
+
+
+def test_all_is_well() -> None:
+    found = states(answer())
+    assert {state for state, _ in found.values()} == {GOOD}
+    assert {light.topic for light in questions_of(answer(), (Closing(1.0, 2.0), Closing(0.5, 1.0)), Options(), Units())} == {
+        "Data", "Convergence", "Believability"
+    }  # fmt: skip
+    pitch = found["Is there a 12.0 mm pitch?"][1]
+    assert "by 9.1 standard errors, 3 are needed" in pitch and "from 5 to 2 %" in pitch and "0.98" in pitch
+    travel = found["Do the recordings show the friction?"][1]
+    assert "4 s with" in travel and "6 reversals" in travel
+
+
+@pytest.mark.parametrize(
+    ("changes", "question", "state", "says"),
+    [
+        ({"is_poor": True, "warnings": ("the axis hardly slides: move",)}, "Do the recordings show the friction?", BAD,
+         "The axis hardly slides: move."),
+        ({"state": SimpleNamespace(learn=(motion(),), held=())},
+         "Was the model judged on recordings that it was not fitted to?", UNSURE, "--holdout"),
+        ({"after": SimpleNamespace(model=MODEL, logs=np.zeros(1), is_converged=False)}, "Did the fits converge?", UNSURE,
+         "the augmented model was not small"),
+        ({"tests": with_test("share of the effort", 0.4)}, "Does the model explain the effort?", BAD, "33.3 %"),
+        ({"tests": with_test("surely predictable", 0.5)}, "Is what is left noise?", BAD, "no name in the catalogue"),
+        ({"tests": with_test("surely predictable", 0.5), "learnt": (SimpleNamespace(),)}, "Is what is left noise?",
+         UNSURE, "A learnt map"),
+        ({"tests": with_test("gap over noise", 20.0)}, "Is what is left noise?", UNSURE, "20 times the noise"),
+        ({"tests": with_test("friction not", 5.0)}, "Does the feedforward leave less friction with the new model?", BAD,
+         "not added"),
+        ({"tests": with_test("friction not", -1.0)}, "Does the feedforward leave less friction with the new model?",
+         UNSURE, "may be chance"),
+        ({"changed": (Changed("friction.coulomb_force", 6.0, 4.6, 0.1, 0.7),)}, "Did values of the file change?", GOOD,
+         "from 6 to 4.6 (90 %: +- 0.16)"),
+    ],
+)  # fmt: skip
+def test_what_is_not_well_is_said(changes: dict[str, Any], question: str, state: str, says: str) -> None:
+    found = states(answer(**changes))[question]
+    assert found[0] == state and says in found[1]
+
+
+def test_an_effect_that_is_not_told_from_another_is_not_sure() -> None:
+    item = replace(answer().effects[0], alternatives=("position_periodic_friction",))
+    state, says = states(answer(effects=(item,)))["Is there a 12.0 mm pitch?"]
+    assert state == UNSURE and says.startswith("It could also be position periodic friction.")
+
+
+def test_values_that_the_refit_stopped_at_their_tolerance_are_named() -> None:
+    names = MODEL.parameter_names()
+    logs = np.zeros(len(names))
+    logs[names.index("mass")] = np.log1p(0.05)
+    logs[names.index("coulomb_force")] = 0.9 * np.log1p(0.05)
+    fit = SimpleNamespace(model=MODEL, logs=logs, is_converged=True)
+    assert at_limit(fit, 0.05) == ["mass"]
+    state, says = states(answer(before=fit))["Are the values of the file right within their tolerance?"]
+    assert state == UNSURE and says.endswith("at 5 % for mass.")
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "units", "text"),
+    [
+        (0.012, "m", Units(), "12.0 mm"), (1.0e-4, "s", Units(), "100 us"), (250.0, "Hz", Units(), "250 Hz"),
+        (0.012, "m", Units(REVOLUTE), "12.0 mrad"), (1.25, "-", Units(), "1.25"), (5.0e6, "N/m", Units(), "5e+06 N/m"),
+        (0.0, "N", Units(), "0 N"),
+    ],
+)  # fmt: skip
+def test_a_value_has_its_unit_and_three_digits(value: float, unit: str, units: Units, text: str) -> None:
+    assert with_unit(value, unit, units) == text

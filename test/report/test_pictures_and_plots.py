@@ -1,0 +1,130 @@
+"""What pictures and plots are made of: bins, rows, colours, and drawings that the page can carry."""
+
+from __future__ import annotations
+
+import base64
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from sgms_observer.report.colours import COLOURS
+from sgms_observer.report.drawing import ESTIMATE, sheet
+from sgms_observer.report.friction_pictures import binned, position_bins, residual_over_position, stribeck_points
+from sgms_observer.report.time_plot import Line, Panel, one_after_another, telling_rows, time_plot, with_holes
+from sgms_observer.settings.units import Units
+
+
+def contrast(one: str, other: str) -> float:
+    """Contrast of two colours by WCAG 2.1."""
+
+    def luminance(colour: str) -> float:
+        parts = np.array([int(colour[place : place + 2], 16) for place in (1, 3, 5)]) / 255
+        linear = np.where(parts <= 0.03928, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+        return float(linear @ [0.2126, 0.7152, 0.0722])
+
+    dark, bright = sorted([luminance(one), luminance(other)])
+    return (bright + 0.05) / (dark + 0.05)
+
+
+@pytest.mark.parametrize("name", ["ink", "soft", "accent", "good", "unsure", "bad"])
+@pytest.mark.parametrize("background", ["paper", "panel"])
+def test_text_stands_out_light_and_dark(name: str, background: str) -> None:
+    for number in (0, 1):
+        assert contrast(COLOURS[name][number], COLOURS[background][number]) >= 4.5
+
+
+@pytest.mark.parametrize("name", ["estimate", "measured", "reference", "forward", "backward"])
+def test_lines_stand_out_light_and_dark(name: str) -> None:
+    for number in (0, 1):
+        assert contrast(COLOURS[name][number], COLOURS["paper"][number]) >= 3.0
+
+
+def test_colours_are_told_apart_when_a_picture_becomes_the_pages() -> None:
+    light = [pair[0] for pair in COLOURS.values()]
+    assert len(set(light)) == len(light)
+
+
+def test_a_drawing_is_xml_in_the_pages_colours_with_names_of_its_own() -> None:
+    pictures = []
+    for name in ("a/b", "c"):
+        with sheet(name, "a <caption> with \"quotes\" & more") as drawn:
+            drawn.axes[0].plot([0.0, 1.0], [0.0, 1.0], "o-", color=ESTIMATE, label="<b>one</b>")
+            drawn.axes[0].plot([0.0, 1.0], [1.0, 0.0], label="two")
+        pictures.append(drawn.picture)
+    names = []
+    for picture in pictures:
+        tree = ElementTree.fromstring(picture.svg)
+        assert tree.attrib["aria-label"] == picture.caption
+        texts = ["".join(node.itertext()) for node in tree.iter("{http://www.w3.org/2000/svg}text")]
+        assert "<b>one</b>" in texts
+        assert "var(--estimate)" in picture.svg and ESTIMATE not in picture.svg
+        own = {node.attrib["id"] for node in tree.iter() if "id" in node.attrib}
+        used = set(re.findall(r'(?:url\(|href=")#([^)"]+)', picture.svg))
+        assert used and used <= own
+        names.append(own)
+        assert picture.png.startswith(b"\x89PNG")
+    assert not names[0] & names[1]
+
+
+def test_bins_are_even_and_resolve_the_shortest_period() -> None:
+    position = np.random.default_rng(1).uniform(-0.05, 0.05, 20_000)
+    low, high, count = position_bins(position, None)
+    assert (low, high) == (position.min(), position.max()) and count == 120
+    low, high, count = position_bins(position, 0.001)
+    assert high - low == pytest.approx(0.02) and count == 240
+    assert position_bins(position[:100], None)[2] == 5
+
+
+def test_a_bin_holds_mean_and_standard_error() -> None:
+    position = np.repeat([0.5, 1.5, 2.5], [100, 50, 2])
+    values = np.concatenate([np.tile([1.0, 3.0], 50), np.full(50, 7.0), [1.0, 2.0]])
+    mean, error = binned(position, values, np.array([0.0, 1.0, 2.0, 3.0]))
+    assert mean[:2] == pytest.approx([2.0, 7.0]) and np.isnan(mean[2])
+    assert error[:2] == pytest.approx([0.1, 0.0])
+
+
+def test_residual_is_drawn_for_both_directions_with_the_effect_on_it() -> None:
+    position = np.tile(np.linspace(0.0, 0.05, 500), 4)
+    velocity = np.repeat([1.0, -1.0], 1000)
+    wave = np.sin(2.0 * np.pi * position / 0.012)
+    plain = residual_over_position("a", "b", position, velocity, wave, Units())
+    fitted = residual_over_position("a", "b", position, velocity, wave, Units(), wave, 0.012)
+    for picture, words in ((plain, ["forward", "backward"]), (fitted, ["effect, forward", "effect, backward"])):
+        for word in ("position [mm]", "residual [N]", *words):
+            assert f">{word}<" in picture.svg
+        assert "var(--forward)" in picture.svg and "var(--backward)" in picture.svg
+    assert ">effect, forward<" not in plain.svg
+
+
+def test_stribeck_points_are_means_of_ranges_that_are_narrower_where_it_is_slow() -> None:
+    velocity = np.concatenate([np.geomspace(1e-4, 0.1, 400), -np.geomspace(1e-4, 0.1, 400)])
+    friction = 4.0 * np.sign(velocity) + 30.0 * velocity
+    centre, mean, _deviation = stribeck_points(velocity, friction)
+    assert len(centre) == 26 and np.all(np.diff(centre) > 0.0)
+    assert mean == pytest.approx(4.0 * np.sign(centre) + 30.0 * centre)
+
+
+def test_a_long_plot_keeps_its_peaks_and_holes() -> None:
+    time = 1e-4 * np.arange(1_000_000)
+    signal = np.sin(time)
+    signal[345_678] = 9.0
+    signal[765_432] = -9.0
+    signal[500_000] = np.nan
+    rows = telling_rows([signal, np.cos(time)], 20_000)
+    assert len(rows) <= 26_000 and np.all(np.diff(rows) > 0)
+    assert {345_678, 765_432, 500_000} <= set(rows.tolist())
+    assert telling_rows([signal[:100]], 20_000).tolist() == list(range(100))
+
+
+def test_a_plot_carries_the_numbers_that_it_draws() -> None:
+    time = one_after_another([np.array([5.0, 5.1]), np.array([0.0, 0.1, 0.2])])
+    values = with_holes([np.array([1.0, 2.0]), np.array([3.0, 4.0, 5.0])])
+    assert time == pytest.approx([0.0, 0.1, 0.2, 0.2, 0.3, 0.4, 0.5])
+    plot = time_plot("a", "b", time, [Panel("force [N]", [Line("measured", values, "measured")])])
+    packed = plot.content["panels"][0]["lines"][0]["values"]
+    np.testing.assert_array_equal(
+        np.frombuffer(base64.b64decode(packed), "<f4"), [1.0, 2.0, np.nan, 3.0, 4.0, 5.0, np.nan]
+    )
+    assert ">force [N]<" in plot.still.svg
