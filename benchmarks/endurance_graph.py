@@ -18,6 +18,7 @@ from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.load import load_settings
 
 RATE = round(1.0 / PERIOD)  # Hz
+TOPIC = "friction_estimate"
 ARRIVAL = 5.0  # s in which what is on its way arrives
 
 
@@ -33,16 +34,16 @@ def over_the_graph(seconds: float, folder: Path) -> dict[str, Any]:
     """
     prepare_graph()
     config = write_config(folder, "mhe")
-    sent_file, heard_file = folder / "sent.npy", folder / "heard.npy"
+    sent_file, heard_file = folder / "sent.npy", folder / "heard.npz"
     count = round(seconds * RATE)
     with Conductor(folder / "logs") as conductor, Progress("over the graph", seconds) as progress:
         conductor.start("observer_node", "sgms_observer.nodes.observer_node", ["--config", str(config)])
-        listener = ["--topic", "friction_estimate", "--out", str(heard_file)]
+        listener = ["--out", str(heard_file), TOPIC]
         conductor.start("listener", "sgms_observer.nodes.bench_listener", listener)
         conductor.wait_active("observer_node")
-        conductor.wait_subscribers({"friction_estimate": 1})
+        conductor.wait_subscribers({TOPIC: 1})
         memory = Memory(conductor.process_id("observer_node"))
-        publisher = ["--count", str(count), "--out", str(sent_file)]
+        publisher = ["--count", str(count), "--rate", str(RATE), "--out", str(sent_file)]
         conductor.start("publisher", "sgms_observer.nodes.bench_publisher", publisher)
         start = time.monotonic()
         while not sent_file.exists():
@@ -54,7 +55,8 @@ def over_the_graph(seconds: float, folder: Path) -> dict[str, Any]:
         for name in ("listener", "publisher", "observer_node"):
             conductor.stop(name)
     stamps = np.load(sent_file)[0]
-    heard_stamps, _, heard_bits = np.load(heard_file)
+    with np.load(heard_file) as topics:
+        heard_stamps, _, heard_bits = topics[TOPIC]
     expected = expected_friction(config, stamps)
     _, wanted, got = np.intersect1d(stamps, heard_stamps, return_indices=True)
     heard = heard_bits.view(np.float64)[got]

@@ -45,6 +45,14 @@ class Plan:
         self.ticks = np.zeros((4, SAMPLES_PER_PLAN * ticks_per_sample))
         self.samples = np.zeros((2, SAMPLES_PER_PLAN))
 
+    def reference_at(self, time: Floats) -> tuple[Floats, Floats]:
+        """Return set-points [m] and their velocities [m/s], each of shape (n,).
+
+        Args:
+            time: since the first sample [s], shape (n,).
+        """
+        return self._reference.at(time)[:2]
+
     def advance(self) -> None:
         """Replace ``ticks`` (reference, encoder noise) and ``samples`` (force noise, disturbance) by the next block."""
         count = SAMPLES_PER_PLAN * self._ticks_per_sample

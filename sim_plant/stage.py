@@ -129,6 +129,14 @@ class SimulatedStage:
         """Return how many samples this stage has given."""
         return self._done
 
+    def reference_ahead(self, time: Floats) -> tuple[Floats, Floats]:
+        """Return set-points [m] and their velocities [m/s] before and after the next sample, each of shape (n,).
+
+        Args:
+            time: since the next sample [s]; what is before the first sample counts as that, shape (n,).
+        """
+        return self._plan.reference_at(np.maximum(self._done * self.sample_period + time, 0.0))
+
     @property
     def position(self) -> float:
         """Return the true position now [m]."""

@@ -50,12 +50,10 @@ def _stage(settings: Settings) -> None:
 def _observer(settings: Settings) -> None:
     from sgms_observer.bags.blocks import warm_up_encoding
     from sgms_observer.observer.axis_observer import AxisObserver
-    from sgms_observer.observer.samples import Samples
+    from sgms_observer.observer.trial import run_all_kernels
 
     warm_up_encoding()
-    stamps = np.arange(_SAMPLES, dtype=np.int64) * round(settings.sample_period * 1e9)
-    zeros = np.zeros(_SAMPLES)
-    AxisObserver(settings.axes[0], settings.sample_period).step(Samples(stamps, zeros, zeros, zeros, zeros))
+    run_all_kernels(AxisObserver(settings.axes[0], settings.sample_period))
 
 
 _WORK: dict[str, Callable[[Settings], None]] = {

@@ -30,12 +30,13 @@ _BLOCKS = 20  # blocks that are looked at for them, at most
 _UNKNOWN_PERIOD = 1.0e-3  # s, for a recording of a single sample
 
 
-def find_topic(bag: BagReader, name: str) -> str | None:
-    """Find a JointState topic by its name, with or without namespace.
+def find_topic(bag: BagReader, name: str, kind: str = JOINT_STATE) -> str | None:
+    """Find a topic by its name, with or without namespace.
 
     Args:
         bag: the recording.
         name: such as ``position``, which ``/position`` matches, or else the only ``/.../position``.
+        kind: the type of message that it must have.
 
     Returns:
         The topic's full name, or None if there is none.
@@ -52,9 +53,9 @@ def find_topic(bag: BagReader, name: str) -> str | None:
         raise RecordingError(
             f"{bag.path} holds several topics called {name}: {', '.join(found)}; name one of them in full"
         )
-    if found and bag.topics[found[0]] != JOINT_STATE:
+    if found and bag.topics[found[0]] != kind:
         raise RecordingError(
-            f"{found[0]} in {bag.path} is {bag.topics[found[0]] or 'of unknown type'}; {JOINT_STATE} is needed"
+            f"{found[0]} in {bag.path} is {bag.topics[found[0]] or 'of unknown type'}; {kind} is needed"
         )
     return found[0] if found else None
 

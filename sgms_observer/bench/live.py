@@ -1,4 +1,8 @@
-"""10 kHz over the graph, one process per node: what is lost, and how long from a sample to its estimate."""
+"""Samples over the graph, one process per node: what is lost, and how long from a sample to its compensation.
+
+A relay runs beside the observer: a node with the same executor that takes in both topics and gives out one message for
+each sample, with nothing computed. What it takes is what the middleware, the executor and the machine take.
+"""
 
 from __future__ import annotations
 
@@ -7,26 +11,35 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sgms_observer.bench.process import seconds_used
-from sgms_observer.bench.scene import write_config
+from sgms_observer.bench.scene import RATE, write_config
 
-_RATE = 10_000  # Hz
+RATES = (1_000, 2_000, RATE)
+"""Samples per second of the live runs [Hz]."""
+
+RELAYED = "bench_relayed"
+"""Topic of the relay."""
+
+_COMPENSATION = "friction_compensation"
 _LOOK = 1.0  # s between two looks at a process
 _IDLE = 0.05  # share of a core below which it has nothing left to do
 _LONGEST_WAIT = 60.0  # s
 
 
-def time_live(folder: Path, seconds: float, publish_every: int = 1) -> dict[str, Any]:
-    """Publish samples from one process, observe in another, listen in a third.
+def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = RATE, axes: int = 1) -> dict[str, Any]:
+    """Publish samples from one process, observe in another, relay in a third, listen in a fourth.
 
     Args:
         folder: for parameter file, logs and times.
         seconds: how long to publish [s].
         publish_every: samples from one published estimate to the next.
+        rate: samples per second [Hz].
+        axes: how many there are in each message.
 
     Returns:
-        The entries of ``live`` in the JSON file.
+        The entries of ``live`` in the JSON file, for one rate.
 
     Raises:
         DataError: a process ended too early.
@@ -34,41 +47,59 @@ def time_live(folder: Path, seconds: float, publish_every: int = 1) -> dict[str,
     from sgms_observer.nodes.conductor import Conductor, prepare_graph
 
     prepare_graph()
-    config = write_config(folder, "mhe", publish_every)
-    sent_file, heard_file = folder / "sent.npy", folder / "heard.npy"
-    count = round(seconds * _RATE)
-    with Conductor(folder / "logs") as conductor:
+    config = write_config(folder, "mhe", publish_every, rate, axes)
+    sent_file, heard_file = folder / f"sent_{rate}.npy", folder / f"heard_{rate}.npz"
+    count = round(seconds * rate)
+    with Conductor(folder / f"logs_{rate}") as conductor:
         observer = ["--ros-args", "--params-file", str(config)]
         conductor.start("observer_node", "sgms_observer.nodes.observer_node", observer)
-        listener = ["--topic", "friction_estimate", "--out", str(heard_file)]
+        conductor.start("relay", "sgms_observer.nodes.bench_relay", [RELAYED])
+        listener = ["--out", str(heard_file), _COMPENSATION, RELAYED]
         conductor.start("listener", "sgms_observer.nodes.bench_listener", listener)
         conductor.wait_active("observer_node")
-        conductor.wait_subscribers({"friction_estimate": 1})
-        publisher = ["--count", str(count), "--out", str(sent_file)]
-        used = seconds_used(conductor.process_id("observer_node"))
-        conductor.start("publisher", "sgms_observer.nodes.bench_publisher", publisher)
+        conductor.wait_subscribers({_COMPENSATION: 1, RELAYED: 1, "position": 2, "control_effort": 2})
+        sending = ["--count", str(count), "--rate", str(rate), "--axes", str(axes), "--out", str(sent_file)]
+        used = {name: seconds_used(conductor.process_id(name)) for name in ("observer_node", "relay")}
+        conductor.start("publisher", "sgms_observer.nodes.bench_publisher", sending)
         conductor.wait(sent_file.exists, "the publisher to send everything")
-        share = (seconds_used(conductor.process_id("observer_node")) - used) / (count / _RATE)
-        _wait_until_idle(conductor.process_id("observer_node"))
-        _wait_until_idle(conductor.process_id("listener"))
-        conductor.stop("listener")
-        conductor.stop("publisher")
-        conductor.stop("observer_node")
-    sent, heard = np.load(sent_file), np.load(heard_file)
-    wanted = sent[:, ::publish_every]
-    _, place, arrived = np.intersect1d(wanted[0], heard[0], return_indices=True)
-    latency = (heard[1, arrived] - wanted[1, place]) * 1e-3
-    p50, p99 = np.percentile(latency, (50.0, 99.0)) if latency.size else (np.nan, np.nan)
-    late50, late99 = np.percentile((sent[1] - sent[0]) * 1e-3, (50.0, 99.0))
+        used = {name: seconds_used(conductor.process_id(name)) - before for name, before in used.items()}
+        publisher = seconds_used(conductor.process_id("publisher"))
+        for name in ("observer_node", "relay", "listener"):
+            _wait_until_idle(conductor.process_id(name))
+        for name in ("listener", "publisher", "relay", "observer_node"):
+            conductor.stop(name)
+    sent = np.load(sent_file)
+    with np.load(heard_file) as heard:
+        own = _received(sent, heard[_COMPENSATION], used["observer_node"] * rate / count)
+        relay = _received(sent, heard[RELAYED], used["relay"] * rate / count)
+    ratio = {key: round(own["latency_us"][key] / relay["latency_us"][key], 2) for key in ("p50", "p99")}
+    late = _percentiles((sent[1] - sent[0]) * 1e-3)
     return {
-        "rate_hz": _RATE,
-        "sent": int(wanted.shape[1]),
-        "lost": int(wanted.shape[1] - place.size),
-        "latency_us": {"p50": round(float(p50), 1), "p99": round(float(p99), 1)},
-        "cpu_share": round(share, 3),
+        "rate_hz": rate,
+        "sent": count,
+        **own,
+        "relay": relay,
+        "over_relay": ratio,
         "seconds": seconds,
-        "publisher_late_us": {"p50": round(float(late50), 1), "p99": round(float(late99), 1)},
+        "publisher_late_us": late,
+        "publisher_cpu_share": round(publisher * rate / count, 3),
     }
+
+
+def _received(sent: NDArray[np.int64], heard: NDArray[np.int64], cpu_share: float) -> dict[str, Any]:
+    """Return what became of the samples on one way: lost ones, and the time from a sample's sending to its arrival."""
+    _, place, arrived = np.intersect1d(sent[0], heard[0], return_indices=True)
+    return {
+        "lost": int(sent.shape[1] - place.size),
+        "latency_us": _percentiles((heard[1, arrived] - sent[1, place]) * 1e-3),
+        "cpu_share": round(cpu_share, 3),
+    }
+
+
+def _percentiles(times: NDArray[np.float64]) -> dict[str, float]:
+    """Return median and 99 % of times [us]."""
+    p50, p99 = np.percentile(times, (50.0, 99.0)) if times.size else (np.nan, np.nan)
+    return {"p50": round(float(p50), 1), "p99": round(float(p99), 1)}
 
 
 def _wait_until_idle(process_id: int) -> None:

@@ -1,4 +1,4 @@
-"""``sgms bench``: how fast the estimators are, beside other solvers, and what a live run at 10 kHz costs."""
+"""``sgms bench``: how fast the estimators are, beside other solvers, and live runs beside a bare relay."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sgms_observer.cli.progress import Progress
 
 NAME = "bench"
-HELP = "time the estimators, with peers side by side, and a live run at 10 kHz"
+HELP = "time the estimators, with peers side by side, and live runs beside a bare relay"
 
 PARTS = ("speed", "accuracy", "peers", "growth", "start", "replay", "live")
 _NEED_CASADI = ("accuracy", "peers")
@@ -230,9 +230,10 @@ def _live(args: argparse.Namespace, result: dict[str, Any], folder: Path) -> Non
     if importlib.util.find_spec("rclpy") is None:
         print("rclpy is not installed, so there is no live run: pip install 'sgms_observer[ros]'", file=sys.stderr)
         return
-    from sgms_observer.bench.live import time_live
+    from sgms_observer.bench.live import RATES, time_live
 
-    result["live"] = time_live(folder, args.live_seconds, args.publish_every)
+    runs = [time_live(folder, args.live_seconds, args.publish_every, rate) for rate in RATES]
+    result["live"] = {**runs[-1], "rates": runs[:-1]}
 
 
 _RUN = {

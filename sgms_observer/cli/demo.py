@@ -26,6 +26,7 @@ _LONGEST_WAIT = 60.0  # s
 _RECORDED = (
     "position", "control_effort", "reference", TRUTH,
     "friction_estimate", "friction_std", "friction_compensation", "friction_elements",
+    "compensation_horizon", "reference_horizon",
     "friction_parameters", "/diagnostics",
 )  # fmt: skip
 

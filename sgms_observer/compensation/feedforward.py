@@ -17,12 +17,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.compensation import horizon
 from sgms_observer.compensation.motion_ahead import (
     ACCELERATION,
     AHEAD_ACCELERATION,
     AHEAD_WIDTH,
     HAS_REFERENCE,
     JERK,
+    LAST_POSITION,
     MEMORY_SIZE,
     SET_VELOCITY,
     TRAVEL,
@@ -345,6 +347,48 @@ class Compensator:
         time, *standstill = self._state[[LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL]]
         look_ahead_block(self._memory, time, *standstill, motion, reference_position, reference_velocity, ahead)
         return ahead
+
+    @property
+    def set_point(self) -> float:
+        """Return the set-point that came with the latest sample [m]; NaN where there was none."""
+        return float(self._memory[LAST_POSITION]) if self._state[IS_ALIGNED] > 0.5 else math.nan
+
+    def horizon(
+        self,
+        time: Floats,
+        first: int,
+        motion: Floats,
+        effects_force: Floats,
+        effects_factor: Floats,
+        latest: tuple[Floats, float, int],
+    ) -> Floats:
+        """Return the compensation along a motion that is known ahead of the latest sample [N], shape (n - first,).
+
+        Args:
+            time: since the latest sample [s], increasing from 0, shape (n,).
+            first: first row to return.
+            motion: set-point [m], velocity [m/s] and acceleration [m/s^2] at each time, shape (3, n).
+            effects_force: as in ``Preview`` [N], shape (n,).
+            effects_factor: as in ``Preview`` [-], shape (n,).
+            latest: parameters [SI units; kappa as share], friction_std [N] and status of the latest sample.
+        """
+        state = self._state
+        parameters, friction_std, status = latest
+        scalars = np.empty(horizon.HORIZON_SIZE)
+        scalars[horizon.START], scalars[horizon.END] = time[first], time[-1]
+        is_good = state[VERDICT + status] == 0.0
+        scalars[horizon.TRUST] = state[TRUST] if state[ENABLED] > 0.5 else 0.0
+        scalars[horizon.TRUST_RATE] = 1.0 / state[TIMEOUT] if is_good and state[ENABLED] > 0.5 else 0.0
+        scalars[horizon.SHARE] = state[GAIN] * fade(friction_std, state[FADE_STD])
+        scalars[horizon.STANDSTILL], scalars[horizon.RAW] = state[SET_POINT_STANDSTILL], state[RAW]
+        scalars[horizon.LIMIT], scalars[horizon.SLEW] = state[LIMIT], state[SLEW]
+        scalars[horizon.FADE] = state[TIMEOUT]
+        out = np.empty(len(time) - first)
+        horizon.horizon_block(
+            self._carried, self._modes, self._model.scalars, self._model.elements, self._kinds, parameters, self._path,
+            scalars, first, time, motion, effects_force, effects_factor, out,
+        )  # fmt: skip
+        return out
 
     def step_tables(
         self, motion: Floats, results: Floats, ahead: Floats, effects_force: Floats, effects_factor: Floats

@@ -196,9 +196,7 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> D
     return Decision(item, later, gain, gap, tuple(tests))
 
 
-def _predictive(
-    item: Candidate, gain: Improvement, earlier: Evidence, later: Evidence, court: Court
-) -> Test:
+def _predictive(item: Candidate, gain: Improvement, earlier: Evidence, later: Evidence, court: Court) -> Test:
     """Return the test that the hypothesis surely predicts better.
 
     Held-out recordings were not searched; all of them together were, over every shape that was tried. Either may tell:

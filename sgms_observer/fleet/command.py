@@ -29,7 +29,15 @@ def replay_many(args: argparse.Namespace, topics: Mapping[str, str]) -> int:
     out = Path(args.out).resolve()
     config = str(Path(args.config).resolve())
     jobs = [
-        ReplayJob(name, str(Path(bag).resolve()), config, str(out / name), args.storage, dict(topics))
+        ReplayJob(
+            name,
+            str(Path(bag).resolve()),
+            config,
+            str(out / name),
+            args.storage,
+            dict(topics),
+            args.overwrite or not (out / name).exists(),
+        )
         for name, bag in zip(job_names(args.bags), args.bags, strict=True)
     ]
     return _do("replay", "Replay of a fleet", jobs, args, out)
@@ -49,9 +57,7 @@ def diagnose_each(args: argparse.Namespace) -> int:
     axis = axis_from(args.axis, "diagnose")
     holdout = tuple(str(Path(bag).resolve()) for bag in args.holdout)
     jobs = [
-        DiagnoseJob(
-            name, str(Path(bag).resolve()), holdout, config, str(out / name), axis, args.tolerance, args.seed
-        )
+        DiagnoseJob(name, str(Path(bag).resolve()), holdout, config, str(out / name), axis, args.tolerance, args.seed)
         for name, bag in zip(job_names(args.bags), args.bags, strict=True)
     ]
     return _do("diagnose", "Diagnosis of a fleet", jobs, args, out)

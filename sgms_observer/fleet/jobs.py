@@ -25,6 +25,7 @@ class ReplayJob:
         out: folder of the new bag.
         storage: ``mcap`` or ``sqlite3``.
         topics: names of the input topics where they differ.
+        is_overwriting: replace what is in the folder: a cluster starts a job again whose worker it lost.
     """
 
     name: str
@@ -33,6 +34,7 @@ class ReplayJob:
     out: str
     storage: str
     topics: Mapping[str, str] = field(default_factory=dict)
+    is_overwriting: bool = False
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,9 @@ def _replay(job: ReplayJob) -> dict[str, Any]:
     """Replay a recording and return its figures."""
     from sgms_observer.cli.replay import replay_bag
 
-    done = replay_bag(job.bag, job.config, job.out, job.storage, job.topics, lambda share: None)
+    done = replay_bag(
+        job.bag, job.config, job.out, job.storage, job.topics, lambda share: None, is_overwriting=job.is_overwriting
+    )
     return {
         "duration": done.duration,
         "messages": done.messages,
@@ -120,9 +124,7 @@ def _diagnose(job: DiagnoseJob) -> dict[str, Any]:
     from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 
     diagnose_bags(
-        DiagnoseRequest(
-            [job.bag], job.config, job.out, job.holdout, job.axis, tolerance=job.tolerance, seed=job.seed
-        )
+        DiagnoseRequest([job.bag], job.config, job.out, job.holdout, job.axis, tolerance=job.tolerance, seed=job.seed)
     )
     result: dict[str, Any] = json.loads((Path(job.out) / "result.json").read_text(encoding="utf-8"))
     return {key: result[key] for key in ("verdict", "gap", "effects", "next_experiment")}

@@ -1,4 +1,4 @@
-"""A process that notes when each estimate arrives and what it says, until it is told to stop."""
+"""A process that notes when each message of some topics arrives and what it says, until it is told to stop."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import argparse
 import sys
 import time
 from array import array
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import rclpy
+from numpy.typing import NDArray
 from rclpy.executors import ExternalShutdownException
 from rclpy.task import Future
 
@@ -21,28 +23,44 @@ _STAMP = slice(4, 12)  # seconds and nanoseconds in a message that begins with a
 _LAST = slice(-8, None)  # the last number of the message: the effort of the last axis
 
 
-def listen(topic: str, out: Path) -> None:
-    """Take in a topic's messages and write them to a file, shape (3, n).
+class _Heard:
+    """What one topic said, as raw as it came."""
 
-    The rows are stamp [ns], arrival [ns], and the bits of the last axis's effort [N], all as integers.
+    def __init__(self) -> None:
+        self._kept = bytearray()
+        self._arrivals = array("q")
+
+    def taking(self) -> Callable[[bytes], None]:
+        """Return what takes the topic's messages."""
+        keep, keep_arrival, now = self._kept.extend, self._arrivals.append, time.time_ns
+
+        def take(message: bytes) -> None:
+            keep_arrival(now())
+            keep(message[_STAMP])
+            keep(message[_LAST])
+
+        return take
+
+    def table(self) -> NDArray[np.int64]:
+        """Return stamp [ns], arrival [ns] and the bits of the last axis's effort [N], shape (3, n)."""
+        parts = np.frombuffer(bytes(self._kept), "<i4,<u4,<i8")
+        stamps = parts["f0"].astype(np.int64) * 1_000_000_000 + parts["f1"]
+        return np.stack([stamps, np.array(self._arrivals, np.int64), parts["f2"]])
+
+
+def listen(topics: list[str], out: Path) -> None:
+    """Take in the messages of topics and write them to a file, one table of integers for each topic.
 
     Args:
-        topic: what to listen to.
-        out: the file (.npy).
+        topics: what to listen to.
+        out: the file (.npz).
     """
     use_shipped_transport()
     rclpy.init(args=[])
     node = rclpy.create_node("bench_listener")
-    kept = bytearray()
-    arrivals = array("q")
-    keep, keep_arrival, now = kept.extend, arrivals.append, time.time_ns
-
-    def take(message: bytes) -> None:
-        keep_arrival(now())
-        keep(message[_STAMP])
-        keep(message[_LAST])
-
-    subscribe(node, topic, take)
+    heard = {topic: _Heard() for topic in topics}
+    for topic, kept in heard.items():
+        subscribe(node, topic, kept.taking())
     executor = make_executor()
     executor.add_node(node)
     never: Future = Future()
@@ -51,9 +69,7 @@ def listen(topic: str, out: Path) -> None:
             executor.spin_until_future_complete(never, timeout_sec=3600.0)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    parts = np.frombuffer(bytes(kept), "<i4,<u4,<i8")
-    stamps = parts["f0"].astype(np.int64) * 1_000_000_000 + parts["f1"]
-    np.save(out, np.stack([stamps, np.array(arrivals, np.int64), parts["f2"]]))
+    np.savez(out, **{topic: kept.table() for topic, kept in heard.items()})  # type: ignore[arg-type]
     node.destroy_node()
     rclpy.try_shutdown()
 
@@ -61,10 +77,10 @@ def listen(topic: str, out: Path) -> None:
 def main() -> int:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--topic", required=True)
+    parser.add_argument("topics", nargs="+")
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
-    listen(args.topic, args.out)
+    listen(args.topics, args.out)
     return 0
 
 

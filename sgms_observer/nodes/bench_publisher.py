@@ -1,9 +1,13 @@
-"""A process that publishes position and effort of one axis at 10 kHz, and notes when each sample went out."""
+"""A process that publishes position and effort of axes at a rate, and notes when each sample went out.
+
+Between two samples it sleeps: it shall not take the core that is measured.
+"""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import ctypes
 import signal
 import sys
 import time
@@ -16,19 +20,23 @@ from sensor_msgs.msg import JointState
 
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bench.problem import AMPLITUDE, FREQUENCY, PERIOD, make_problem
+from sgms_observer.bench.scene import axis_names
 from sgms_observer.nodes.topics import SAMPLE_QOS
 from sgms_observer.nodes.transport import use_shipped_transport
 
 _LONGEST_STAY = 60.0  # s
 _MATCHING = 2.0  # s for the observer to find who listens to it
-_SHORTEST_SLEEP = 5e-5  # s; the operating system oversleeps by about as much
+_TIMER_SLACK = 1_000  # ns that Linux may wake this thread late to save power; 50 us unless asked
+_SET_TIMER_SLACK = 29  # PR_SET_TIMERSLACK
 
 
-def publish(count: int, out: Path) -> None:
+def publish(count: int, rate: int, axes: int, out: Path) -> None:
     """Publish so many samples and write their stamps and sending times [ns], shape (2, count), to a file.
 
     Args:
         count: number of samples.
+        rate: samples per second [Hz].
+        axes: how many there are in each message.
         out: the file (.npy).
     """
     samples = round(1.0 / (FREQUENCY * PERIOD))  # one period of the motion, repeated
@@ -40,22 +48,25 @@ def publish(count: int, out: Path) -> None:
     node = rclpy.create_node("bench_publisher")
     publishers = [node.create_publisher(JointState, topic, SAMPLE_QOS) for topic in ("position", "control_effort")]
     send_position, send_effort = (publisher.publish for publisher in publishers)
-    encode_position = JointStateEncoder(("x",), ("position",)).encode
-    encode_effort = JointStateEncoder(("x",), ("effort",)).encode
+    encode_position = JointStateEncoder(axis_names(axes), ("position",)).encode
+    encode_effort = JointStateEncoder(axis_names(axes), ("effort",)).encode
     while not all(publisher.get_subscription_count() for publisher in publishers):
         time.sleep(0.05)
     time.sleep(_MATCHING)
-    period_ns = round(PERIOD * 1e9)
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_SET_TIMER_SLACK, _TIMER_SLACK, 0, 0, 0)
+    period_ns, step = round(1e9 / rate), max(1, round(1.0 / (PERIOD * rate)))
     times = np.zeros((2, count), np.int64)
     start = time.time_ns() + 10 * period_ns
     for k in range(count):
         due = start + k * period_ns
-        while (left := due - time.time_ns()) > 0:
-            if left > 2e9 * _SHORTEST_SLEEP:
-                time.sleep(1e-9 * left - _SHORTEST_SLEEP)
+        left = due - time.time_ns()
+        if left > 0:
+            time.sleep(1e-9 * left)
+        place = k * step % samples
         times[0, k], times[1, k] = due, time.time_ns()
-        send_position(encode_position(due, (position[k % samples],)))
-        send_effort(encode_effort(due, (effort[k % samples],)))
+        send_position(encode_position(due, (position[place],) * axes))
+        send_effort(encode_effort(due, (effort[place],) * axes))
     np.save(out, times)
     with contextlib.suppress(KeyboardInterrupt):
         time.sleep(_LONGEST_STAY)  # what is on its way arrives; the end comes as SIGINT
@@ -67,9 +78,11 @@ def main() -> int:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, required=True)
+    parser.add_argument("--rate", type=int, required=True)
+    parser.add_argument("--axes", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
-    publish(args.count, args.out)
+    publish(args.count, args.rate, args.axes, args.out)
     return 0
 
 

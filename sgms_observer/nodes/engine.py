@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sgms_observer.nodes.horizons import HorizonExchange
 from sgms_observer.nodes.intake import Intake
 from sgms_observer.nodes.statistics import AxisStatistics, StepClock
 from sgms_observer.observer.all_axes import AllAxes
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.outgoing import Outgoing, OutgoingBlock, ParameterReport
-from sgms_observer.observer.samples import Estimates, Samples
+from sgms_observer.observer.samples import Estimates, Floats, Samples
+from sgms_observer.observer.trial import run_all_kernels
 from sgms_observer.settings.axis import Settings
 
-_WARM_UP_SAMPLES = 3000
+Stamps = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -53,41 +57,68 @@ class Engine:
         self.statistics = [AxisStatistics() for _ in settings.axes]
         self.latest: dict[int, Estimates] = {}
         self.intake = Intake(settings.scales, settings.sample_period)
+        self.horizons = HorizonExchange(settings, self._all_axes)
+        for number, observer in enumerate(self.observers):
+            observer.on_compensation = partial(self._take_compensation, number)
+        self._send: Callable[[OutgoingBlock], None] | None = None
+        self._forces: dict[int, tuple[Stamps, Floats]] = {}
+        self._expected = 0
+        self._is_sent = False
         self._outgoing = Outgoing(settings)
 
     def warm_up(self) -> None:
         """Run every kernel once, so that none is compiled or loaded when the first sample arrives."""
         for axis in self.settings.axes:
             enabled = replace(axis, compensation=replace(axis.compensation, enabled=True))
-            AxisObserver(enabled, self.settings.sample_period).step(_trial(self.settings.sample_period))
+            run_all_kernels(AxisObserver(enabled, self.settings.sample_period))
 
-    def process(self) -> Processed:
-        """Estimate over everything that came in and is complete."""
+    def process(self, send: Callable[[OutgoingBlock], None] | None = None) -> Processed:
+        """Estimate over everything that came in and is complete.
+
+        Args:
+            send: takes each block of compensations as soon as it is there; without it they come with the others.
+        """
         blocks: list[OutgoingBlock] = []
         reports: list[ParameterReport] = []
         estimates: dict[int, Estimates] = {}
+        self._send = send
         for group in self._groups():
             estimates = {}
+            self._forces, self._expected, self._is_sent = {}, len(group), False
             start = time.perf_counter()
             for number, block in self._all_axes.step(group):
                 self.clock.add(time.perf_counter() - start, len(group[number].stamp_ns))
-                self.statistics[number].add(block)
                 estimates[number] = self.latest[number] = block
                 start = time.perf_counter()
-            blocks += self._outgoing.blocks(estimates)
+            if not self._is_sent:
+                for outgoing in self._outgoing.compensations(estimates):
+                    blocks.append(outgoing) if send is None else send(outgoing)
+            blocks += self._outgoing.others(estimates)
+            for number, found in estimates.items():
+                self.statistics[number].add(found)
             reports += self._outgoing.reports(estimates)
         return Processed(estimates, blocks, reports)
 
-    def _groups(self) -> Iterator[dict[int, Samples]]:
-        """Yield the new samples by axis; a second block of an axis, which follows a reset of the clock, comes later."""
+    def _take_compensation(self, number: int, stamps: Stamps, forces: Floats) -> None:
+        """Send the compensations of a group as soon as its last axis has its own."""
+        self._forces[number] = stamps, forces
+        if self._send is not None and len(self._forces) == self._expected:
+            block = self._outgoing.compensation_of_all(self._forces)
+            if block is not None:
+                self._is_sent = True
+                self._send(block)
+
+    def _groups(self) -> list[dict[int, Samples]]:
+        """Return the new samples by axis; a second block of an axis, which follows a reset of the clock, comes later."""
+        groups: list[dict[int, Samples]] = []
         group: dict[int, Samples] = {}
-        for number, samples in self.intake.pop():
-            if number in group:
-                yield group
-                group = {}
-            group[number] = samples
-        if group:
-            yield group
+        for number, pairing in enumerate(self.intake.pairings):
+            while (samples := pairing.pop()) is not None:
+                if number in group:
+                    groups.append(group)
+                    group = {}
+                group[number] = samples
+        return [*groups, group] if group else groups
 
     def reset(self) -> None:
         """Forget every sample and everything learnt; counts go on."""
@@ -98,6 +129,7 @@ class Engine:
             pairing.counts = old.counts
         self._outgoing = Outgoing(self.settings)
         self.latest.clear()
+        self.horizons.reset()
         self._all_axes.reset()
 
     def continue_compensation(self, number: int, output: float) -> None:
@@ -118,17 +150,4 @@ class Engine:
         self.settings = settings
         for observer, axis in zip(self.observers, settings.axes, strict=True):
             observer.compensator.configure(axis.compensation)
-
-
-def _trial(period: float) -> Samples:
-    """Return made-up samples of a small motion, only good for running the kernels."""
-    count = np.arange(_WARM_UP_SAMPLES)
-    seconds = count * period
-    position = 1.0e-4 * np.sin(40.0 * seconds)
-    return Samples(
-        stamp_ns=np.rint(seconds * 1e9).astype(np.int64),
-        position=position,
-        effort=np.sign(np.cos(40.0 * seconds)),
-        reference_position=position,
-        reference_velocity=4.0e-3 * np.cos(40.0 * seconds),
-    )
+        self.horizons.configure(settings)

@@ -28,6 +28,7 @@ class IntakeCounts:
         short: messages whose array had no entry for an axis that they name.
         foreign: messages that name none of the axes.
         repeated_names: lists of names that name an axis twice; the first entry counts.
+        too_late: compensations that were not sent, because whoever applies them would not any more.
     """
 
     messages: int = 0
@@ -35,6 +36,7 @@ class IntakeCounts:
     short: int = 0
     foreign: int = 0
     repeated_names: int = 0
+    too_late: int = 0
 
     def sentences(self, axes: Sequence[str]) -> tuple[str, ...]:
         """Return one sentence for each kind of trouble that occurred.
@@ -47,6 +49,11 @@ class IntakeCounts:
             (self.short, "messages had no number for an axis that they name; fill position or effort for every name"),
             (self.foreign, f"messages named none of the axes {', '.join(axes)}; set axes to the names in the messages"),
             (self.repeated_names, "lists of names held an axis twice; its first entry is used, correct the publisher"),
+            (
+                self.too_late,
+                "compensations were not sent, because their samples were older than look_ahead and timeout together;"
+                " free the machine, or publish reference_horizon",
+            ),
         )
         return tuple(f"{count} {text}" for count, text in found if count)
 

@@ -11,16 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.clock import ROSClock
 from rclpy.executors import Executor
+from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
+from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.application.kernels import OF_STAGE
 from sgms_observer.bags.cdr import JointStateDecoder
 from sgms_observer.errors import DataError, SgmsError
 from sgms_observer.nodes.due_forces import DueForces
+from sgms_observer.nodes.horizons import BEFORE, EVERY, decode_horizons, encode_reference
 from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.pace import AGE_SENTENCE, LONGEST_CATCH_UP, LONGEST_LAG_OF_FOLLOWER, Pace
-from sgms_observer.nodes.topics import JointStateTopics, subscribe
-from sgms_observer.observer.outgoing import OutgoingBlock
+from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe, subscribe_horizon
+from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, REFERENCE_HORIZON, OutgoingBlock
 from sgms_observer.observer.samples import Samples
 from sim_plant.record import StageRecord
 from sim_plant.table import SimulatedTable
@@ -36,6 +39,12 @@ _LONGEST_TURN = 2.0e-3
 _HURRY = 2.0
 """How much faster than real time the stage moves while it makes up for a late turn."""
 
+_REFERENCE_STEP = 1.0e-3
+"""Time between two points of the reference that is told ahead [s]."""
+
+_BEYOND = 2.0 * EVERY
+"""The reference is told so much further ahead than a horizon reaches [s], because it is told only every so often."""
+
 _MOST_AGES = 1_000_000
 
 _LARGEST_BLOCK = 20
@@ -49,11 +58,11 @@ class StageNode(ManagedNode):
     each sample with its own stamp. A process that was kept waiting moves its stage on at twice real time, not at once:
     a machine does not run while the one who simulates it stands still, and the observer is not late for it. A
     compensation goes into the effort at the time it was made for, ``look_ahead`` after its stamp, or at once when it
-    comes later, until it is older than its timeout or the set-point has turned round. The effort of ``reference`` says
-    what went in. An axis whose ``stage.reference.kind`` is ``topic`` follows the set-points of ``reference`` instead,
-    as a table does, and is left out of those that this node publishes. ``position``, ``control_effort`` and
-    ``reference`` are in topic units, which ``position_scale`` and ``effort_scale`` bring to SI; compensations and the
-    truth are in SI.
+    comes later, as ``DueForces`` says; where ``compensation_horizon`` reaches, the value that it has for the sample's
+    own time goes in instead. For that the stage tells its reference ahead. The effort of ``reference`` says what went
+    in. An axis whose ``stage.reference.kind`` is ``topic`` follows the set-points of ``reference`` instead, as a table
+    does, and is left out of those that this node publishes. ``position``, ``control_effort`` and ``reference`` are in
+    topic units, which ``position_scale`` and ``effort_scale`` bring to SI; compensations and the truth are in SI.
 
     Args:
         name: name of the node.
@@ -71,6 +80,8 @@ class StageNode(ManagedNode):
         self._table: SimulatedTable | None = None
         self._topics: JointStateTopics | None = None
         self._inputs: list[Subscription] = []
+        self._reference_ahead: Publisher | None = None
+        self._told_ns = 0
         self._decoder, self._reference_decoder = JointStateDecoder(), JointStateDecoder()
         self._thread: threading.Thread | None = None
         self._must_stop = threading.Event()
@@ -86,15 +97,27 @@ class StageNode(ManagedNode):
 
     def set_up(self) -> None:
         """Make publishers and the subscription."""
+        period = self.settings.sample_period
         self._due = [
-            DueForces(max(0.0, axis.compensation.look_ahead - axis.stage.actuation_delay), axis.compensation.timeout)
+            DueForces(
+                max(0.0, axis.compensation.look_ahead - axis.stage.actuation_delay),
+                axis.compensation.timeout,
+                period,
+                axis.stage.actuation_delay + 0.5 * period,
+            )
             for axis in self.settings.axes
         ]
         self._directions = [0] * len(self._due)
         followed = [stage.followed is not None for stage in self._working_table().stages]
         topics = (POSITION, EFFORT, TRUTH) if all(followed) else (POSITION, EFFORT, REFERENCE, TRUTH)
         self._topics = JointStateTopics(self, topics)
-        self._inputs = [subscribe(self, "friction_compensation", self.guarded(self._on_compensation))]
+        if not all(followed):
+            self._reference_ahead = self.create_publisher(JointTrajectory, REFERENCE_HORIZON, HORIZON_QOS)
+        self._told_ns = 0
+        self._inputs = [
+            subscribe(self, COMPENSATION, self.guarded(self._on_compensation)),
+            subscribe_horizon(self, HORIZON, self.guarded(self._on_horizon)),
+        ]
         if any(followed):
             self._inputs.append(subscribe(self, REFERENCE, self.guarded(self._on_reference)))
 
@@ -124,7 +147,9 @@ class StageNode(ManagedNode):
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
         self._inputs = []
-        self._topics = self._table = None
+        if self._reference_ahead is not None:
+            self.destroy_publisher(self._reference_ahead)
+        self._topics = self._reference_ahead = self._table = None
 
     def _working_table(self) -> SimulatedTable:
         if self._table is None:
@@ -159,6 +184,35 @@ class StageNode(ManagedNode):
                 factor = axis.position_scale
                 stage.followed.put(stamp_ns, factor * position[place], factor * speed, now_ns)
 
+    def _on_horizon(self, message: bytes) -> None:
+        """Take in the compensation ahead for the axes that it names."""
+        horizons = decode_horizons(message)
+        for axis, due in zip(self.settings.axes, self._due, strict=True):
+            if axis.name in horizons:
+                due.put_horizon(horizons[axis.name])
+
+    def _tell_reference(self, next_ns: int) -> None:
+        """Publish the reference of the time to come, where it is due and somebody listens.
+
+        Args:
+            next_ns: stamp of the next sample [ns].
+        """
+        reach = max(axis.compensation.horizon for axis in self.settings.axes)
+        if self._table is None or self._reference_ahead is None or reach == 0.0:
+            return
+        is_due = not self._told_ns <= next_ns < self._told_ns + round(EVERY * 1e9)
+        if not is_due or not self._reference_ahead.get_subscription_count():
+            return
+        self._told_ns = next_ns
+        time_ahead = np.arange(-BEFORE, reach + _BEYOND, _REFERENCE_STEP)
+        motions = {
+            axis.name: np.stack(stage.reference_ahead(time_ahead))
+            for axis, stage in zip(self.settings.axes, self._table.stages, strict=True)
+            if stage.followed is None
+        }
+        time_ns = next_ns + np.rint(time_ahead * 1e9).astype(np.int64)
+        self._reference_ahead.publish(encode_reference(self.settings, int(time_ns[0]), time_ns, motions))
+
     def _run(self) -> None:
         """Step and publish until told to stop."""
         turn = max(self.settings.sample_period, _SHORTEST_TURN)
@@ -180,6 +234,7 @@ class StageNode(ManagedNode):
                 for first in range(pace.done - count, pace.done, _LARGEST_BLOCK):
                     last = min(first + _LARGEST_BLOCK, pace.done)
                     self._give(np.array([pace.stamp_ns(i) for i in range(first, last)], dtype=np.int64))
+                self._tell_reference(pace.stamp_ns(pace.done))
             deadline = max(deadline + turn, time.monotonic() - turn)
             self._must_stop.wait(max(0.0, deadline - time.monotonic()))
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Iterable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,6 +17,7 @@ from rclpy.qos import ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.application.kernels import OF_OBSERVER
 from sgms_observer.bags.diagnostics_cdr import encode_diagnostics
@@ -24,10 +27,17 @@ from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, parameter_entry, scale_sentences
 from sgms_observer.nodes.statistics import Growth, Sentences
-from sgms_observer.nodes.topics import JointStateTopics, subscribe
+from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe, subscribe_horizon
 from sgms_observer.nodes.watchdog import SHORTEST_PERIOD, Watchdog
 from sgms_observer.observer.learnt import learnt_changes, learnt_remarks
-from sgms_observer.observer.outgoing import COMPENSATION, JOINT_STATE_TOPICS, PARAMETERS, OutgoingBlock
+from sgms_observer.observer.outgoing import (
+    COMPENSATION,
+    HORIZON,
+    JOINT_STATE_TOPICS,
+    PARAMETERS,
+    REFERENCE_HORIZON,
+    OutgoingBlock,
+)
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.parameter_file import overlaid, parameter_tree
 from sgms_observer.settings.write import write_settings
@@ -35,14 +45,17 @@ from sgms_observer.settings.write import write_settings
 _REPORT_PERIOD = 1.0  # s
 _LONGEST_END = 1.0  # s for the compensation to go to zero within its slew limit when the node stops
 _COMMAND_LINE = "_ros2cli"  # how the nodes of `ros2 topic echo` and `hz` are called
+_IDLE_SHARE = 0.25  # of a sample period without an event, after which none is taken to wait
+_OWN_CLOCK_NS = 10_000_000_000  # stamps less than this behind the node's clock are taken as its own
 _SHORTEST_REPORT = 0.8  # s; the first after the activation tells of about a period as well
 
 
 class ObserverNode(ManagedNode):
     """Observes every axis of its parameters.
 
-    Messages are decoded as they arrive. The first complete sample posts one task behind all events that wait already:
-    the task estimates over everything that is complete by then, so blocks grow by themselves when the machine is late.
+    Messages are decoded as they arrive. A complete sample that comes while the node is idle is estimated at once. One
+    that comes sooner after the last posts a task behind all events that wait already: the task estimates over
+    everything that is complete by then, so blocks grow by themselves when the machine is late.
     Samples that come faster than ``gather_time`` are gathered: after each block the node sleeps that long while
     messages arrive. A block of four costs as much as a single sample, and nothing has to wake this thread for each.
 
@@ -61,8 +74,13 @@ class ObserverNode(ManagedNode):
         self._engine: Engine | None = None
         self._topics: JointStateTopics | None = None
         self._commands: CommandTopic | None = None
+        self._horizons: Publisher | None = None
         self._subscriptions_of_inputs: list[Subscription] = []
         self._is_scheduled = False
+        self._is_late = False
+        self._idle_since = 0.0
+        self._surely_idle = math.inf
+        self._oldest_ns = 0
         self._pause = 0.0
         self._task = self.guarded(self._process)
         self._reported_at = time.monotonic()
@@ -88,6 +106,7 @@ class ObserverNode(ManagedNode):
         """Make publishers and subscriptions."""
         self._topics = JointStateTopics(self, JOINT_STATE_TOPICS)
         self._commands = CommandTopic(self)
+        self._horizons = self.create_publisher(JointTrajectory, HORIZON, HORIZON_QOS)
         is_one_topic = self.resolve_topic_name("position") == self.resolve_topic_name("control_effort")
         inputs = (
             {"position": self._on_both}
@@ -98,12 +117,16 @@ class ObserverNode(ManagedNode):
         self._subscriptions_of_inputs = [
             subscribe(self, topic, self.guarded(callback)) for topic, callback in inputs.items()
         ]
+        self._subscriptions_of_inputs.append(
+            subscribe_horizon(self, REFERENCE_HORIZON, self.guarded(self._on_reference_horizon))
+        )
         self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
 
     def begin(self) -> None:
         """Start from nothing: what came before is not trusted."""
         settings = self.settings
         self._pause = settings.gather_time if settings.sample_period < settings.gather_time else 0.0
+        self._surely_idle = math.inf if self._pause > 0.0 else _IDLE_SHARE * settings.sample_period
         self._working_engine().reset()
         self._reported_at = time.monotonic()
         self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
@@ -115,6 +138,8 @@ class ObserverNode(ManagedNode):
     def end(self) -> None:
         """Leave no compensation behind: to zero within the slew limit, and what is left after a second at once."""
         watchdog, begun = self._watchdog, time.monotonic()
+        if self.context.ok() and self._engine is not None:
+            self._publish_horizons(self._engine.horizons.let_go(self.get_clock().now().nanoseconds))
         while self.context.ok() and watchdog is not None and any(watchdog.outputs):
             now = time.monotonic()
             forces = watchdog.silent(now, is_ending=True)
@@ -141,12 +166,17 @@ class ObserverNode(ManagedNode):
             self._topics.destroy()
         if self._commands is not None:
             self._commands.destroy()
+        if self._horizons is not None:
+            self.destroy_publisher(self._horizons)
+        self._horizons = None
         self._watch_timer = self._watchdog = self._topics = self._commands = self._engine = None
 
     def on_tuned(self) -> None:
         """Take over the compensation's settings; beside another observer none is given out, whatever they say."""
         settings = self.settings if not self._rivals else without_compensation(self.settings)
         self._working_engine().tune_compensation(settings)
+        compensations = [axis.compensation for axis in settings.axes]
+        self._oldest_ns = round(1e9 * max(found.look_ahead + found.timeout for found in compensations))
         if self._watchdog is not None:
             self._watchdog.configure(settings.axes)
             self._watch_by(self._watchdog)
@@ -183,9 +213,20 @@ class ObserverNode(ManagedNode):
             self._working_engine().intake.reference(message)
             self._schedule()
 
+    def _on_reference_horizon(self, message: bytes) -> None:
+        if self.is_active:
+            engine = self._working_engine()
+            engine.intake.counts.messages += 1
+            if not engine.horizons.take_reference(message, self.get_clock().now().nanoseconds):
+                engine.intake.counts.malformed += 1
+
     def _schedule(self) -> None:
-        """Have complete samples processed behind the events that wait already."""
-        if not self._is_scheduled and self._working_engine().intake.has_samples:
+        """Have complete samples processed: at once, or behind the events that wait already where there may be some."""
+        if self._is_scheduled or not self._working_engine().intake.has_samples:
+            return
+        if time.monotonic() - self._idle_since > self._surely_idle:
+            self._process()
+        else:
             self._is_scheduled = True
             self.own_executor.create_task(self._task)
 
@@ -193,7 +234,7 @@ class ObserverNode(ManagedNode):
         self._is_scheduled = False
         if not self.is_active or self._topics is None or self._watchdog is None:
             return
-        processed = self._working_engine().process()
+        processed = self._working_engine().process(self._send_compensation)
         for block in processed.blocks:
             self._topics.publish(block)
         for report in processed.reports:
@@ -202,9 +243,31 @@ class ObserverNode(ManagedNode):
         for number, estimates in processed.estimates.items():
             self._watchdog.feed(number, float(estimates.compensation[-1]), now)
         if processed.estimates and self._commands is not None:
-            self._commands.publish(self._watchdog.outputs)
+            outputs = self._watchdog.outputs
+            self._commands.publish([0.0] * len(outputs) if self._is_late else outputs)
+        self._publish_horizons(self._working_engine().horizons.give(processed.estimates))
         if self._pause > 0.0:
             time.sleep(self._pause)
+        self._idle_since = time.monotonic()
+
+    def _send_compensation(self, block: OutgoingBlock) -> None:
+        """Publish compensations, but for those that come too late for whoever applies them.
+
+        A stamp that is far from this node's clock belongs to another one: nobody knows how old it is.
+        """
+        now_ns = time.time_ns()  # twenty times as quick as the node's own clock; simulated time is never late
+        self._is_late = self._oldest_ns < now_ns - int(block.stamp_ns[-1]) < _OWN_CLOCK_NS
+        if now_ns - int(block.stamp_ns[0]) > self._oldest_ns and self._topics is not None:
+            age = now_ns - block.stamp_ns
+            in_time = (age <= self._oldest_ns) | (age >= _OWN_CLOCK_NS)
+            self._working_engine().intake.counts.too_late += len(in_time) - int(np.count_nonzero(in_time))
+            block = replace(
+                block,
+                stamp_ns=block.stamp_ns[in_time],
+                values={name: values[in_time] for name, values in block.values.items()},
+            )
+        if self._topics is not None and len(block.stamp_ns):
+            self._topics.publish(block, is_heard=True)
 
     def _watch(self) -> None:
         """Bring the compensation of every axis to zero whose samples stopped."""
@@ -215,6 +278,12 @@ class ObserverNode(ManagedNode):
             for number, force in forces.items():
                 self._working_engine().continue_compensation(number, force)
             self._publish_compensation(forces)
+
+    def _publish_horizons(self, messages: Iterable[bytes]) -> None:
+        """Publish horizons, if anybody listens."""
+        if self._horizons is not None and self._horizons.get_subscription_count():
+            for message in messages:
+                self._horizons.publish(message)
 
     def _publish_compensation(self, forces: dict[int, float]) -> None:
         """Publish forces that no sample led to.

@@ -13,7 +13,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 
-from sgms_observer.bags.message_types import DIAGNOSTICS, JOINT_STATE
+from sgms_observer.bags.message_types import DIAGNOSTICS, JOINT_STATE, TRAJECTORY
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import RecordingError
 
@@ -26,6 +26,8 @@ TOPICS = {
     "friction_std": JOINT_STATE,
     "friction_compensation": JOINT_STATE,
     "friction_elements": JOINT_STATE,
+    "compensation_horizon": TRAJECTORY,
+    "reference_horizon": TRAJECTORY,
     "friction_parameters": DIAGNOSTICS,
     "/diagnostics": DIAGNOSTICS,
 }

@@ -19,20 +19,24 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.application.commission.motion import SETTLING_SHARE, Motion, approach
 from sgms_observer.application.commission.table import LEAD, Heard, HeldUp, Topics, Watch
 from sgms_observer.application.kernels import compile_ahead
 from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.bags.trajectory_cdr import encode_trajectory
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import DataError
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.nodes.axis_listener import COMPENSATION, EFFORT, POSITION, REFERENCE, AxisListener
 from sgms_observer.nodes.conductor import Conductor
+from sgms_observer.nodes.horizons import BEFORE, EVERY
 from sgms_observer.nodes.reference_player import braking
 from sgms_observer.nodes.spin import make_executor
-from sgms_observer.nodes.topics import SAMPLE_QOS
+from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
 from sgms_observer.nodes.transport import use_shipped_transport
+from sgms_observer.observer.outgoing import REFERENCE_HORIZON
 from sgms_observer.settings.axis import AxisSettings
 
 OBSERVER = "observer_node"
@@ -42,6 +46,7 @@ _LATEST = 0.05  # s that a set-point may be sent behind its stamp; then the moti
 _SILENCE = 0.5  # s without a position or an effort after which the topic counts as lost
 _START = 0.2  # s from the first message to the first set-point's stamp, beyond the lead
 _PATIENCE = 10.0  # s for the graph to answer
+_AHEAD = 0.5  # s of the motion that is told ahead; a compensation_horizon of the default length and its pauses
 _ACK_TIME = 2.0  # s for the last set-points to arrive
 _LAST_SAMPLES = 0.2  # s for the last messages of a recording to arrive
 
@@ -77,6 +82,7 @@ class TableLink:
         self._executor = make_executor()
         self._executor.add_node(self._node)
         self._publisher = self._node.create_publisher(JointState, REFERENCE, SAMPLE_QOS)
+        self._ahead = self._node.create_publisher(JointTrajectory, REFERENCE_HORIZON, HORIZON_QOS)
         self._parameters = self._node.create_client(SetParameters, f"/{OBSERVER}/set_parameters")
         self._listener.subscribe(self._node)
         return self
@@ -190,7 +196,7 @@ class TableLink:
         ahead_ns = self._listener.now_ns() + (self.lead + _START) * 1e9 - grid_ns
         begin_ns = grid_ns + math.ceil(ahead_ns / period_ns) * period_ns
         end_ns = begin_ns + (len(position) - 1) * period_ns
-        sent, seen, is_resting = 0, 0, False
+        sent, seen, told_ns, is_resting = 0, 0, 0, False
         self._listener.span = begin_ns + recorded * period_ns, end_ns
         self._listener.forget()
         try:
@@ -204,6 +210,9 @@ class TableLink:
                     )
                 self._send(position, velocity, origin, begin_ns, range(sent, due))
                 sent = max(sent, due)
+                if now_ns >= told_ns + round(EVERY * 1e9):
+                    told_ns = now_ns
+                    self._tell_ahead(position, velocity, origin, begin_ns, now_ns)
                 self._spin(_TURN)
                 if self._stopped_by:
                     raise KeyboardInterrupt
@@ -245,6 +254,22 @@ class TableLink:
             message = self._encoder.encode(begin_ns + i * period_ns, [at], [speed])
             self._publisher.publish(message)
             self._listener.record(REFERENCE, begin_ns + i * period_ns, message)
+
+    def _tell_ahead(self, position: Any, velocity: Any, origin: float, begin_ns: int, now_ns: int) -> None:
+        """Publish the motion to come: then the network does not matter for the compensation."""
+        if self._ahead.get_subscription_count() == 0:
+            return
+        period_ns = round(self._period * 1e9)
+        first = (now_ns - begin_ns) // period_ns - math.ceil(BEFORE / self._period)
+        number = np.arange(first, first + math.ceil((BEFORE + _AHEAD) / self._period))
+        at = np.clip(number, 0, len(position) - 1)
+        scale = self._axis.position_scale
+        moves = (number >= 0) & (number < len(position))
+        values = {
+            "positions": (origin + position[at])[:, np.newaxis] / scale,
+            "velocities": np.where(moves, velocity[at], 0.0)[:, np.newaxis] / scale,
+        }
+        self._ahead.publish(encode_trajectory(now_ns, (self._axis.name,), begin_ns + number * period_ns, values))
 
     def _brake(self, position: Any, velocity: Any, origin: float, begin_ns: int, sent: int) -> None:
         """Bring the axis to rest from where the set-point is now, within the allowed acceleration."""

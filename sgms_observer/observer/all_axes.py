@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.compensation.horizon import Horizon, KnownMotion
 from sgms_observer.observer.axis_observer import AxisObserver, FilteredBlock, OtherMotion
 from sgms_observer.observer.samples import Estimates, Floats, Samples
 from sgms_observer.settings.axis import AxisSettings, coupled_number
@@ -100,3 +101,28 @@ class AllAxes:
             other = self._other.get(number)
             motion = None if other is None else self._tracks[other].at(block.samples.stamp_ns)
             yield number, self.observers[number].estimate(block, motion)
+
+    def horizons(
+        self,
+        latest: Mapping[int, Estimates],
+        wanted: Iterable[int],
+        known: Mapping[int, KnownMotion],
+        reach: Mapping[int, float],
+    ) -> dict[int, Horizon]:
+        """Return the compensation of the time to come of axes whose reference is known ahead; changes nothing.
+
+        Args:
+            latest: number of the axis to what its latest step returned.
+            wanted: numbers of the axes to do that for.
+            known: number of the axis to its reference ahead.
+            reach: number of the axis to how far to go from its latest sample at most [s].
+        """
+        found = {}
+        for number in wanted:
+            motion = known[number]
+            if number in latest and reach[number] > 0.0:
+                other = known.get(self._other[number]) if number in self._other else None
+                horizon = self.observers[number].horizon(latest[number], motion, reach[number], other)
+                if horizon is not None:
+                    found[number] = horizon
+        return found

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sgms_observer.compensation.feedforward import Compensator
+from sgms_observer.compensation.horizon import Horizon, KnownMotion, grid_of
 from sgms_observer.compensation.motion_ahead import AHEAD_ACCELERATION, AHEAD_POSITION, AHEAD_VELOCITY
 from sgms_observer.compensation.standstill import standstill_velocity
 from sgms_observer.effects.compiled import CompiledEffects
@@ -74,6 +77,10 @@ class AxisObserver:
         axis: checked settings of the axis.
         sample_period: nominal time between two samples [s].
 
+    Attributes:
+        on_compensation: told stamps [ns] and compensations [N] of each block as soon as they are there, before anything
+            else is made of them.
+
     Raises:
         ConfigurationError: if the settings do not fit the sample period.
     """
@@ -95,6 +102,8 @@ class AxisObserver:
         self._effects_state = self.effects.initial_state()
         self._ahead_state = self.effects.initial_state()
         self._origin_ns: int | None = None
+        self._latest_effort = 0.0
+        self.on_compensation: Callable[[NDArray[np.int64], Floats], None] | None = None
         self._zeros, self._ones = np.zeros(1), np.ones(1)
 
     def reset(self) -> None:
@@ -148,6 +157,7 @@ class AxisObserver:
         start = time.perf_counter()
         samples, motion, ahead = block.samples, block.motion, block.ahead
         if self.effects.has_force_or_level:
+            self._latest_effort = float(motion.effort[-1]) if len(motion.effort) else self._latest_effort
             force, factor = self._effects_on(samples, motion, other)
             effort = motion.effort - force
         else:
@@ -158,6 +168,8 @@ class AxisObserver:
         if self.effects.has_force_or_level:
             force, factor = self._effects_ahead(samples, motion, ahead, other)
         compensation = self.compensator.step_tables(motion.table, results.table, ahead, force, factor)
+        if self.on_compensation is not None:
+            self.on_compensation(samples.stamp_ns, compensation)
         return Estimates.of(
             stamp_ns=samples.stamp_ns,
             position=motion.present_position,
@@ -174,6 +186,56 @@ class AxisObserver:
             compensation=compensation,
             status=results.status,
         )
+
+    def horizon(
+        self, latest: Estimates, known: KnownMotion, reach: float, other: KnownMotion | None = None
+    ) -> Horizon | None:
+        """Return the compensation of the time to come, along a reference that is known ahead; changes nothing.
+
+        Args:
+            latest: what the latest ``step`` returned, at least one sample.
+            known: the reference ahead.
+            reach: how far to go from the latest sample at most [s].
+            other: reference of the axis that ``cross_axis_coupling`` follows, or None where it is not known.
+
+        Returns:
+            The horizon; None where the reference is not known far enough, or is not the one that is followed.
+        """
+        stamp = int(latest.stamp_ns[-1])
+        reach = min(reach, (known.end_ns - stamp) * 1e-9)
+        ahead = self.compensator.look_ahead_time
+        if not ahead < reach or not self._follows(known, stamp):
+            return None
+        time, first = grid_of(ahead, reach, self.sample_period)
+        time_ns = stamp + np.rint(time * 1e9).astype(np.int64)
+        motion = np.array(known.at(time_ns))
+        force, factor = np.zeros(len(time)), np.ones(len(time))
+        if self.effects.has_force_or_level:
+            count = len(time) - first
+            position, velocity, acceleration = motion[:, first:].copy()
+            level = np.empty(count)
+            _levels(self.estimator.model, velocity, level)
+            since = np.asarray(time_ns[first:] - (self._origin_ns or 0), dtype=np.float64) * 1e-9
+            effort, period = np.full(count, self._latest_effort), np.full(count, time[first + 1] - time[first])
+            others = (None, None) if other is None else other.at(time_ns[first:])[1:]
+            force[first:], factor[first:] = self.effects.evaluate(
+                position, velocity, acceleration, since, effort, period, level, self._ahead_state.copy(), *others
+            )
+            factor[:first] = factor[first]
+        row = (latest.parameters[-1], float(latest.friction_std[-1]), int(latest.status[-1]))
+        values = self.compensator.horizon(time, first, motion, force, factor, row)
+        return Horizon(time_ns[first:] - round(self.effects.delay * 1e9), values)
+
+    def _follows(self, known: KnownMotion, stamp: int) -> bool:
+        """Return whether the set-point of the latest sample lies on the reference that is known ahead.
+
+        Two periods of its largest speed are for the stamps, eight units in the last place for the scales.
+        """
+        allowed = 2.0 * self.sample_period * known.largest_speed
+        allowed += 8.0 * float(np.spacing(np.abs(known.position).max()))
+        if not known.time_ns[0] <= stamp:
+            return False
+        return bool(abs(known.at(np.array([stamp]))[0][0] - self.compensator.set_point) <= allowed)
 
     def _no_effects(self, count: int) -> tuple[Floats, Floats]:
         """Return a force of zero [N] and a factor of one on the Stribeck level, from arrays that are made once."""

@@ -21,6 +21,8 @@ STD = "friction_std"
 COMPENSATION = "friction_compensation"
 ELEMENTS = "friction_elements"
 PARAMETERS = "friction_parameters"
+HORIZON = "compensation_horizon"
+REFERENCE_HORIZON = "reference_horizon"
 JOINT_STATE_TOPICS = (COMPENSATION, ESTIMATE, STD, ELEMENTS)
 
 PARAMETERS_EVERY_NS = 100_000_000
@@ -89,9 +91,39 @@ class Outgoing:
         Returns:
             Blocks of messages; axes with the same stamps share a message.
         """
+        return [*self.compensations(estimates), *self.others(estimates)]
+
+    def compensations(self, estimates: Mapping[int, Estimates]) -> list[OutgoingBlock]:
+        """Return those of ``blocks`` that a controller waits for.
+
+        Args:
+            estimates: as for ``blocks``.
+        """
+        return [self._effort(COMPENSATION, axes, group, "compensation") for axes, group in _by_stamps(estimates)]
+
+    def compensation_of_all(self, forces: Mapping[int, tuple[NDArray[np.int64], Floats]]) -> OutgoingBlock | None:
+        """Return what ``compensations`` gives for axes whose stamps agree, without their estimates; None for others.
+
+        Args:
+            forces: number of the axis to the stamps [ns] of its block and the compensations [N].
+        """
+        if len(forces) == 1:
+            ((axis, (stamps, force)),) = forces.items()
+            return OutgoingBlock(COMPENSATION, (self._axes[axis],), stamps, {"effort": force[:, np.newaxis]})
+        blocks = list(forces.values())
+        stamps = blocks[0][0]
+        names = tuple(self._axes[axis] for axis in forces)
+        if any(not np.array_equal(stamps, others) for others, _ in blocks[1:]):
+            return None
+        return OutgoingBlock(COMPENSATION, names, stamps, {"effort": np.stack([force for _, force in blocks], axis=1)})
+
+    def others(self, estimates: Mapping[int, Estimates]) -> list[OutgoingBlock]:
+        """Return the rest of ``blocks``.
+
+        Args:
+            estimates: as for ``blocks``.
+        """
         found = []
-        for axes, group in _by_stamps(estimates):
-            found.append(self._effort(COMPENSATION, axes, group, "compensation"))
         published = {
             axis: rows for axis, block in estimates.items() if (rows := self._published(axis, block)) is not None
         }

@@ -13,11 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.reader import BagSamples, read_joint_states
+from sgms_observer.bags.message_types import TRAJECTORY
+from sgms_observer.bags.reader import BagSamples, find_topic, read_joint_states
+from sgms_observer.bags.source import BagReader
+from sgms_observer.bags.trajectory_cdr import decode_trajectory
 from sgms_observer.errors import DataError
 from sgms_observer.observer.axis_observer import AxisObserver
+from sgms_observer.observer.outgoing import HORIZON
 from sgms_observer.report.demonstration_result import axis_result, change, headline, result_of
-from sgms_observer.report.lateness import RECOVERY, Lateness, judge_lateness
+from sgms_observer.report.lateness import RECOVERY, Lateness, Sent, judge_lateness
 from sgms_observer.report.page import Page, Section, Table, write_page
 from sgms_observer.report.run_pictures import Run, run_pictures, tracking_picture
 from sgms_observer.settings.axis import AxisSettings, Settings
@@ -94,7 +98,7 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
     for axis in settings.axes:
         run, stamps = _run_of(bag, axis)
         switched = (switched_ns - int(stamps[0])) * 1e-9
-        way = _way(bag, axis, stamps)
+        way = _way(bag, axis, stamps, settings.sample_period)
         without = _half(run, way, _SETTLE, switched)
         with_it = _half(run, way, switched + _SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
@@ -138,12 +142,26 @@ def _run_of(bag: Path, axis: AxisSettings) -> tuple[Run, Ints]:
     return run, stamps
 
 
-def _way(bag: Path, axis: AxisSettings, stamps: Ints) -> Lateness:
+def _way(bag: Path, axis: AxisSettings, stamps: Ints, sample_period: float) -> Lateness:
     """Return which samples of the stage got their compensation in time."""
     applied_ns, reference = _signal(bag, "reference", axis.name)
     sent_ns, compensation = _signal(bag, "friction_compensation", axis.name)
     lead = max(0.0, axis.compensation.look_ahead - axis.stage.actuation_delay)
-    return judge_lateness(stamps, applied_ns, reference["effort"], sent_ns, compensation["effort"], lead)
+    ahead = axis.stage.actuation_delay + 0.5 * sample_period
+    sent = Sent(sent_ns, compensation["effort"], lead, _horizons(bag, axis.name), ahead)
+    return judge_lateness(stamps, applied_ns, reference["effort"], sent)
+
+
+def _horizons(bag: Path, axis: str) -> list[tuple[Ints, Floats]]:
+    """Return times [ns] and values [N] of each recorded horizon of an axis; none where none was recorded."""
+    found = []
+    with BagReader(bag) as reader:
+        topic = find_topic(reader, HORIZON, TRAJECTORY)
+        for _, _, message in reader.messages([topic] if topic else []):
+            horizon = decode_trajectory(message)
+            if axis in horizon.names and horizon.values["effort"].shape[1] and len(horizon.time_ns):
+                found.append((horizon.time_ns, horizon.values["effort"][:, horizon.names.index(axis)]))
+    return found
 
 
 def _signal(bag: Path, topic: str, axis: str) -> tuple[Ints, dict[str, Floats]]:

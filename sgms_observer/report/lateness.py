@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,26 +32,56 @@ class Lateness:
     is_clear: NDArray[np.bool_]
 
 
-def judge_lateness(
-    stamp_ns: Ints, applied_ns: Ints, applied: Floats, sent_ns: Ints, sent: Floats, lead: float
-) -> Lateness:
+@dataclass(frozen=True)
+class Sent:
+    """What was sent to the stage.
+
+    Attributes:
+        stamp_ns: stamps of the single values [ns], increasing, shape (m,).
+        force: the single values [N], shape (m,).
+        lead: time from a single value's stamp to its action [s].
+        horizons: times [ns] and values [N] of each horizon.
+        ahead: time from a sample to the one at which the stage reads a horizon for it [s].
+    """
+
+    stamp_ns: Ints
+    force: Floats
+    lead: float
+    horizons: Sequence[tuple[Ints, Floats]] = ()
+    ahead: float = 0.0
+
+    def holds(self, time_ns: Ints, applied: Floats) -> NDArray[np.bool_]:
+        """Return which of the applied forces are what was sent for their time, shape (n,).
+
+        Args:
+            time_ns: samples, increasing [ns], shape (n,).
+            applied: forces at them [N], shape (n,).
+        """
+        place = np.searchsorted(self.stamp_ns + round(self.lead * 1e9), time_ns, side="right") - 1
+        meant = np.where(place >= 0, self.force[np.maximum(place, 0)], 0.0)
+        found: NDArray[np.bool_] = np.abs(applied - meant) <= _SAME
+        read_ns = time_ns + round(self.ahead * 1e9)
+        for times, values in self.horizons:
+            rows = slice(*np.searchsorted(read_ns, [times[0], times[-1] + 1]))
+            value = np.interp((read_ns[rows] - times[0]).astype(float), (times - times[0]).astype(float), values)
+            found[rows] |= np.abs(applied[rows] - value) <= _SAME
+        return found
+
+
+def judge_lateness(stamp_ns: Ints, applied_ns: Ints, applied: Floats, sent: Sent) -> Lateness:
     """Compare what went into the effort with what was sent for that time.
 
     Args:
         stamp_ns: the samples to judge [ns], shape (n,).
-        applied_ns: samples at which the stage said what it applied [ns].
+        applied_ns: samples at which the stage said what it applied, increasing [ns].
         applied: what it applied [N], NaN where it did not say.
-        sent_ns: stamps of the compensations [ns], increasing.
-        sent: the compensations [N].
-        lead: time from a compensation's stamp to its action [s].
+        sent: what was sent to it.
     """
     count = len(stamp_ns)
     nothing = Lateness(False, np.zeros(count, bool), np.ones(count, bool))
-    if not len(sent_ns) or not np.isfinite(applied).any():
+    if not len(sent.stamp_ns) or not np.isfinite(applied).any():
         return nothing
-    place = np.searchsorted(sent_ns + round(lead * 1e9), applied_ns, side="right") - 1
-    meant = np.where(place >= 0, sent[np.maximum(place, 0)], 0.0)
-    was_late = np.isfinite(applied) & (np.abs(applied - meant) > _SAME)
+    was_late = np.isfinite(applied) & ~sent.holds(applied_ns, applied)
     is_late = np.isin(stamp_ns, applied_ns[was_late])
     late_ns = applied_ns[was_late]
     before = np.searchsorted(late_ns, stamp_ns, side="right") - 1

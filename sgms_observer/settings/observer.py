@@ -114,4 +114,11 @@ class CompensationSettings:
         minimum=0.0,
     )
     fade_std: float = setting(1.0, "friction_std at which the compensation has faded to zero", "N", above=0.0)
+    horizon: float = setting(
+        0.3,
+        "how far beyond the latest sample compensation_horizon reaches where the reference is known ahead; 0 for none",
+        "s",
+        minimum=0.0,
+        maximum=2.0,
+    )
     timeout: float = setting(0.05, "without good samples for this long the compensation goes to zero", "s", above=0.0)

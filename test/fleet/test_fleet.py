@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main
 from sgms_observer.errors import ConfigurationError, DataError
 from sgms_observer.fleet import run
-from sgms_observer.fleet.jobs import Outcome, ReplayJob, job_names
+from sgms_observer.fleet.jobs import Outcome, ReplayJob, job_names, run_job
 from sgms_observer.fleet.run import run_jobs
 from sgms_observer.fleet.summary import write_summary
 
@@ -93,6 +94,46 @@ def test_a_dask_cluster_gives_the_same(fleet: Path, tmp_path: Path) -> None:
     ) as cluster:
         assert replay(fleet, tmp_path / "there", "--scheduler", cluster.scheduler_address) == 0
     assert content(tmp_path / "here") == content(tmp_path / "there")
+
+
+def test_a_worker_that_is_killed_on_the_way_changes_nothing(fleet: Path, tmp_path: Path) -> None:
+    """The cluster gives its recording to the worker that is left, which starts it anew."""
+    distributed = pytest.importorskip("dask.distributed", reason="Dask is not installed")
+    names = [f"bag{number}" for number in range(3)] * 4
+    jobs = {
+        place: [
+            ReplayJob(
+                f"{number}",
+                str(fleet / name),
+                str(fleet / "axis.yaml"),
+                str(tmp_path / place / f"{number}"),
+                "mcap",
+                is_overwriting=True,
+            )
+            for number, name in enumerate(names)
+        ]
+        for place in ("here", "there")
+    }
+    for place in jobs:
+        (tmp_path / place).mkdir()
+    killed: list[int] = []
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, scheduler_port=0
+    ) as cluster:
+
+        def kill_one(done: float) -> None:
+            busy = [worker.pid for worker in cluster.scheduler.workers.values() if worker.processing]
+            if done >= 2 and busy and not killed:
+                os.kill(busy[0], signal.SIGKILL)
+                killed.append(busy[0])
+
+        there = run_jobs(jobs["there"], 0, cluster.scheduler_address, kill_one)
+    here = [run_job(job) for job in jobs["here"]]
+    assert killed and not any(outcome.fault for outcome in there), [outcome.fault for outcome in there]
+    assert there == here
+    for number in range(len(names)):
+        with BagReader(tmp_path / "here" / str(number)) as first, BagReader(tmp_path / "there" / str(number)) as second:
+            assert list(first.messages()) == list(second.messages())
 
 
 def test_one_broken_recording_is_one_row(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 
 from sgms_observer.nodes import observer_node
 from sgms_observer.nodes.engine import Engine, Processed
+from sgms_observer.observer.outgoing import OutgoingBlock
 
 
 class FailingEngine(Engine):
@@ -13,11 +15,11 @@ class FailingEngine(Engine):
 
     has_acted = False
 
-    def process(self) -> Processed:
+    def process(self, send: Callable[[OutgoingBlock], None] | None = None) -> Processed:
         """Do as ever, but not for long."""
         if self.has_acted:
             raise ZeroDivisionError("a fault made for a test")
-        processed = super().process()
+        processed = super().process(send)
         self.has_acted = any(abs(block.compensation[-1]) > 0.1 for block in processed.estimates.values())
         return processed
 

@@ -17,8 +17,8 @@ from program import PATIENCE
 from ros_fixtures import Start
 from ros_graph import Graph, NodeProcess, wait_until
 
-from sgms_observer.application.commission.ledger import DONE, Ledger
 from sgms_observer.application.commission.learn import write_motion
+from sgms_observer.application.commission.ledger import DONE, Ledger
 from sgms_observer.application.commission.motion import representative_motion
 from sgms_observer.application.commission.session import Plan, Request
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sgms_observer.compensation.horizon import Horizon
 from sgms_observer.nodes.due_forces import DueForces
 
 MS = 1_000_000
@@ -16,7 +18,7 @@ MS = 1_000_000
 @given(delays=st.lists(st.integers(0, 4 * MS), min_size=50, max_size=50))
 def test_jitter_below_the_lead_changes_nothing(delays: list[int]) -> None:
     start = 10**12
-    due = DueForces(lead=5e-3, timeout=0.05)
+    due = DueForces(lead=5e-3, timeout=0.05, sample_period=1e-3)
     due.at(np.array([start]))
     arrivals = np.maximum.accumulate([start + k * MS + delay for k, delay in enumerate(delays)])
     got = []
@@ -30,29 +32,41 @@ def test_jitter_below_the_lead_changes_nothing(delays: list[int]) -> None:
     assert got == [max(0.0, k - 5.0) for k in range(len(delays))]
 
 
-def test_a_late_message_counts_at_once_and_silence_ends_at_zero() -> None:
-    due = DueForces(lead=1e-3, timeout=0.01)
+def test_the_later_a_message_the_less_it_counts_and_silence_ends_at_zero() -> None:
+    due = DueForces(lead=1e-3, timeout=0.01, sample_period=1e-3)
     due.at(np.array([0]))
-    due.put(0, 2.0, 8 * MS)
-    assert due.at(np.array([8, 9, 10, 11]) * MS).tolist() == [2.0, 2.0, 2.0, 2.0]
-    assert due.at(np.array([12, 13]) * MS).tolist() == [0.0, 0.0]
+    due.put(0, 2.0, MS)
+    assert due.at(np.array([1, 2]) * MS).tolist() == [2.0, 2.0]  # in time, and held over one sample
+    fading = due.at(np.arange(3, 14) * MS)
+    assert np.allclose(fading, [1.8, 1.6, 1.4, 1.2, 1.0, 0.8, 0.6, 0.4, 0.2, 0.0, 0.0])
+    due.put(13 * MS, 2.0, 13 * MS)
+    due.put(14 * MS, 2.0, 14 * MS)
+    assert np.allclose(due.at(np.array([14, 15]) * MS), [0.2, 0.4])  # what comes again comes within the timeout
+
+
+def test_what_is_late_and_acts_against_the_motion_does_not_count() -> None:
+    due = DueForces(lead=1e-3, timeout=0.01, sample_period=1e-3)
+    due.at(np.array([0]), -1)
+    due.put(0, 2.0, MS)
+    assert due.at(np.array([1]) * MS, -1).tolist() == [2.0]  # in time: the elements still push back
+    assert due.at(np.array([3]) * MS, -1).tolist() == [0.0]
 
 
 def test_a_message_that_is_later_than_the_timeout_is_not_applied() -> None:
-    due = DueForces(lead=1e-3, timeout=0.01)
+    due = DueForces(lead=1e-3, timeout=0.01, sample_period=1e-3)
     due.at(np.array([0]))
     due.put(5 * MS, 2.0, 5000 * MS)
     assert due.at(np.array([5000, 5001]) * MS).tolist() == [0.0, 0.0]
 
 
 def test_stamps_of_another_clock_count_at_once() -> None:
-    due = DueForces(lead=1e-3, timeout=0.01)
+    due = DueForces(lead=1e-3, timeout=0.01, sample_period=1e-3)
     due.put(1, 3.0, 10**15)
     assert due.at(np.array([10**15])).tolist() == [3.0]
 
 
 def test_what_is_not_finite_is_ignored() -> None:
-    due = DueForces(lead=0.0, timeout=0.01)
+    due = DueForces(lead=0.0, timeout=0.01, sample_period=1e-3)
     due.put(0, math.nan, 0)
     due.put(0, math.inf, 0)
     assert due.at(np.array([0, MS])).tolist() == [0.0, 0.0]
@@ -60,17 +74,47 @@ def test_what_is_not_finite_is_ignored() -> None:
 
 def test_what_is_held_over_a_reversal_is_let_go() -> None:
     """Held on, it would push the wrong way with all its force: worse than no compensation."""
-    due = DueForces(lead=2e-3, timeout=0.05)
+    due = DueForces(lead=2e-3, timeout=0.05, sample_period=1e-3)
     due.at(np.array([0]), 1)
     for k in range(4):
         due.put(k * MS, 1.0 + k, k * MS)
     assert due.at(np.array([2, 3]) * MS, 1).tolist() == [1.0, 2.0]
     assert due.at(np.array([4]) * MS, 0).tolist() == [3.0]  # at rest nothing has turned yet
     assert due.at(np.array([5]) * MS, -1).tolist() == [4.0]  # the message for this time is there
-    assert due.at(np.array([6, 7]) * MS, -1).tolist() == [4.0, 4.0]
+    assert due.at(np.array([6, 7]) * MS, -1).tolist() == [4.0, 0.0]  # held over one sample; then it acts against it
     assert due.at(np.array([8]) * MS, 1).tolist() == [0.0]  # turned again, and the next message is late
-    assert due.at(np.array([9]) * MS, 1).tolist() == [0.0]
     due.put(4 * MS, 6.0, 9 * MS)  # for a time before the turn
-    assert due.at(np.array([10]) * MS, 1).tolist() == [0.0]
-    due.put(6 * MS, 7.0, 10 * MS)
-    assert due.at(np.array([11]) * MS, 1).tolist() == [7.0]
+    assert due.at(np.array([9]) * MS, 1).tolist() == [0.0]
+    due.put(8 * MS, 7.0, 10 * MS)
+    assert due.at(np.array([10]) * MS, 1).tolist() == [pytest.approx(7.0 / 50.0)]
+
+
+def _horizon(first: int, *forces: float) -> Horizon:
+    return Horizon(np.arange(first, first + len(forces)) * MS, np.array(forces))
+
+
+def test_a_horizon_is_read_at_the_time_of_the_sample_and_ends_at_its_last_value() -> None:
+    due = DueForces(lead=1e-3, timeout=0.01, sample_period=1e-3, ahead=0.5e-3)
+    due.at(np.array([0]))
+    due.put_horizon(_horizon(2, 1.0, 3.0, 5.0, 0.0))
+    assert due.at(np.arange(1, 7) * MS).tolist() == [0.0, 2.0, 4.0, 2.5, 0.0, 0.0]
+
+
+def test_the_newest_horizon_that_has_begun_counts_and_late_ones_change_nothing() -> None:
+    due = DueForces(lead=1e-3, timeout=0.01, sample_period=1e-3)
+    due.at(np.array([0]))
+    due.put_horizon(_horizon(1, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0))
+    due.put_horizon(_horizon(3, 2.0, 2.0, 2.0, 0.0))
+    assert due.at(np.array([1, 2, 3]) * MS).tolist() == [1.0, 1.0, 2.0]
+    due.put_horizon(_horizon(2, 9.0, 9.0, 9.0, 9.0, 0.0))
+    due.put(3 * MS, 7.0, 4 * MS)
+    assert due.at(np.array([4, 5, 6]) * MS).tolist() == [2.0, 2.0, 0.0]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_horizon_that_is_not_finite_or_not_in_order_is_ignored(value: float) -> None:
+    due = DueForces(lead=0.0, timeout=0.01, sample_period=1e-3)
+    due.put_horizon(_horizon(0, 1.0, value, 0.0))
+    due.put_horizon(Horizon(np.array([2, 1]) * MS, np.ones(2)))
+    due.put_horizon(Horizon(np.zeros(0, np.int64), np.zeros(0)))
+    assert due.at(np.array([0, MS])).tolist() == [0.0, 0.0]

@@ -1,4 +1,4 @@
-"""A stage that follows set-points: it rests until one comes, goes through them at their stamps, and stops behind them."""
+"""A stage that follows set-points: it rests until one comes, meets them at their stamps, and stops behind them."""
 
 from __future__ import annotations
 

@@ -1,0 +1,61 @@
+"""A process that gives out one message for each sample of two topics, with nothing computed, until it is stopped."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+
+from sgms_observer.nodes.spin import make_executor
+from sgms_observer.nodes.topics import SAMPLE_QOS, subscribe
+from sgms_observer.nodes.transport import use_shipped_transport
+
+_STAMP = slice(4, 12)  # seconds and nanoseconds in a message that begins with a header
+
+
+def relay(topic: str) -> None:
+    """Send the effort's message on as soon as the position of the same stamp is there too, or the other way round.
+
+    Args:
+        topic: where to.
+    """
+    use_shipped_transport()
+    rclpy.init(args=[])
+    node = rclpy.create_node("bench_relay")
+    publish = node.create_publisher(JointState, topic, SAMPLE_QOS).publish
+    waiting: dict[bytes, str] = {}
+
+    def take(own: str, message: bytes) -> None:
+        stamp = bytes(message[_STAMP])
+        if waiting.setdefault(stamp, own) != own:
+            del waiting[stamp]
+            publish(message)
+
+    subscribe(node, "position", lambda message: take("position", message))
+    subscribe(node, "control_effort", lambda message: take("control_effort", message))
+    executor = make_executor()
+    executor.add_node(node)
+    never: Future = Future()
+    try:
+        while rclpy.ok():
+            executor.spin_until_future_complete(never, timeout_sec=3600.0)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def main() -> int:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("topic")
+    relay(parser.parse_args().topic)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

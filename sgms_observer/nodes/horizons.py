@@ -1,0 +1,153 @@
+"""Horizons between messages and axes: the reference ahead in, the compensation ahead out. No ROS in here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from sgms_observer.bags.cdr import Buffer
+from sgms_observer.bags.trajectory_cdr import decode_trajectory, encode_trajectory
+from sgms_observer.compensation.horizon import Horizon, KnownMotion
+from sgms_observer.errors import DataError
+from sgms_observer.observer.all_axes import AllAxes
+from sgms_observer.observer.samples import Estimates
+from sgms_observer.settings.axis import Settings
+
+EVERY = 0.05
+"""Sample time from one horizon to the next [s]; a horizon of the default length bridges 0.2 s without a message."""
+
+BEFORE = 0.05
+"""A reference is told from so long before the present [s], for an observer that has not got so far."""
+
+
+def encode_reference(settings: Settings, now_ns: int, time_ns: np.ndarray, motions: Mapping[str, np.ndarray]) -> bytes:
+    """Return ``reference_horizon`` in topic units.
+
+    Args:
+        settings: all axes.
+        now_ns: the present [ns].
+        time_ns: time of each point [ns], shape (n,).
+        motions: name of the axis to its position and velocity [SI units], shape (2, n) each.
+    """
+    scales = np.array([axis.position_scale for axis in settings.axes if axis.name in motions])
+    positions, velocities = (np.stack([motion[row] for motion in motions.values()], axis=1) / scales for row in (0, 1))
+    return encode_trajectory(now_ns, tuple(motions), time_ns, {"positions": positions, "velocities": velocities})
+
+
+def decode_horizons(message: Buffer) -> dict[str, Horizon]:
+    """Return the compensation ahead of each axis that a message names; empty where it is no horizon.
+
+    Args:
+        message: of ``compensation_horizon``.
+    """
+    try:
+        found = decode_trajectory(message)
+    except DataError:
+        return {}
+    effort = found.values["effort"]
+    if effort.shape[1] == 0:
+        return {}
+    return {name: Horizon(found.time_ns, effort[:, place].copy()) for place, name in enumerate(found.names)}
+
+
+class HorizonExchange:
+    """Keeps the reference that is known ahead of each axis, and makes the compensation ahead from it.
+
+    Args:
+        settings: all axes.
+        all_axes: their observers.
+    """
+
+    def __init__(self, settings: Settings, all_axes: AllAxes) -> None:
+        self._all_axes = all_axes
+        self._numbers = {axis.name: number for number, axis in enumerate(settings.axes)}
+        self._known: dict[int, KnownMotion] = {}
+        self._latest: dict[int, Estimates] = {}
+        self._given_ns: dict[int, int] = {}
+        self._given: dict[int, Horizon] = {}
+        self.configure(settings)
+
+    def configure(self, settings: Settings) -> None:
+        """Take other settings of the compensation over; the next horizons are due at once.
+
+        Args:
+            settings: of the same axes.
+        """
+        self._axes = settings.axes
+        self._reach = {number: axis.compensation.horizon for number, axis in enumerate(settings.axes)}
+        self._given_ns.clear()
+
+    def reset(self) -> None:
+        """Forget every reference."""
+        self._known.clear()
+        self._latest.clear()
+
+    def take_reference(self, message: Buffer, now_ns: int) -> bool:
+        """Take in a message of ``reference_horizon``; return whether it is one.
+
+        Args:
+            message: a serialized JointTrajectory in topic units; a stamp of zero stands for the present.
+            now_ns: the clock [ns].
+        """
+        try:
+            found = decode_trajectory(message)
+        except DataError:
+            return False
+        position, velocity = found.values["positions"], found.values["velocities"]
+        if position.shape[1] == 0:
+            return False
+        time_ns = found.time_ns if found.stamp_ns else found.time_ns + now_ns
+        for place, name in enumerate(found.names):
+            number = self._numbers.get(name)
+            if number is None:
+                continue
+            scale = self._axes[number].position_scale
+            speed = velocity[:, place] * scale if velocity.shape[1] else None
+            motion = KnownMotion.of(time_ns, position[:, place] * scale, speed)
+            if motion is not None:
+                self._known[number] = motion
+        return True
+
+    def give(self, estimates: Mapping[int, Estimates]) -> Iterator[bytes]:
+        """Yield the messages of ``compensation_horizon`` that are due, one for each axis.
+
+        Args:
+            estimates: number of the axis to its latest estimates.
+        """
+        self._latest.update(estimates)
+        if not self._known:
+            return
+        due = [n for n in self._known if n in estimates and self._is_due(n, int(estimates[n].stamp_ns[-1]))]
+        for number, horizon in self._all_axes.horizons(self._latest, due, self._known, self._reach).items():
+            stamp = int(estimates[number].stamp_ns[-1])
+            self._given_ns[number] = stamp
+            had_force = number in self._given and self._given[number].effort.any()
+            if self._axes[number].compensation.enabled or had_force:
+                yield self._message(number, stamp, horizon)
+
+    def let_go(self, now_ns: int) -> Iterator[bytes]:
+        """Yield messages that bring what was given out to zero from now on, within the slew limit of each axis.
+
+        Args:
+            now_ns: the clock of the stamps [ns].
+        """
+        for number, given in list(self._given.items()):
+            begin = max(now_ns, int(given.time_ns[0]) + 1)
+            since = (given.time_ns - begin) * 1e-9
+            force = float(np.interp(0.0, since, given.effort, right=0.0))
+            if not given.effort.any() or since[-1] < 0.0:
+                continue
+            end = begin + 1 + round(1e9 * abs(force) / self._axes[number].compensation.slew_limit)
+            yield self._message(number, now_ns, Horizon(np.array([begin, end]), np.array([force, 0.0])))
+        self._given.clear()
+
+    def _is_due(self, number: int, stamp: int) -> bool:
+        given = self._given_ns.get(number)
+        return given is None or not given <= stamp < given + round(EVERY * 1e9)
+
+    def _message(self, number: int, stamp: int, horizon: Horizon) -> bytes:
+        self._given[number] = horizon
+        return encode_trajectory(
+            stamp, (self._axes[number].name,), horizon.time_ns, {"effort": horizon.effort[:, np.newaxis]}
+        )
