@@ -269,7 +269,8 @@ class TableLink:
             "positions": (origin + position[at])[:, np.newaxis] / scale,
             "velocities": np.where(moves, velocity[at], 0.0)[:, np.newaxis] / scale,
         }
-        self._ahead.publish(encode_trajectory(now_ns, (self._axis.name,), begin_ns + number * period_ns, values))
+        times = begin_ns + number * period_ns
+        self._ahead.publish(encode_trajectory(int(times[0]), (self._axis.name,), times, values))
 
     def _brake(self, position: Any, velocity: Any, origin: float, begin_ns: int, sent: int) -> None:
         """Bring the axis to rest from where the set-point is now, within the allowed acceleration."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from sgms_observer.application.commission.learn import Found
+from sgms_observer.application.commission.learn import CLEARLY_BETTER, Found
 from sgms_observer.application.commission.session import AFTER_BAG, BEFORE_BAG, REPORT, Session
 from sgms_observer.application.commission.tracking import Tracking, recorded_tracking
 from sgms_observer.report.drawing import ESTIMATE, MEASURED, sheet
-from sgms_observer.report.page import Picture, Section, Table, write_page
+from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Section, Table, write_page
 
 
 def write_report(session: Session) -> Found:
@@ -16,12 +16,41 @@ def write_report(session: Session) -> Found:
     sections.append(_found_section(session))
     rows = [(step.name, step.state, f"{step.seconds:.0f} s", step.sentence) for step in ledger.steps.values()]
     sections.append(Section("Steps", tables=(Table(("step", "state", "time", "what it found"), rows),)))
-    page = write_page(
-        ledger.folder, f"Commissioning of axis {axis.name}", headline(session), sections,
+    warnings = [] if ledger.is_usable else ["Warning: the result must not be used as it is; the steps below say why."]
+    provenance = (
         f"From {session.plan.request.config}; all recordings are in recordings/, the diagnosis in"
-        f" {ledger.facts.get('diagnosis', 'diagnosis')}/report.html.",
-    )  # fmt: skip
+        f" {ledger.facts.get('diagnosis', 'diagnosis')}/report.html."
+    )
+    title = f"Commissioning of axis {axis.name}"
+    page = write_page(Page(title, headline(session), sections, provenance, warnings, _lights(session)), ledger.folder)
     return f"wrote {page.name}", [REPORT]
+
+
+def _lights(session: Session) -> tuple[Light, ...]:
+    """Return the questions that a user has, with their answers."""
+    ledger, readable = session.ledger, session.axis.units.readable
+    lights = []
+    gap = ledger.facts.get("gap")
+    if gap:
+        state = GOOD if gap["after"] < CLEARLY_BETTER * gap["before"] else UNSURE
+        answer = (
+            f"{gap['before']:.3g} % of the rms {session.axis.units.effort_word} before, {gap['after']:.3g} % after."
+        )
+        lights.append(Light("model", "Does the model predict your own motion better than the file?", state, answer))
+    for effect in ledger.effects:
+        others = ", ".join(effect["alternatives"])
+        answer = (
+            f"It could also be {others}." if others else f"Confidence {effect['confidence']:.2f}, no rival is left."
+        )
+        lights.append(Light("model", f"Is it {effect['name']}?", UNSURE if others else GOOD, answer))
+    tracking = ledger.tracking
+    if tracking:
+        for key, word in (("rms", "rms"), ("peak", "largest")):
+            before, after = (tracking[f"{key}_{when}"] for when in ("before", "after"))
+            answer = f"{readable(before)} without compensation, {readable(after)} with it."
+            state = GOOD if after < before else BAD
+            lights.append(Light("tracking", f"Is the {word} tracking error smaller?", state, answer))
+    return tuple(lights)
 
 
 def headline(session: Session) -> str:
@@ -100,6 +129,5 @@ def _pictures(session: Session, before: Tracking, after: Tracking) -> tuple[Pict
             axes.set_xlabel("time [s]" if key == "time" else f"position [{place_name}]")
             axes.set_ylabel(f"tracking error [{name}]")
             axes.legend(loc="upper right", markerscale=6.0)
-        assert drawn.picture is not None
         pictures.append(drawn.picture)
     return tuple(pictures)
