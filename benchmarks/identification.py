@@ -3,8 +3,8 @@
     python benchmarks/identification.py [--tables 6] [--rate 10000] [--model sgms] [--json FILE]
 
 Each table has its own friction, mass and controller, a 10 nm encoder with 5 nm noise and 0.1 N force noise. It follows
-the reference of ``sgms excite --for identify`` once to learn and once, with other noise, to judge. The floor is the force error that the
-true parameters leave on the judging recording. Everything printed is computed in the run.
+the reference of ``sgms excite --for identify`` once to learn and once, with other noise, to judge. The floor is the
+force error that the true parameters leave on the judging recording. Everything printed is computed in the run.
 """
 
 from __future__ import annotations

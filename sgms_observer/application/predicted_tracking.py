@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from sgms_observer.diagnosis.closing import SKIPPED
-from sgms_observer.diagnosis.motion import HELD, motion_of
+from sgms_observer.diagnosis.motion import EDGE, HELD, motion_of
 from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.offline.recording import Recording
@@ -23,7 +23,8 @@ from sim_plant.stage import SimulatedStage
 Floats = NDArray[np.float64]
 
 MAX_SAMPLES = 200_000
-"""Samples that are simulated: some seconds of computing."""
+MAX_SECONDS = 60.0
+"""Samples and time [s] that are simulated, the last ones of the recording: some seconds of computing."""
 HOLD = 1.5
 """Time from a sample to the middle of the interval in which its compensation acts, in samples."""
 
@@ -42,12 +43,13 @@ def predict_tracking(
         augmented: the same with what was found.
         band: a measured motion is followed below a multiple of this frequency [Hz].
     """
-    part = record.part(0, min(len(record), MAX_SAMPLES))
+    count = min(len(record), MAX_SAMPLES, round(MAX_SECONDS / record.period))
+    part = record.part(len(record) - count, len(record))
     reference = part.whole_reference
     path = _smooth(part, band) if reference is None else reference
     with tempfile.TemporaryDirectory() as folder:
         truth = _truth(part, given, augmented, path, Path(folder))
-        count, first = len(part), round(SKIPPED / part.period)
+        counted = slice(round(SKIPPED / part.period), count - round(EDGE / part.period))
         plain = SimulatedStage(truth, part.period).step(count)
         runs = [plain]
         if not np.all(np.isfinite(plain.position)):
@@ -55,11 +57,18 @@ def predict_tracking(
         for axis in (given, augmented):
             feedforward = _compensation(axis, truth, plain, part.period)
             runs.append(SimulatedStage(truth, part.period).step(count, feedforward))
-    errors = [(run.position - run.reference_position)[first:] for run in runs]
+    errors = [(run.position - run.reference_position)[counted] for run in runs]
     if not all(np.all(np.isfinite(error)) for error in errors):
         return None
-    recorded = None if reference is None else TrackingError.of((part.position - reference)[first:])
-    return PredictedTracking(*(TrackingError.of(error) for error in errors), recorded, part.duration)
+    recorded = None
+    if reference is not None:
+        errors.append((part.position - reference)[counted])
+        recorded = TrackingError.of(errors[-1])
+    without, given_error, augmented_error = (TrackingError.of(error) for error in errors[:3])
+    time = np.asarray((part.period * np.arange(count))[counted], dtype=np.float64)
+    return PredictedTracking(
+        without, given_error, augmented_error, recorded, part.duration, time, tuple(errors)
+    )
 
 
 def _smooth(record: Recording, band: float) -> Floats:
@@ -67,9 +76,7 @@ def _smooth(record: Recording, band: float) -> Floats:
     return np.asarray(signal.sosfiltfilt(motion_of(record, HELD, band).smoothing, record.position))
 
 
-def _truth(
-    record: Recording, given: AxisSettings, augmented: AxisSettings, path: Floats, folder: Path
-) -> AxisSettings:
+def _truth(record: Recording, given: AxisSettings, augmented: AxisSettings, path: Floats, folder: Path) -> AxisSettings:
     """Return the axis whose stage is the augmented one and follows the path."""
     file = folder / "reference.csv"
     rows = np.column_stack([record.period * np.arange(len(path)), path])

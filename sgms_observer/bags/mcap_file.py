@@ -26,7 +26,8 @@ class JointStates:
         topic: full name.
         stamp_ns: sample times [ns], shape (n,).
         names: k entries of each message.
-        fields: ``position``, ``velocity`` and ``effort``, as far as there are any, shape (n, k).
+        fields: ``position`` [m or rad], ``velocity`` [per s] and ``effort`` [N or N m], as far as there are any, shape
+            (n, k).
     """
 
     topic: str

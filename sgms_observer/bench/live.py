@@ -59,6 +59,7 @@ def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = 
         conductor.wait_active("observer_node")
         conductor.wait_subscribers({_COMPENSATION: 1, RELAYED: 1, "position": 2, "control_effort": 2})
         sending = ["--count", str(count), "--rate", str(rate), "--axes", str(axes), "--out", str(sent_file)]
+        sending += ["--listeners", "2"]
         used = {name: seconds_used(conductor.process_id(name)) for name in ("observer_node", "relay")}
         conductor.start("publisher", "sgms_observer.nodes.bench_publisher", sending)
         conductor.wait(sent_file.exists, "the publisher to send everything")

@@ -142,6 +142,7 @@ def _result(out: str | None, axis: str, reference: Excitation) -> dict[str, Any]
         "range": [float(reference.position.min()), float(reference.position.max())],
         "peak_speed": reference.peak_speed,
         "peak_acceleration": reference.peak_acceleration,
+        "expected": reference.expected,
         "efficiency": reference.efficiency,
         "hidden": list(reference.hidden),
         "sections": [

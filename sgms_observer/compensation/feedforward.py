@@ -344,8 +344,8 @@ class Compensator:
             Columns as named in ``motion_ahead`` [SI units], shape (n, AHEAD_WIDTH).
         """
         ahead = np.empty((len(motion), AHEAD_WIDTH))
-        time, *standstill = self._state[[LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL]]
-        look_ahead_block(self._memory, time, *standstill, motion, reference_position, reference_velocity, ahead)
+        time, standstill, at_rest = self._state[[LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL]]
+        look_ahead_block(self._memory, time, standstill, at_rest, motion, reference_position, reference_velocity, ahead)
         return ahead
 
     @property

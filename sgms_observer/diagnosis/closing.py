@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.compensation.standstill import standstill_velocity
 from sgms_observer.diagnosis.evidence import blocks_of
 from sgms_observer.diagnosis.motion import HELD, Motion, later, motion_of
 from sgms_observer.observer.axis_observer import AxisObserver
@@ -74,7 +75,8 @@ def closing(record: Recording, axis: AxisSettings, period: float, band: float) -
         return motion.low_pass(needed - applied)[counted]
 
     left = along_measured = left_by(estimates.compensation)
-    follows = moves(estimates.compensation, motion)[counted]
+    standstill = axis.compensation.standstill_velocity or standstill_velocity(axis.filter, period)
+    follows = motion.thinned(np.abs(estimates.velocity)[:: motion.step] > standstill)[counted]
     reference = record.whole_reference
     if reference is not None:
         along = AxisObserver(axis, period).step(replace(samples, reference_position=reference))

@@ -20,6 +20,7 @@ from sgms_observer.jit import njit
 from sgms_observer.offline.recording import Recording
 
 Floats = NDArray[np.float64]
+Scalar = TypeVar("Scalar", bound=np.generic)
 Kept = TypeVar("Kept")
 
 BAND = 100.0
@@ -97,7 +98,7 @@ class Motion:
         filtered = signal.sosfiltfilt(_band_filter(self.period, self.band), values)
         return np.asarray(filtered[self._judged], dtype=np.float64)
 
-    def thinned(self, values: Floats) -> Floats:
+    def thinned(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """Return ``values`` at the samples of ``low_pass``."""
         return values[self._judged]
 

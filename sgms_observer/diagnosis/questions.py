@@ -14,6 +14,7 @@ from sgms_observer.diagnosis.criteria import Test
 from sgms_observer.diagnosis.decision import AT_END
 from sgms_observer.diagnosis.fit import Refit, limits
 from sgms_observer.diagnosis.report_tables import NINETY
+from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.diagnosis.workflow import Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light
@@ -22,12 +23,15 @@ from sgms_observer.settings.units import Units
 DATA, CONVERGENCE, BELIEVABILITY = "Data", "Convergence", "Believability"
 
 
-def questions_of(answer: Answer, closings: Sequence[Closing], options: Options, units: Units) -> tuple[Light, ...]:
+def questions_of(
+    answer: Answer, closings: Sequence[Closing], tracking: PredictedTracking | None, options: Options, units: Units
+) -> tuple[Light, ...]:
     """Return the questions with their answers.
 
     Args:
         answer: of the diagnosis.
         closings: observer and compensation before and after.
+        tracking: predicted in closed loop; None where the loop does not stay finite.
         options: as it was run.
         units: of the axis.
     """
@@ -41,6 +45,7 @@ def questions_of(answer: Answer, closings: Sequence[Closing], options: Options, 
         *_changed(answer),
         _rest(answer),
         _feedforward(answer, closings, units),
+        _tracking(tracking, units),
     )
 
 
@@ -216,3 +221,22 @@ def _feedforward(answer: Answer, closings: Sequence[Closing], units: Units) -> L
     is_sure = test.value <= -test.threshold
     chance = "" if is_sure else f" The change is {-test.value:.2g} standard errors, which may be chance."
     return Light(BELIEVABILITY, question, GOOD if is_sure else UNSURE, facts + chance)
+
+
+def _tracking(tracking: PredictedTracking | None, units: Units) -> Light:
+    """Ask whether the axis will follow its set-point better."""
+    question = "Will compensation with the new model improve tracking?"
+    if tracking is None:
+        return Light(BELIEVABILITY, question, UNSURE, "The simulated loop does not stay finite.")
+    without, augmented = tracking.without, tracking.augmented
+    facts = (
+        f"Predicted tracking error: {units.readable(without.rms)} rms and {units.readable(without.peak)} peak without,"
+        f" {units.readable(augmented.rms)} rms and {units.readable(augmented.peak)} peak with it."
+    )
+    if augmented.rms >= without.rms:
+        return Light(BELIEVABILITY, question, BAD, facts)
+    if augmented.peak > without.peak:
+        return Light(BELIEVABILITY, question, UNSURE, f"{facts} The peak is larger.")
+    if tracking.caution(units):
+        return Light(BELIEVABILITY, question, UNSURE, f"{facts} The file's stage.controller may be another one.")
+    return Light(BELIEVABILITY, question, GOOD, facts)

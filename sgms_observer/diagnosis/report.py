@@ -17,6 +17,7 @@ from sgms_observer.diagnosis.report_pictures import (
     learnt_picture,
     located_pictures,
     over_time,
+    tracking_plot,
 )
 from sgms_observer.diagnosis.report_tables import (
     changed_table,
@@ -77,8 +78,8 @@ def diagnosis_page(
         sentence(answer),
         [
             Section("What to do next", [next_step(answer)]),
-            _tracking(tracking, units),
             _answer(answer, traces, units),
+            _tracking(tracking, units),
             _fit(answer, traces, units),
             _where(answer, units),
             _not_shown(answer),
@@ -86,15 +87,15 @@ def diagnosis_page(
         ],
         source,
         [f"Warning: {text}." for text in answer.warnings],
-        questions_of(answer, closings, run.options, units),
+        questions_of(answer, closings, tracking, run.options, units),
     )
 
 
 def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
     """Return the section on the tracking error that the compensation would leave."""
-    title = "Tracking error predicted in closed loop"
+    heading = "Tracking error predicted in closed loop"
     if tracking is None:
-        return Section(title, ["The simulated loop does not stay finite with stage.controller of the file."])
+        return Section(heading, ["The simulated loop does not stay finite with stage.controller of the file."])
     rows = [
         (text, units.readable(error.rms), units.readable(error.peak))
         for text, error in (
@@ -112,7 +113,8 @@ def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
     caution = tracking.caution(units)
     if caution:
         text.append(f"Caution: {caution}.")
-    return Section(title, text, [Table(("tracking error", "rms", "peak"), rows)])
+    plots = [tracking_plot(tracking, units)] if tracking.errors else []
+    return Section(heading, text, [Table(("tracking error", "rms", "peak"), rows)], plots=plots)
 
 
 def sentence(answer: Answer) -> str:

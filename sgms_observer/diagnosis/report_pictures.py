@@ -11,6 +11,7 @@ from sgms_observer.diagnosis.answer import Answer
 from sgms_observer.diagnosis.learnt import Learnt
 from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.traces import Trace
+from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, sheet
 from sgms_observer.report.friction_pictures import (
@@ -148,6 +149,27 @@ def over_time(traces: Sequence[Trace], units: Units) -> Plot:
     several = " The recordings follow one another." if len(traces) > 1 else ""
     caption = f"Measured and modelled {units.effort_word}, residual and motion over time.{several}"
     return time_plot("over_time", caption, one_after_another([one.time for one in traces]), panels)
+
+
+def tracking_plot(tracking: PredictedTracking, units: Units) -> Plot:
+    """Return the tracking errors with and without compensation over time, as a plot that zooms."""
+    factor, unit = units.prefixed(max(float(np.max(np.abs(error))) for error in tracking.errors))
+    named = (
+        ("without compensation", "measured"), ("with the file as given", "forward"),
+        ("with augmented.yaml", "estimate"), ("recorded", "reference"),
+    )  # fmt: skip
+    lines = [
+        Line(label, factor * error, colour) for (label, colour), error in zip(named, tracking.errors, strict=False)
+    ]
+    recorded = [line for line in lines if line.label == "recorded"]
+    simulated = [line for line in lines if line not in recorded]
+    panels = [Panel(f"predicted [{unit}]", simulated)]
+    if recorded:
+        panels.append(Panel(f"recorded [{unit}]", recorded))
+    caption = f"Tracking error along {tracking.along}: predicted without and with compensation, and recorded."
+    if not recorded:
+        caption = f"Tracking error along {tracking.along}: predicted without and with compensation."
+    return time_plot("tracking", caption, tracking.time, panels)
 
 
 def learnt_picture(learnt: Learnt, units: Units) -> Picture:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -48,6 +48,8 @@ class PredictedTracking:
         augmented: with the compensation of ``augmented.yaml``.
         recorded: of the recording itself; None where it has no reference.
         seconds: simulated time [s].
+        time: of each sample that counts [s], shape (n,).
+        errors: the errors over time: without, given, augmented, and recorded if there is one [m], each of shape (n,).
     """
 
     without: TrackingError
@@ -55,6 +57,8 @@ class PredictedTracking:
     augmented: TrackingError
     recorded: TrackingError | None
     seconds: float
+    time: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    errors: tuple[NDArray[np.float64], ...] = ()
 
     @property
     def along(self) -> str:

@@ -73,7 +73,7 @@ class Goal:
         for numbers in groups.values():
             mask = np.flatnonzero(self.rivals[numbers[0]])
             part = matrix[..., mask[:, None], mask[None, :]]
-            wanted = self.wanted[np.ix_(numbers, mask)]
+            wanted = self.wanted[np.ix_(np.array(numbers), mask)]
             solved = np.linalg.solve(part, np.broadcast_to(wanted.T, (*part.shape[:-1], len(numbers))))
             shift = np.einsum("...pk,...pb->...kb", solved, bias[..., mask, :])
             error = np.einsum("kp,...pk->...k", wanted, solved) + np.sum(shift**2, axis=-1)
@@ -87,7 +87,7 @@ class Goal:
             seconds: of the reference [s].
             durations: of each segment [s].
         """
-        return np.max(self.left(np.diag(seconds / durations)), axis=0)
+        return np.asarray(np.max(self.left(np.diag(seconds / durations)), axis=0))
 
 
 @dataclass(frozen=True)
@@ -134,20 +134,20 @@ class Design:
         value = float(self.value(counts.astype(float)))
         for _ in range(_PASSES):
             before = value
-            for number in np.flatnonzero(counts):
-                if counts[number] == 0:
-                    continue
-                less = counts.copy()
-                less[number] -= 1
-                other = self._filled(less)
-                new = float(self.value(other.astype(float)))
-                if new > value + _GAIN:
-                    counts, value = other, new
+            for number in np.flatnonzero(counts).tolist():
+                for copies in (1, 2, int(counts[number])):
+                    if not 0 < copies <= counts[number]:
+                        continue
+                    less = counts.copy()
+                    less[number] -= copies
+                    other = self._filled(less)
+                    new = float(self.value(other.astype(float)))
+                    if new > value + _GAIN:
+                        counts, value = other, new
             if value <= before + _GAIN:
                 break
         efficiency = tuple(
-            goal.left(counts.astype(float)) / best
-            for goal, best in zip(self.goals, self.best, strict=True)
+            goal.left(counts.astype(float)) / best for goal, best in zip(self.goals, self.best, strict=True)
         )
         return Choice(counts, efficiency)
 
@@ -185,9 +185,5 @@ def spread_evenly(counts: NDArray[np.int64]) -> list[int]:
     Args:
         counts: how often each segment is done, shape (segments,).
     """
-    places = [
-        ((copy + 0.5) / count, number)
-        for number, count in enumerate(counts.tolist())
-        for copy in range(count)
-    ]
+    places = [((copy + 0.5) / count, number) for number, count in enumerate(counts.tolist()) for copy in range(count)]
     return [number for _place, number in sorted(places)]

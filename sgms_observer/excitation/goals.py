@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from sgms_observer.excitation.following import followed
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.question import Question, over_time, shapes
 from sgms_observer.excitation.segments import Place, Segment
-from sgms_observer.excitation.sensitivity import Contact, Parameters, Sensitivity, contacts
+from sgms_observer.excitation.sensitivity import Parameters, Sensitivity, contacts
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 Floats = NDArray[np.float64]
@@ -30,12 +31,10 @@ class Goals:
 
     Attributes:
         goals: the goals.
-        labels: of each goal, for each of its quantities the parameter or effect that it belongs to.
         hidden: effects that stay hidden within the limits.
     """
 
     goals: tuple[Goal, ...]
-    labels: tuple[tuple[str, ...], ...]
     hidden: tuple[str, ...]
 
 
@@ -50,9 +49,7 @@ class _Pieces:
     def products(self, model: Sensitivity, columns: Floats, others: Floats) -> Floats:
         """Return the products of columns with others over each segment, shape (segments, p, k)."""
         edges = -(-self.starts.astype(int) // model.stride)
-        return np.array(
-            [columns[a:b].T @ others[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)], dtype=np.float64
-        )
+        return np.array([columns[a:b].T @ others[a:b] for a, b in pairwise(edges.tolist())], dtype=np.float64)
 
 
 def goals_of(
@@ -80,7 +77,6 @@ def goals_of(
     pieces = _Pieces(place.home + np.cumsum(velocity) * period, starts, period)
     believed = contacts(axis.friction, limits.smallest)
     goals: list[Goal] = []
-    labels: list[tuple[str, ...]] = []
     hidden: tuple[str, ...] = ()
     for contact in believed if question.parameters else believed[:1]:
         position = pieces.position
@@ -88,24 +84,20 @@ def goals_of(
             position = followed(position, period, axis, contact.friction)
         model = Sensitivity(axis, contact, position, period)
         found = model.parameters()
-        listed = model.slopes_of_listed()
+        listed_owners, listed = model.slopes_of_listed()
         if question.parameters:
             goals.append(_parameter_goal(pieces, model, found, listed, 1.0 / len(believed)))
-            labels.append(goals[-1].names)
         if contact.is_from_file and question.effects:
             durations = np.diff(starts) * period
             goal, hidden = _effect_goal(
-                question, axis, limits, place, pieces, model, found, listed, durations, seconds
+                question, axis, limits, place, pieces, model, found, listed_owners, listed, durations, seconds
             )
             if goal is not None:
                 goals.append(goal)
-                labels.append(goal.names)
-    return Goals(tuple(goals), tuple(labels), hidden)
+    return Goals(tuple(goals), hidden)
 
 
-def _parameter_goal(
-    pieces: _Pieces, model: Sensitivity, found: Parameters, listed: Floats, share: float
-) -> Goal:
+def _parameter_goal(pieces: _Pieces, model: Sensitivity, found: Parameters, listed: Floats, share: float) -> Goal:
     """Return the goal of narrow relative intervals of all parameters."""
     columns = np.column_stack([found.columns, listed])
     names = tuple(found.asked)
@@ -121,7 +113,8 @@ def _parameter_goal(
 
 def _effect_goal(
     question: Question, axis: AxisSettings, limits: ExcitationLimits, place: Place, pieces: _Pieces,
-    model: Sensitivity, found: Parameters, listed: Floats, durations: Floats, seconds: float,
+    model: Sensitivity, found: Parameters, listed_owners: Sequence[str], listed: Floats, durations: Floats,
+    seconds: float,
 ) -> tuple[Goal | None, tuple[str, ...]]:  # fmt: skip
     """Return the goal that no effect stays hidden behind parameters and effects like it, and those that do anyway."""
     wanted_names = list(dict.fromkeys([*question.effects, *(r for name in question.effects for r in
@@ -156,6 +149,8 @@ def _effect_goal(
         for name, effect_name in (("offset", "offset"), ("delay", "actuator_delay")):
             if owners[k] == effect_name:
                 masks[:, row, found.names.index(name)] = False
+        own = [len(found.names) + j for j, owner in enumerate(listed_owners) if owner == owners[k]]
+        masks[:, row, own] = False  # an effect of the file is its own columns' question
         rivals = [first + j for j, owner in enumerate(owners) if owner in question.rivals(owners[k])]
         masks[0, row, rivals] = True
     names = tuple(owners[k] for k in numbers)
@@ -165,13 +160,12 @@ def _effect_goal(
 
     def goal(mask: NDArray[np.bool_], keep: NDArray[np.int64]) -> Goal:
         return Goal(
-            tuple(names[k] for k in keep), information, bias, prior, wanted[keep], mask[keep], per_effect[keep], True, 1.0
-        )
+            tuple(names[k] for k in keep), information, bias, prior, wanted[keep], mask[keep], per_effect[keep],
+            True, 1.0,
+        )  # fmt: skip
 
     everything = np.arange(len(numbers))
-    is_told, is_seen = (
-        goal(mask, everything).best_alone(seconds, durations) >= MIN_Z_SCORE**2 for mask in masks
-    )
+    is_told, is_seen = (goal(mask, everything).best_alone(seconds, durations) >= MIN_Z_SCORE**2 for mask in masks)
     chosen = np.where(is_told[:, None], masks[0], masks[1])
     keep = np.flatnonzero(is_told | is_seen)
     shown = {names[k] for k in keep}

@@ -98,9 +98,9 @@ def _is_possible(name: str, axis: AxisSettings) -> bool:
     return name != "gravity" or axis.units.is_revolute
 
 
-def shapes(name: str, axis: AxisSettings, place: Place, limits: ExcitationLimits, band: float, seconds: float) -> list[
-    EffectSettings
-]:
+def shapes(
+    name: str, axis: AxisSettings, place: Place, limits: ExcitationLimits, band: float, seconds: float
+) -> list[EffectSettings]:
     """Return weak instances of an effect: in the shape that the file has, or in typical shapes within the limits.
 
     Args:

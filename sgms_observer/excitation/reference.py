@@ -26,6 +26,8 @@ MIN_DURATION = 8.0
 """Shortest reference [s]: below it neither a judging band nor two of the slower segments fit."""
 _DESIGN_PERIOD = 1.0e-3  # s; segments are compared at this rate at most
 _REST = 0.5  # s at rest at the beginning and at the end
+_QUANTILE = 1.96  # standard deviations in half a 95 % interval
+_NOT_RELATIVE = ("offset", "delay")  # parameters whose interval is not a share of their value
 _SHOWN = 3  # quantities that a section is said to be for
 
 
@@ -57,7 +59,9 @@ class Excitation:
         position: [m], shape (n,).
         velocity: [m/s], shape (n,).
         sections: what each stretch of it is.
-        efficiency: by parameter or effect: information that it brings, over that of the best single kind of motion.
+        expected: half the 95 % interval of each parameter over its value that is expected if the file is right [-];
+            empty where parameters were not asked for.
+        efficiency: by effect: information that it brings, over that of the best single kind of motion [-].
         hidden: effects that were asked for and stay hidden within the limits.
         summary: sentences about range, peaks, duration and content.
     """
@@ -66,6 +70,7 @@ class Excitation:
     position: Floats
     velocity: Floats
     sections: tuple[Section, ...]
+    expected: dict[str, float]
     efficiency: dict[str, float]
     hidden: tuple[str, ...]
     summary: tuple[str, ...]
@@ -140,12 +145,12 @@ def design_excitation(
         track = _around(place, limits, 1.0 / rate, start, order)
     velocity = np.concatenate([np.zeros(1), track.motion()])
     position = start + np.cumsum(velocity) / rate
-    efficiency = _efficiency(goals, choice)
-    shows = _shows(design, goals, choice)
+    expected, efficiency = _expected(goals, choice), _efficiency(goals, choice)
+    shows = _shows(design, choice)
     sections = _sections(order, {segments[k][0].name: text for k, text in shows.items()}, place, limits, rate, start)
     return Excitation(
-        np.arange(len(velocity)) / rate, position, velocity, sections, efficiency, goals.hidden,
-        _summary(axis, limits, position, velocity, rate, sections, efficiency, goals.hidden),
+        np.arange(len(velocity)) / rate, position, velocity, sections, expected, efficiency, goals.hidden,
+        _summary(axis, limits, position, velocity, rate, sections, expected, efficiency, goals.hidden),
     )  # fmt: skip
 
 
@@ -163,25 +168,39 @@ def _around(place: Place, limits: ExcitationLimits, period: float, start: float,
     return track
 
 
+def _expected(goals: Goals, choice: Choice) -> dict[str, float]:
+    """Return the expected interval of each parameter that is known relative to its value, if the file is right."""
+    for goal in goals.goals:
+        if not goal.is_smallest:
+            left = goal.left(choice.counts.astype(float)).tolist()
+            return {
+                name: _QUANTILE / math.sqrt(value)
+                for name, value in zip(goal.names, left, strict=True)
+                if name not in _NOT_RELATIVE
+            }
+    return {}
+
+
 def _efficiency(goals: Goals, choice: Choice) -> dict[str, float]:
-    """Return the smallest efficiency of each parameter and effect."""
+    """Return the smallest efficiency of each effect."""
     out: dict[str, float] = {}
-    for labels, values in zip(goals.labels, choice.efficiency, strict=True):
-        for label, value in zip(labels, values.tolist(), strict=True):
-            out[label] = min(value, out.get(label, math.inf))
+    for goal, values in zip(goals.goals, choice.efficiency, strict=True):
+        if goal.is_smallest:
+            for name, value in zip(goal.names, values.tolist(), strict=True):
+                out[name] = min(value, out.get(name, math.inf))
     return out
 
 
-def _shows(design: Design, goals: Goals, choice: Choice) -> dict[int, str]:
+def _shows(design: Design, choice: Choice) -> dict[int, str]:
     """Return for each segment what most would be lost about without it."""
     out = {}
     for number in np.flatnonzero(choice.counts).tolist():
         without = choice.counts.astype(float)
         without[number] = 0.0
         lost: dict[str, float] = {}
-        for goal, labels, best, now in zip(goals.goals, goals.labels, design.best, choice.efficiency, strict=True):
+        for goal, best, now in zip(design.goals, design.best, choice.efficiency, strict=True):
             rest = goal.left(without) / best / now
-            for label, share in zip(labels, rest.tolist(), strict=True):
+            for label, share in zip(goal.names, rest.tolist(), strict=True):
                 lost[label] = min(share, lost.get(label, 1.0))
         out[number] = ", ".join(sorted(lost, key=lambda label: lost[label])[:_SHOWN])
     return out
@@ -210,7 +229,7 @@ def _sections(
 
 def _summary(
     axis: AxisSettings, limits: ExcitationLimits, position: Floats, velocity: Floats, rate: float,
-    sections: Sequence[Section], efficiency: dict[str, float], hidden: Sequence[str],
+    sections: Sequence[Section], expected: dict[str, float], efficiency: dict[str, float], hidden: Sequence[str],
 ) -> tuple[str, ...]:  # fmt: skip
     """Return sentences about range, peaks, duration and content."""
     readable = limits.units.readable
@@ -219,16 +238,33 @@ def _summary(
     for section in sections:
         seconds[section.kind] = seconds.get(section.kind, 0.0) + section.end - section.start
     content = ", ".join(f"{kind} {time:.1f} s" for kind, time in sorted(seconds.items(), key=lambda item: -item[1]))
-    least = sorted(efficiency, key=lambda name: efficiency[name])[:_SHOWN]
     lines = [
         f"{axis.name}: from {readable(float(position.min()))} to {readable(float(position.max()))}, starting and ending"
         f" at {readable(float(position[0]))}, at most {readable(fastest, 'm/s')} and {readable(hardest, 'm/s^2')},"
         f" {(len(position) - 1) / rate:.2f} s",
         f"{axis.name}: {content}",
-        f"{axis.name}: least information about "
-        + ", ".join(f"{name} ({100.0 * efficiency[name]:.0f} %)" for name in least)
-        + ", in % of what the best single kind of motion would bring in the same time",
     ]
+    if expected:
+        widest = sorted(expected, key=lambda name: -expected[name])[:_SHOWN]
+        lines.append(
+            f"{axis.name}: expected 95 % intervals if the file is right: mass +- {_percent(expected['mass'])}, least"
+            f" known {', '.join(f'{name} +- {_percent(expected[name])}' for name in widest)}"
+        )
+    if efficiency:
+        least = sorted(efficiency, key=lambda name: efficiency[name])[:_SHOWN]
+        lines.append(
+            f"{axis.name}: least information about effects: "
+            + ", ".join(f"{name} ({_percent(efficiency[name])})" for name in least)
+            + " of what the best single kind of motion would bring in the same time"
+        )
     if hidden:
-        lines.append(f"Warning: {axis.name}: within these limits no reference shows {', '.join(hidden)}.")
+        lines.append(
+            f"Warning: {axis.name}: within these limits no reference tells {', '.join(hidden)} from the parameters and"
+            " the other effects of the file; allow more stroke, speed or time."
+        )
     return tuple(lines)
+
+
+def _percent(share: float) -> str:
+    """Return a share in percent with two digits."""
+    return f"{100.0 * share:.2g} %"

@@ -38,7 +38,8 @@ ROW_RATE = 2.5
 SIZE = 0.1
 """Largest force of an effect of unit strength within the limits, over the Coulomb force."""
 SPREAD_COUNT = 6
-"""Elements that stand for a contact that the file does not know."""
+"""Elements that stand for a contact that the file does not know; their shares rise with the root of the deflection, as
+those of a contact whose force grows with the root of the way: little is carried by what slips first."""
 HALF_DECADE = 10.0**0.5
 """Rough values of a start file are wrong by this factor, in either direction; speeds of a fading friction, which nobody
 knows before identification, also by its square downwards."""
@@ -77,11 +78,11 @@ def contacts(friction: FrictionSettings, smallest: float) -> list[Contact]:
     places = np.geomspace(
         max(smallest, float(deflection.min()) / HALF_DECADE), HALF_DECADE * float(deflection.max()), SPREAD_COUNT
     )
-    even = 1.0 / SPREAD_COUNT
+    shares = np.sqrt(places) / np.sum(np.sqrt(places))
     spread = replace(
         known,
-        element_stiffness=tuple((even * friction.coulomb_force / places).tolist()),
-        element_fraction=(even,) * SPREAD_COUNT,
+        element_stiffness=tuple((shares * friction.coulomb_force / places).tolist()),
+        element_fraction=tuple(shares.tolist()),
         element_damping=(0.0,) * SPREAD_COUNT,
     )
     return [
@@ -134,9 +135,7 @@ class Sensitivity:
         self._shared = np.array([ratio, friction.stribeck_velocity, rate])
         self._shape = ElementShape.of(friction, friction.model)
         self.stribeck: Floats = np.asarray(
-            stribeck_level(
-                self.velocity, friction.static_force, friction.coulomb_force, friction.stribeck_velocity
-            )
+            stribeck_level(self.velocity, friction.static_force, friction.coulomb_force, friction.stribeck_velocity)
         )
         listed = [item for item in axis.effects if effect(item.name).place in (Place.ADDED_FORCE, Place.LEVEL_FACTOR)]
         self._force, self._factor = self._evaluate(listed, np.zeros(len(position)))
@@ -155,9 +154,7 @@ class Sensitivity:
 
     def _elements(self, position: Floats, factor: Floats) -> tuple[Floats, Floats]:
         """Return the elements' force and its slopes."""
-        return friction_and_slopes(
-            position, self.period, self._kappa, self._level, self._shared, self._shape, factor
-        )
+        return friction_and_slopes(position, self.period, self._kappa, self._level, self._shared, self._shape, factor)
 
     def _needed(self, position: Floats, velocity: Floats, acceleration: Floats, friction: Floats) -> Floats:
         """Return the effort without added forces."""
@@ -265,9 +262,9 @@ class Sensitivity:
             return np.zeros(len(self._weights))
         return self.rows(SIZE * self.contact.friction.coulomb_force / largest * column)
 
-    def slopes_of_listed(self) -> Floats:
-        """Return the columns of the parameters of the file's own effects, shape (rows, k)."""
-        out = []
+    def slopes_of_listed(self) -> tuple[tuple[str, ...], Floats]:
+        """Return the columns of the parameters of the file's own effects, shape (rows, k), and each one's effect."""
+        owners, out = [], []
         for item in self.axis.effects:
             if item.name in _PARAMETERS:
                 continue
@@ -282,5 +279,6 @@ class Sensitivity:
                 )
                 rows = self.unit_rows(change / step)
                 if np.any(rows):
+                    owners.append(item.name)
                     out.append(rows)
-        return np.column_stack(out) if out else np.zeros((len(self._weights), 0))
+        return tuple(owners), np.column_stack(out) if out else np.zeros((len(self._weights), 0))

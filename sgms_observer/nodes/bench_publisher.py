@@ -30,13 +30,14 @@ _TIMER_SLACK = 1_000  # ns that Linux may wake this thread late to save power; 5
 _SET_TIMER_SLACK = 29  # PR_SET_TIMERSLACK
 
 
-def publish(count: int, rate: int, axes: int, out: Path) -> None:
+def publish(count: int, rate: int, axes: int, listeners: int, out: Path) -> None:
     """Publish so many samples and write their stamps and sending times [ns], shape (2, count), to a file.
 
     Args:
         count: number of samples.
         rate: samples per second [Hz].
         axes: how many there are in each message.
+        listeners: how many nodes are waited for.
         out: the file (.npy).
     """
     samples = round(1.0 / (FREQUENCY * PERIOD))  # one period of the motion, repeated
@@ -50,7 +51,7 @@ def publish(count: int, rate: int, axes: int, out: Path) -> None:
     send_position, send_effort = (publisher.publish for publisher in publishers)
     encode_position = JointStateEncoder(axis_names(axes), ("position",)).encode
     encode_effort = JointStateEncoder(axis_names(axes), ("effort",)).encode
-    while not all(publisher.get_subscription_count() for publisher in publishers):
+    while any(publisher.get_subscription_count() < listeners for publisher in publishers):
         time.sleep(0.05)
     time.sleep(_MATCHING)
     if sys.platform == "linux":
@@ -80,9 +81,10 @@ def main() -> int:
     parser.add_argument("--count", type=int, required=True)
     parser.add_argument("--rate", type=int, required=True)
     parser.add_argument("--axes", type=int, default=1)
+    parser.add_argument("--listeners", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
-    publish(args.count, args.rate, args.axes, args.out)
+    publish(args.count, args.rate, args.axes, args.listeners, args.out)
     return 0
 
 

@@ -109,7 +109,7 @@ class Engine:
                 self._send(block)
 
     def _groups(self) -> list[dict[int, Samples]]:
-        """Return the new samples by axis; a second block of an axis, which follows a reset of the clock, comes later."""
+        """Return the new samples by axis; a second block of an axis, after a reset of the clock, comes later."""
         groups: list[dict[int, Samples]] = []
         group: dict[int, Samples] = {}
         for number, pairing in enumerate(self.intake.pairings):

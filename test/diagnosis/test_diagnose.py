@@ -70,8 +70,9 @@ def test_report_asks_for_the_pitch_that_was_found(case: tuple[CasePaths, Path]) 
     page = (case[1] / "report.html").read_text()
     item = json.loads((case[1] / "result.json").read_text())["effects"][0]
     pitch = f"{1e3 * item['parameters']['pitch']:#.3g}".rstrip(".")
-    found = re.search(rf'<li class="(\w+)"><span class="lamp"[^>]*>.</span><span class="question">Is there a {pitch} mm pitch'
-                      r"\?</span> <strong>([^<]+)</strong> ([^<]+)</li>", page)  # fmt: skip
+    question = rf'<span class="question">Is there a {pitch} mm pitch\?</span>'
+    lamp = r'<li class="(\w+)"><span class="lamp"[^>]*>.</span>'
+    found = re.search(rf"{lamp}{question} <strong>([^<]+)</strong> ([^<]+)</li>", page)
     assert found is not None
     assert found[1] == ("unsure" if item["alternatives"] else "good")
     assert f"Confidence {item['confidence']:.2f}." in found[3]
@@ -106,7 +107,7 @@ def test_residual_log_holds_what_the_gap_is_made_of(case: tuple[CasePaths, Path]
         effort = {}
         for topic in (*squares, "modelled_before", "modelled", "effects"):
             states = read_joint_states(log, f"{bag.name}/{topic}")
-            assert states.names == (["cogging"] if topic == "effects" else ["x"])
+            assert list(states.names) == (["cogging"] if topic == "effects" else ["x"])
             effort[topic] = states.effort[:, 0]
         assert effort["modelled"] + effort["residual"] == pytest.approx(effort["measured"])
         assert effort["modelled_before"] + effort["residual_before"] == pytest.approx(effort["measured"])

@@ -130,7 +130,8 @@ def decision(name: str, scale: float, chance: float = 0.0, is_passed: bool = Tru
     none: Any = None
     evidence = Evidence(blocks, [], blocks)
     test = at_least(name, "any", 1.0 if is_passed else 0.0, 0.5)
-    return Decision(Candidate(name, none, found, 1), evidence, improvement(blocks, blocks), (test,))
+    gain = improvement(blocks, blocks)
+    return Decision(Candidate(name, none, found, 1), evidence, gain, gain, (test,))
 
 
 def test_alternatives_are_what_left_out_data_do_not_tell_from_the_best() -> None:

@@ -67,12 +67,12 @@ def test_the_prediction_is_what_the_loop_does() -> None:
     for found, axis in ((predicted.given, given), (predicted.augmented, _augmented(given))):
         real = _in_the_loop(axis)
         assert found.rms == pytest.approx(real.rms, rel=0.15)
-        assert found.peak == pytest.approx(real.peak, rel=0.3)
+        assert found.peak == pytest.approx(real.peak, rel=0.2)
     assert predicted.augmented.rms < 0.6 * predicted.given.rms < 0.6 * predicted.without.rms
     assert predicted.caution(Units()) == ""
 
 
-def test_another_controller_is_told() -> None:
+def test_another_controller_is_reported() -> None:
     given = _given()
     record, _ = _recorded(given)
     slower = replace(given.stage, controller=replace(given.stage.controller, bandwidth=40.0))
@@ -90,29 +90,29 @@ def test_without_a_reference_the_measured_motion_is_followed() -> None:
     assert "no reference" in predicted.caution(Units())
 
 
-@pytest.mark.parametrize("ratio, is_told", [(1.0 / MAX_RATIO + 0.01, False), (MAX_RATIO + 0.01, True), (0.5, True)])
-def test_a_caution_bounds_the_ratio_of_the_errors(ratio: float, is_told: bool) -> None:
+@pytest.mark.parametrize("ratio, is_reported", [(1.0 / MAX_RATIO + 0.01, False), (MAX_RATIO + 0.01, True), (0.5, True)])
+def test_a_caution_bounds_the_ratio_of_the_errors(ratio: float, is_reported: bool) -> None:
     recorded, simulated = TrackingError(1.0e-6, 2.0e-6), TrackingError(ratio * 1.0e-6, 2.0e-6)
     predicted = PredictedTracking(simulated, simulated, simulated, recorded, 10.0)
-    assert bool(predicted.caution(Units())) == is_told
+    assert bool(predicted.caution(Units())) == is_reported
 
 
 def test_the_feedforward_figure_counts_the_reference_while_it_moves() -> None:
-    """Half of the recording rests; the rest is what the feedforward has nothing to do with."""
+    """Half of the recording rests; a force there is nothing that a feedforward along the reference could cancel."""
     given = _augmented(_given())
     record, _ = _recorded(given)
-    rest = np.full(COUNT, record.reference_position[-1] if record.reference_position is not None else 0.0)
-    effort = np.full(COUNT, record.effort[-1])
     assert record.reference_position is not None
-    resting = replace(
-        record,
-        position=np.concatenate([record.position, np.full(COUNT, record.position[-1])]),
-        effort=np.concatenate([record.effort, effort]),
-        reference_position=np.concatenate([record.reference_position, rest]),
-    )
-    alone, both = (closing(one, given, PERIOD, BAND) for one in (record, resting))
+
+    def resting(force: float) -> Recording:
+        effort = np.full(COUNT, record.effort[-1])
+        effort[COUNT // 4 :] += force
+        ends = (record.position, record.reference_position)
+        position, reference = (np.concatenate([values, np.full(COUNT, values[-1])]) for values in ends)
+        whole = np.concatenate([record.effort, effort])
+        return replace(record, position=position, effort=whole, reference_position=reference)
+
+    alone, calm, pushed = (closing(one, given, PERIOD, BAND) for one in (record, resting(0.0), resting(3.0)))
     assert alone.has_reference and alone.share > 0.95
-    assert both.share == pytest.approx(0.47, abs=0.05)
-    assert both.compensation == pytest.approx(alone.compensation, rel=0.2)
-    unknown = closing(replace(record, reference_position=None), given, PERIOD, BAND)
-    assert not unknown.has_reference
+    assert calm.share == pushed.share == pytest.approx(0.47, abs=0.05)
+    assert pushed.compensation == pytest.approx(calm.compensation, rel=1.0e-3)
+    assert not closing(replace(record, reference_position=None), given, PERIOD, BAND).has_reference

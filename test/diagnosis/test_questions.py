@@ -16,6 +16,7 @@ from sgms_observer.diagnosis.criteria import at_least, at_most
 from sgms_observer.diagnosis.gap import Gap
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.questions import at_limit, questions_of, with_unit
+from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
 from sgms_observer.diagnosis.workflow import Options
 from sgms_observer.report.page import BAD, GOOD, UNSURE
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
@@ -61,18 +62,21 @@ def answer(**changes: Any) -> Any:
     return SimpleNamespace(**values)
 
 
-def states(of: Any) -> dict[str, tuple[str, str]]:
+BETTER = PredictedTracking(
+    TrackingError(2e-6, 9e-6), TrackingError(1e-6, 5e-6), TrackingError(4e-7, 2e-6), TrackingError(2.1e-6, 9e-6), 4.0
+)
+
+
+def states(of: Any, tracking: PredictedTracking | None = BETTER) -> dict[str, tuple[str, str]]:
     """Return state and answer of each question."""
-    lights = questions_of(of, (Closing(1.0, 2.0), Closing(0.5, 1.0)), Options(), Units())
+    lights = questions_of(of, (Closing(1.0, 2.0), Closing(0.5, 1.0)), tracking, Options(), Units())
     return {light.question: (light.state, light.answer) for light in lights}
 
 
 def with_test(name: str, value: float) -> tuple[Any, ...]:
     """Return the tests of an answer, one of them with another value."""
     return tuple(
-        replace(test, value=value, passed=value <= test.threshold if "feedforward" not in test.name else value >= -3.0)
-        if test.name.startswith(name)
-        else test
+        replace(test, value=value, passed=value <= test.threshold) if test.name.startswith(name) else test
         for test in answer().tests
     )
 
@@ -80,9 +84,8 @@ def with_test(name: str, value: float) -> tuple[Any, ...]:
 def test_all_is_well() -> None:
     found = states(answer())
     assert {state for state, _ in found.values()} == {GOOD}
-    assert {light.topic for light in questions_of(answer(), (Closing(1.0, 2.0), Closing(0.5, 1.0)), Options(), Units())} == {
-        "Data", "Convergence", "Believability"
-    }  # fmt: skip
+    lights = questions_of(answer(), (Closing(1.0, 2.0), Closing(0.5, 1.0)), BETTER, Options(), Units())
+    assert {light.topic for light in lights} == {"Data", "Convergence", "Believability"}
     pitch = found["Is there a 12.0 mm pitch?"][1]
     assert "by 9.1 standard errors, 3 are needed" in pitch and "from 5 to 2 %" in pitch and "0.98" in pitch
     travel = found["Do the recordings show the friction?"][1]
@@ -96,15 +99,15 @@ def test_all_is_well() -> None:
          "The axis hardly slides: move."),
         ({"state": SimpleNamespace(learn=(motion(),), held=())},
          "Was the model judged on recordings that it was not fitted to?", UNSURE, "--holdout"),
-        ({"after": SimpleNamespace(model=MODEL, logs=np.zeros(1), is_converged=False)}, "Did the fits converge?", UNSURE,
-         "the augmented model was not small"),
+        ({"after": SimpleNamespace(model=MODEL, logs=np.zeros(1), is_converged=False)}, "Did the fits converge?",
+         UNSURE, "the augmented model was not small"),
         ({"tests": with_test("share of the effort", 0.4)}, "Does the model explain the effort?", BAD, "33.3 %"),
         ({"tests": with_test("surely predictable", 0.5)}, "Is what is left noise?", BAD, "no name in the catalogue"),
         ({"tests": with_test("surely predictable", 0.5), "learnt": (SimpleNamespace(),)}, "Is what is left noise?",
          UNSURE, "A learnt map"),
         ({"tests": with_test("gap over noise", 20.0)}, "Is what is left noise?", UNSURE, "20 times the noise"),
-        ({"tests": with_test("friction not", 5.0)}, "Does the feedforward leave less friction with the new model?", BAD,
-         "not added"),
+        ({"tests": with_test("friction not", 5.0)}, "Does the feedforward leave less friction with the new model?",
+         BAD, "not added"),
         ({"tests": with_test("friction not", -1.0)}, "Does the feedforward leave less friction with the new model?",
          UNSURE, "may be chance"),
         ({"changed": (Changed("friction.coulomb_force", 6.0, 4.6, 0.1, 0.7),)}, "Did values of the file change?", GOOD,
@@ -113,6 +116,23 @@ def test_all_is_well() -> None:
 )  # fmt: skip
 def test_what_is_not_well_is_said(changes: dict[str, Any], question: str, state: str, says: str) -> None:
     found = states(answer(**changes))[question]
+    assert found[0] == state and says in found[1]
+
+
+@pytest.mark.parametrize(
+    ("tracking", "state", "says"),
+    [
+        (BETTER, GOOD, "2 um rms and 9 um peak without, 400 nm rms and 2 um peak with it"),
+        (replace(BETTER, augmented=TrackingError(1e-6, 1.1e-5)), UNSURE, "The peak is larger."),
+        (replace(BETTER, augmented=TrackingError(3e-6, 5e-6)), BAD, "3 um rms"),
+        (replace(BETTER, recorded=TrackingError(2e-5, 9e-5)), UNSURE, "stage.controller may be another one"),
+        (None, UNSURE, "does not stay finite"),
+    ],
+)
+def test_better_tracking_is_promised_only_where_rms_and_peak_shrink(
+    tracking: PredictedTracking | None, state: str, says: str
+) -> None:
+    found = states(answer(), tracking)["Will compensation with the new model improve tracking?"]
     assert found[0] == state and says in found[1]
 
 

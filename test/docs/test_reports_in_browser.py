@@ -40,7 +40,8 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
         drawn.axes[0].plot([0.0, 1.0], [0.0, 1.0], label=f"a {HOSTILE}")
         drawn.axes[0].plot([0.0, 1.0], [1.0, 0.0], label="b")
         drawn.axes[0].set_xlabel(HOSTILE)
-    wide = Table([HOSTILE, "N", "c", "d", "e", "f"], [[HOSTILE, "1" * 20, "2" * 20, "3", "4", "word " * 9]] * 3, HOSTILE)
+    row = [HOSTILE, "1" * 20, "2" * 20, "3", "4", "word " * 9]
+    wide = Table([HOSTILE, "N", "c", "d", "e", "f"], [row] * 3, HOSTILE)
     folded = Table(["a", "b"], [["1", "2"]], "A table that is folded", is_folded=True)
     sections = [
         Section(HOSTILE, [HOSTILE, "word " * 40], [wide, folded], [drawn.picture]),

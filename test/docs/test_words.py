@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from sgms_observer.cli import registry
-from sgms_observer.observer.outgoing import JOINT_STATE_TOPICS, PARAMETERS
+from sgms_observer.observer.outgoing import HORIZON, JOINT_STATE_TOPICS, PARAMETERS
 from sgms_observer.settings.axis import AxisSettings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -89,7 +89,7 @@ def test_readme_lists_every_command() -> None:
 def test_readme_lists_every_topic_of_the_observer() -> None:
     table = README.split("## Topics")[1].split("\n## ")[0]
     outputs = set(re.findall(r"^\| `(\S+)` \|", table, re.MULTILINE))
-    assert outputs == {*JOINT_STATE_TOPICS, PARAMETERS, "/diagnostics"}
+    assert outputs == {*JOINT_STATE_TOPICS, HORIZON, PARAMETERS, "/diagnostics"}
 
 
 def test_readme_says_why_each_dependency_is_there() -> None:

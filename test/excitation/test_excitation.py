@@ -1,4 +1,4 @@
-"""References designed by information: inside the limits, from where the table stands, better than the single motions."""
+"""References designed by information: inside the limits, from where the table stands, better than single motions."""
 
 from __future__ import annotations
 
@@ -75,16 +75,26 @@ def test_a_reference_keeps_limits_time_and_start(rate: float, asked: tuple[str, 
     assert made.time[1] == pytest.approx(1.0 / rate)
     assert [part.start for part in made.sections[1:]] == pytest.approx([part.end for part in made.sections[:-1]])
     assert made.sections[-1].end == pytest.approx(made.time[-1])
-    assert all(share > 0.0 for share in made.efficiency.values())
+    shares = {**made.expected, **made.efficiency}
+    assert set(asked) <= {"identify", *shares} and all(share > 0.0 for share in shares.values())
     assert "starting and ending at 105 mm" in made.summary[0] and "mm/s" in made.summary[0]
 
 
 def test_the_default_hides_nothing_that_the_joint_can_show() -> None:
     made = design_excitation(JOINT, CAUTIOUS_LIMITS[REVOLUTE], seconds=30.0, rate=200.0)
-    assert {"mass", "coulomb_force", "gravity", "cogging", "position_dependent_friction"} <= set(made.efficiency)
-    assert min(made.efficiency.values()) > 0.02
+    assert {"mass", "coulomb_force", "static_force", "element_stiffness[3]"} <= set(made.expected)
+    assert {"gravity", "cogging", "position_dependent_friction", "backlash"} <= set(made.efficiency)
+    assert min(made.efficiency.values()) > 0.05 and made.expected["mass"] < 0.1
     assert np.ptp(made.position) > 0.8 * CAUTIOUS_LIMITS[REVOLUTE].stroke
     assert "rad/s^2" in made.summary[0]
+
+
+def test_an_effect_of_the_file_is_not_hidden_by_itself() -> None:
+    joint = replace(JOINT, effects=(EffectSettings("gravity", (20.0, 0.3, 1.0)),))
+    made = design_excitation(
+        joint, CAUTIOUS_LIMITS[REVOLUTE], ("gravity", "asymmetric_coulomb"), seconds=15.0, rate=200.0
+    )
+    assert set(made.efficiency) == {"gravity", "asymmetric_coulomb"} and not made.hidden
 
 
 def test_what_is_bound_to_place_gets_the_stroke_and_what_is_not_does_not() -> None:
@@ -99,9 +109,7 @@ def test_a_design_beats_each_single_motion_and_uses_the_time() -> None:
     """Two quantities, three segments: the best single one shows one quantity only."""
     information = np.array([np.diag([1.0, 0.0]), np.diag([0.0, 1.0]), np.diag([0.3, 0.3])])
     every, ones = np.ones((2, 2), dtype=bool), np.ones(2)
-    goal = Goal(
-        ("a", "b"), information, np.zeros((3, 2, 0)), 1e-6 * np.eye(2), np.eye(2), every, ones, True, 1.0
-    )
+    goal = Goal(("a", "b"), information, np.zeros((3, 2, 0)), 1e-6 * np.eye(2), np.eye(2), every, ones, True, 1.0)
     design = Design([goal], np.array([1.0, 1.0, 1.0]), 10.0)
     choice = design.choose()
     assert choice.counts.tolist() == [5, 5, 0]
@@ -146,7 +154,8 @@ def test_columns_are_derivatives_of_the_effort() -> None:
     for name, (axis, friction) in moved.items():
         other = Sensitivity(axis, replace(contact, friction=friction), position, 1e-3)
         column = base.rows(other.effort - base.effort) / step
-        expected = found.columns @ found.asked[name]
+        chosen = [name] if name != "coulomb_force" else [f"element_force[{i}]" for i in range(1, 5)]
+        expected = found.columns[:, [found.names.index(one) for one in chosen]].sum(axis=1)
         assert np.linalg.norm(column - expected) < 0.02 * np.linalg.norm(expected), name
 
 

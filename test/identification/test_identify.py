@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from sgms_observer.errors import DataError
-from sgms_observer.identification.answer import identification_answer
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.reference import design_excitation
+from sgms_observer.identification.answer import identification_answer
 from sgms_observer.identification.identify import Identification, IdentifyOptions, force_error, identify
 from sgms_observer.identification.problem import ELEMENTS, RELAXATION, Parameters
 from sgms_observer.observer.axis_observer import AxisObserver
