@@ -101,8 +101,8 @@ class AxisListener:
         """Return positions with the efforts of their stamps [SI units].
 
         Args:
-            rows: some of ``positions``.
-            reference: positions and velocities of the set-points; None for none.
+            rows: some of ``positions`` [ns, m].
+            reference: positions [m] and velocities [m/s] of the set-points; None for none.
         """
         stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
         positions = np.array([position for _, position in rows], dtype=np.float64)

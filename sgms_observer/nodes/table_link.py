@@ -44,11 +44,16 @@ OBSERVER = "observer_node"
 _TURN = 4.0e-3  # s from one look at the clock to the next
 _LATEST = 0.05  # s that a set-point may be sent behind its stamp; then the motion is stopped rather than caught up
 _SILENCE = 0.5  # s without a position or an effort after which the topic counts as lost
+_COMES_BACK = 2.0  # s for a topic that was silent to speak again
 _START = 0.2  # s from the first message to the first set-point's stamp, beyond the lead
 _PATIENCE = 10.0  # s for the graph to answer
 _AHEAD = 0.5  # s of the motion that is told ahead; a compensation_horizon of the default length and its pauses
 _ACK_TIME = 2.0  # s for the last set-points to arrive
 _LAST_SAMPLES = 0.2  # s for the last messages of a recording to arrive
+
+
+class _Silence(DataError):
+    """A topic that stopped arriving."""
 
 
 class TableLink:
@@ -97,7 +102,11 @@ class TableLink:
         rclpy.try_shutdown()
 
     def listen(self, seconds: float) -> Topics:
-        """Return what comes on the graph within a time; see ``Table.listen``."""
+        """Return what comes on the graph within a time; see ``Table.listen``.
+
+        Args:
+            seconds: how long to listen [s].
+        """
         end = time.monotonic() + _PATIENCE
         with self._deferred_signals():
             while (
@@ -123,7 +132,14 @@ class TableLink:
         )
 
     def play(self, motion: Motion, origin: float, watch: Watch, bag: Path | None = None) -> None:
-        """Play a motion and watch it; see ``Table.play``."""
+        """Play a motion and watch it; see ``Table.play``.
+
+        Args:
+            motion: relative to the origin.
+            origin: position of its zero [m].
+            watch: is shown the samples as they come.
+            bag: where to record it; None to record nothing.
+        """
         with self._deferred_signals():
             self._listener.forget()
             self._await(lambda: len(self._listener.positions) > 2, f"no message of {POSITION} arrives; start the table")
@@ -132,18 +148,26 @@ class TableLink:
             start = motion.position[0] + origin
             way = approach(self.set_point - origin, start - origin, self._limits, motion.period)
             first = len(way.position) - 1
-            if bag is None:
-                self._run(motion.after(way), origin, first, watch)
-                return
-            with BagWriter(bag, is_overwriting=True) as self._listener.writer:
-                try:
-                    slides = first + motion.sliding_from(SETTLING_SHARE * self._limits.stroke)
-                    self._run(motion.after(way), origin, first, watch, slides)
-                finally:
-                    self._listener.writer = None
+            slides = first + motion.sliding_from(SETTLING_SHARE * self._limits.stroke)
+            try:
+                if bag is None:
+                    self._run(motion.after(way), origin, first, watch)
+                else:
+                    with BagWriter(bag, is_overwriting=True) as self._listener.writer:
+                        self._run(motion.after(way), origin, first, watch, slides)
+            except _Silence as error:
+                if self._comes_back():
+                    raise HeldUp(str(error)) from None
+                raise
+            finally:
+                self._listener.writer = None
 
     def start_observer(self, config: Path) -> None:
-        """Start an observer; see ``Table.start_observer``."""
+        """Start an observer; see ``Table.start_observer``.
+
+        Args:
+            config: parameter file.
+        """
         with self._deferred_signals():
             self._conductor.start(OBSERVER, "sgms_observer.nodes.observer_node", ["--config", str(config)])
             self._has_observer = True
@@ -157,7 +181,11 @@ class TableLink:
         self._conductor.stop(OBSERVER)
 
     def compensate(self, gain: float) -> None:
-        """Set the gain of the compensation; see ``Table.compensate``."""
+        """Set the gain of the compensation; see ``Table.compensate``.
+
+        Args:
+            gain: share of the predicted friction [-]; 0 switches it off.
+        """
         with self._deferred_signals():
             answer = self._set_gain(gain)
             self._await(answer.done, f"{OBSERVER} does not answer; see its log")
@@ -293,12 +321,22 @@ class TableLink:
             self._spin(_TURN)
         self.set_point = origin + float(places[-1])
 
+    def _comes_back(self) -> bool:
+        """Return whether a silent topic speaks again within a while: then a busy computer was the reason."""
+        self._listener.forget()
+        end = time.monotonic() + _COMES_BACK
+        while time.monotonic() < end and not self._stopped_by:
+            self._spin(_TURN)
+            if self._listener.positions and self._listener.effort_count:
+                return True
+        return False
+
     def _raise_silence(self) -> None:
         self._conductor.watch()
         for topic in (POSITION, EFFORT):
             silence = time.monotonic() - self._listener.heard_at[topic]
             if silence > _SILENCE:
-                raise DataError(
+                raise _Silence(
                     f"{topic} of axis {self._axis.name} stopped arriving for {silence:.1f} s during the motion; the"
                     " motion was stopped; check the drive and its node, then start again"
                 )
