@@ -125,11 +125,11 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
             for name in (item.settings.name for item in answer.effects):  # which of them it is that does harm
                 others = replace(written, effects=tuple(one for one in written.effects if one.name != name))
                 tests.append(growth(name, later, closing(record, others, record.period, band.corner)))
-            harmful = [item for item in tests if not item.passed]
-            if not harmful:
+            worst = max(tests, key=lambda item: item.value, default=test)
+            if worst is test or worst.passed:
                 break
-            refused += harmful
-            options = replace(options, excluded=options.excluded | {item.of for item in harmful})
+            refused.append(worst)
+            options = replace(options, excluded=options.excluded | {worst.of})
         if can_look_ahead(written) and not test.passed and (answer.effects or answer.learnt):
             answer = answer_of(found, axis, options, test)
             written, later = after()
