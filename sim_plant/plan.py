@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.settings.stage import StageSettings
+from sim_plant.followed_reference import FollowedReference
 from sim_plant.kernel import PLAN_DISTURBANCE, PLAN_ENCODER_NOISE, PLAN_FORCE_NOISE
 from sim_plant.reference import Reference
 
@@ -35,6 +36,7 @@ class Plan:
     ) -> None:
         self._settings = settings
         self._reference = reference
+        self.followed = reference if isinstance(reference, FollowedReference) else None
         self._tick = tick
         self._ticks_per_sample = ticks_per_sample
         streams = np.random.SeedSequence([settings.seed, zlib.crc32(name.encode())]).spawn(3)
@@ -56,10 +58,24 @@ class Plan:
         count = SAMPLES_PER_PLAN * self._ticks_per_sample
         time = self._tick * np.arange(self._next_block * count, (self._next_block + 1) * count, dtype=np.float64)
         self._next_block += 1
-        self.ticks[:PLAN_ENCODER_NOISE] = self._reference.at(time)
+        if self.followed is None:
+            self.ticks[:PLAN_ENCODER_NOISE] = self._reference.at(time)
         _draw(self._encoder, self._settings.encoder.noise, self.ticks[PLAN_ENCODER_NOISE])
         _draw(self._force, self._settings.force_noise, self.samples[PLAN_FORCE_NOISE])
         _draw(self._disturbance, self._settings.disturbance_noise, self.samples[PLAN_DISTURBANCE])
+
+    def ask_reference(self, first: int, end: int) -> None:
+        """Fill in the set-points of samples that are about to run, where they come while the stage runs.
+
+        Args:
+            first: number of the first sample in the block.
+            end: number behind the last one.
+        """
+        if self.followed is not None:
+            start = (self._next_block - 1) * SAMPLES_PER_PLAN
+            ticks = self._ticks_per_sample
+            time = self._tick * np.arange((start + first) * ticks, (start + end) * ticks, dtype=np.float64)
+            self.ticks[:PLAN_ENCODER_NOISE, first * ticks : end * ticks] = self.followed.at(time)
 
 
 def _draw(generator: np.random.Generator, deviation: float, row: Floats) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.stage import ReferenceSettings
+from sim_plant.followed_reference import FollowedReference
 from sim_plant.piecewise import PiecewiseCubic
 from sim_plant.reference_file import read_reference_file
 from sim_plant.s_curve import back_and_forth
@@ -74,6 +75,8 @@ def make_reference(settings: ReferenceSettings, name: str = "x") -> Reference:
     """
     if settings.kind == "sine":
         return Sines(np.array([settings.amplitude]), np.array([settings.frequency]), np.zeros(1))
+    if settings.kind == "topic":
+        return FollowedReference()
     if settings.kind == "multi_sine":
         return _multi_sine(settings, name)
     if settings.kind == "point_to_point":

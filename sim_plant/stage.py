@@ -16,6 +16,7 @@ from sgms_observer.settings.axis import AxisSettings
 from sim_plant import kernel
 from sim_plant.buffer import RecordBuffer
 from sim_plant.controller import ControllerGains, controller_gains
+from sim_plant.followed_reference import FollowedReference
 from sim_plant.integration import EffectArrays
 from sim_plant.plan import SAMPLES_PER_PLAN, Plan
 from sim_plant.record import StageRecord
@@ -119,6 +120,11 @@ class SimulatedStage:
         return StageParts(self._constants, self._friction, self._effects, self._gains, self._memory, self._compiled)
 
     @property
+    def followed(self) -> FollowedReference | None:
+        """Return the set-points that come while the stage runs, where its reference is of that kind."""
+        return self._plan.followed
+
+    @property
     def samples_done(self) -> int:
         """Return how many samples this stage has given."""
         return self._done
@@ -217,6 +223,7 @@ class SimulatedStage:
         inside = self._done % SAMPLES_PER_PLAN
         if inside == 0 and self._done > 0:
             self._plan.advance()
+        self._plan.ask_reference(inside, inside + end - first)
         kernel.run_samples(
             self._constants, self._friction, self._effects, self._user, self._gains, self._memory,
             self._done * self._constants.ticks_per_sample, inside, self._plan.ticks, self._plan.samples,

@@ -142,7 +142,7 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         (f"          bandwidth: {number(min(100.0, 0.05 / draft.period))}", "Hz of the position loop"),
         (f"          effort_limit: {number(draft.effort)}", f"{force} the actuator can give"),
         ("        reference:", ""),
-        ("          kind: sine", "sine, multi_sine, point_to_point or file"),
+        ("          kind: sine", "sine, multi_sine, point_to_point, file or topic"),
         (f"          amplitude: {number(amplitude)}", length),
         (f"          frequency: {number(frequency)}", "Hz"),
         ("        encoder:", ""),

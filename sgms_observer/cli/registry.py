@@ -28,6 +28,7 @@ COMMANDS = {
     "diagnose": "it comes with the diagnosis",
     "paper": "it comes with the reproduction of the paper",
     "excite": "it comes with identification",
+    "commission": "it comes with the nodes",
     "export": "it comes with export",
     "bench": "it comes with the benchmarks",
     "completion": "it comes with the command line",

@@ -17,11 +17,11 @@ from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.application.kernels import OF_STAGE
 from sgms_observer.bags.cdr import JointStateDecoder
-from sgms_observer.errors import DataError
+from sgms_observer.errors import DataError, SgmsError
 from sgms_observer.nodes.due_forces import DueForces
 from sgms_observer.nodes.horizons import BEFORE, EVERY, decode_horizons, encode_reference
 from sgms_observer.nodes.lifecycle import ManagedNode
-from sgms_observer.nodes.pace import AGE_SENTENCE, Pace
+from sgms_observer.nodes.pace import AGE_SENTENCE, LONGEST_CATCH_UP, LONGEST_LAG_OF_FOLLOWER, Pace
 from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe, subscribe_horizon
 from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, REFERENCE_HORIZON, OutgoingBlock
 from sgms_observer.observer.samples import Samples
@@ -60,8 +60,9 @@ class StageNode(ManagedNode):
     compensation goes into the effort at the time it was made for, ``look_ahead`` after its stamp, or at once when it
     comes later, as ``DueForces`` says; where ``compensation_horizon`` reaches, the value that it has for the sample's
     own time goes in instead. For that the stage tells its reference ahead. The effort of ``reference`` says what went
-    in. ``position``, ``control_effort`` and ``reference`` are in topic units, which ``position_scale`` and
-    ``effort_scale`` bring to SI; compensations and the truth are in SI.
+    in. An axis whose ``stage.reference.kind`` is ``topic`` follows the set-points of ``reference`` instead, as a table
+    does, and is left out of those that this node publishes. ``position``, ``control_effort`` and ``reference`` are in
+    topic units, which ``position_scale`` and ``effort_scale`` bring to SI; compensations and the truth are in SI.
 
     Args:
         name: name of the node.
@@ -78,10 +79,10 @@ class StageNode(ManagedNode):
         super().__init__(name, executor)
         self._table: SimulatedTable | None = None
         self._topics: JointStateTopics | None = None
-        self._compensation_inputs: list[Subscription] = []
+        self._inputs: list[Subscription] = []
         self._reference_ahead: Publisher | None = None
         self._told_ns = 0
-        self._decoder = JointStateDecoder()
+        self._decoder, self._reference_decoder = JointStateDecoder(), JointStateDecoder()
         self._thread: threading.Thread | None = None
         self._must_stop = threading.Event()
         self._due: list[DueForces] = []
@@ -107,13 +108,18 @@ class StageNode(ManagedNode):
             for axis in self.settings.axes
         ]
         self._directions = [0] * len(self._due)
-        self._topics = JointStateTopics(self, (POSITION, EFFORT, REFERENCE, TRUTH))
-        self._reference_ahead = self.create_publisher(JointTrajectory, REFERENCE_HORIZON, HORIZON_QOS)
+        followed = [stage.followed is not None for stage in self._working_table().stages]
+        topics = (POSITION, EFFORT, TRUTH) if all(followed) else (POSITION, EFFORT, REFERENCE, TRUTH)
+        self._topics = JointStateTopics(self, topics)
+        if not all(followed):
+            self._reference_ahead = self.create_publisher(JointTrajectory, REFERENCE_HORIZON, HORIZON_QOS)
         self._told_ns = 0
-        self._compensation_inputs = [
+        self._inputs = [
             subscribe(self, COMPENSATION, self.guarded(self._on_compensation)),
             subscribe_horizon(self, HORIZON, self.guarded(self._on_horizon)),
         ]
+        if any(followed):
+            self._inputs.append(subscribe(self, REFERENCE, self.guarded(self._on_reference)))
 
     def begin(self) -> None:
         """Let the stepping thread run."""
@@ -138,12 +144,17 @@ class StageNode(ManagedNode):
         """Remove publishers and the subscription."""
         if self._topics is not None:
             self._topics.destroy()
-        for subscription in self._compensation_inputs:
+        for subscription in self._inputs:
             self.destroy_subscription(subscription)
-        self._compensation_inputs = []
+        self._inputs = []
         if self._reference_ahead is not None:
             self.destroy_publisher(self._reference_ahead)
         self._topics = self._reference_ahead = self._table = None
+
+    def _working_table(self) -> SimulatedTable:
+        if self._table is None:
+            raise SgmsError("the node is not configured; configure it first")
+        return self._table
 
     def _on_compensation(self, message: bytes) -> None:
         """Take in a compensation for the axes that it names."""
@@ -157,6 +168,21 @@ class StageNode(ManagedNode):
         for axis, due in zip(self.settings.axes, self._due, strict=True):
             if axis.name in names and (place := names.index(axis.name)) < len(effort):
                 due.put(stamp_ns, effort[place], now_ns)
+
+    def _on_reference(self, message: bytes) -> None:
+        """Take in a set-point for the axes that it names and that follow the topic."""
+        if self._table is None:
+            return
+        try:
+            stamp_ns, names, position, velocity, _ = self._reference_decoder.decode(message)
+        except DataError:
+            return
+        now_ns = self._latest_ns or self.get_clock().now().nanoseconds
+        for axis, stage in zip(self.settings.axes, self._table.stages, strict=True):
+            if stage.followed is not None and axis.name in names and (place := names.index(axis.name)) < len(position):
+                speed = velocity[place] if place < len(velocity) else math.nan
+                factor = axis.position_scale
+                stage.followed.put(stamp_ns, factor * position[place], factor * speed, now_ns)
 
     def _on_horizon(self, message: bytes) -> None:
         """Take in the compensation ahead for the axes that it names."""
@@ -182,6 +208,7 @@ class StageNode(ManagedNode):
         motions = {
             axis.name: np.stack(stage.reference_ahead(time_ahead))
             for axis, stage in zip(self.settings.axes, self._table.stages, strict=True)
+            if stage.followed is None
         }
         time_ns = next_ns + np.rint(time_ahead * 1e9).astype(np.int64)
         self._reference_ahead.publish(encode_reference(self.settings, int(time_ns[0]), time_ns, motions))
@@ -190,12 +217,14 @@ class StageNode(ManagedNode):
         """Step and publish until told to stop."""
         turn = max(self.settings.sample_period, _SHORTEST_TURN)
         clock = self.get_clock()
+        has_follower = any(stage.followed is not None for stage in self._working_table().stages)
+        longest = LONGEST_LAG_OF_FOLLOWER if has_follower else LONGEST_CATCH_UP
         pace: Pace | None = None
         deadline = before = time.monotonic()
         while not self._must_stop.is_set() and self.context.ok():
             now_ns = clock.now().nanoseconds
             if pace is None and now_ns > 0:  # simulated time stands at zero until someone publishes it
-                pace = Pace(self.settings.sample_period, now_ns)
+                pace = Pace(self.settings.sample_period, now_ns, longest)
             if pace is not None:
                 elapsed, before = time.monotonic() - before, time.monotonic()
                 made_up = _HURRY * min(max(elapsed, turn), max(turn, _LONGEST_TURN))
@@ -214,17 +243,24 @@ class StageNode(ManagedNode):
         if self._table is None or self._topics is None:
             return
         forces = [due.at(stamps, direction) for due, direction in zip(self._due, self._directions, strict=True)]
+        for stage in self._table.stages:
+            if stage.followed is not None:
+                stage.followed.anchor(int(stamps[0]), stage.samples_done * self.settings.sample_period)
         records = self._table.step(len(stamps), forces)
         self._directions = [int(np.sign(record.reference_velocity[-1])) for record in records]
         self._latest_ns = int(stamps[-1])
-        names = tuple(axis.name for axis in self.settings.axes)
-        seen = [
-            record.samples.in_topic_units(axis.scales) for record, axis in zip(records, self.settings.axes, strict=True)
-        ]
-        reference = {field: _columns(seen, f"reference_{field}") for field in ("position", "velocity")}
+        axes = self.settings.axes
+        names = tuple(axis.name for axis in axes)
+        own = [i for i, stage in enumerate(self._table.stages) if stage.followed is None]
+        seen = [record.samples.in_topic_units(axis.scales) for record, axis in zip(records, axes, strict=True)]
+        given = [seen[i] for i in own]
+        reference = {field: _columns(given, f"reference_{field}") for field in ("position", "velocity")} if own else {}
         truth = {"position": "position", "velocity": "velocity", "effort": "friction"}
+        if own:
+            effort = np.stack([forces[i] for i in own], axis=1)
+            block = OutgoingBlock(REFERENCE, tuple(names[i] for i in own), stamps, {**reference, "effort": effort})
+            self._topics.publish(block)
         for topic, values in (
-            (REFERENCE, {**reference, "effort": np.stack(forces, axis=1)}),
             (POSITION, {"position": _columns(seen, "position")}),
             (EFFORT, {"effort": _columns(seen, "effort")}),
             (TRUTH, {field: _columns(records, name) for field, name in truth.items()}),

@@ -5,6 +5,9 @@ from __future__ import annotations
 LONGEST_CATCH_UP = 0.5
 """A clock that leaps further than this [s] was stopped, set or asleep: the samples in between are given up."""
 
+LONGEST_LAG_OF_FOLLOWER = 60.0
+"""The same for an axis that follows set-points: it may lag behind the clock, but what it is to follow must not leap."""
+
 AGE_SENTENCE = "the compensation arrived"
 """How the stage node's note on the way's delay begins, for those who quote it."""
 
@@ -15,9 +18,11 @@ class Pace:
     Args:
         sample_period: time between two samples [s].
         start_ns: the clock's time of the first sample [ns].
+        longest_catch_up: samples that are due for longer than this are given up [s].
     """
 
-    def __init__(self, sample_period: float, start_ns: int) -> None:
+    def __init__(self, sample_period: float, start_ns: int, longest_catch_up: float = LONGEST_CATCH_UP) -> None:
+        self._longest_ns = longest_catch_up * 1e9
         self._period_ns = sample_period * 1e9
         self._start_ns = start_ns
         self._done = 0
@@ -35,7 +40,7 @@ class Pace:
         if now_ns < self._latest_ns:
             self.resets += 1
             self._anchor(now_ns)
-        elif now_ns - self._next_ns() > LONGEST_CATCH_UP * 1e9:
+        elif now_ns - self._next_ns() > self._longest_ns:
             self.skipped += int((now_ns - self._next_ns()) / self._period_ns)
             self._anchor(now_ns)
         self._latest_ns = now_ns

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from sgms_observer.settings.field import section, setting
 
-REFERENCES = ("sine", "multi_sine", "point_to_point", "file")
+REFERENCES = ("sine", "multi_sine", "point_to_point", "file", "topic")
 INTERPOLATIONS = ("linear", "cubic")
 
 
@@ -27,7 +27,11 @@ class ControllerSettings:
 class ReferenceSettings:
     """What the stage is asked to follow."""
 
-    kind: str = setting("sine", "shape of the reference", choices=REFERENCES)
+    kind: str = setting(
+        "sine",
+        "shape of the reference; topic: rest until set-points come on the topic reference, then follow them",
+        choices=REFERENCES,
+    )
     amplitude: float = setting(2.0e-4, "sine: amplitude; point_to_point: stroke", "m", minimum=0.0)
     frequency: float = setting(5.0, "sine: frequency", "Hz", above=0.0)
     amplitudes: tuple[float, ...] = setting((), "multi_sine: amplitude of each sine", "m", minimum=0.0)

@@ -32,7 +32,19 @@ WRITING = (
     "bench",
     "export",
 )
-WITH_RESULT = ("info", "check", "init", "convert", "identify", "diagnose", "simulate", "replay", "excite", "export")
+WITH_RESULT = (
+    "demo",
+    "info",
+    "check",
+    "init",
+    "convert",
+    "identify",
+    "diagnose",
+    "simulate",
+    "replay",
+    "excite",
+    "export",
+)
 WITH_BAG = ("replay", "info", "check", "init", "identify")
 
 

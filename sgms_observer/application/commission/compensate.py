@@ -1,0 +1,180 @@
+"""The steps with the observer: observe, compensate with rising gain, before and after."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from sgms_observer.application.commission.learn import Found, load_motion
+from sgms_observer.application.commission.session import (
+    AFTER_BAG,
+    BEFORE_BAG,
+    CANDIDATE,
+    COMMISSIONED,
+    OWN_MOTION,
+    Session,
+)
+from sgms_observer.application.commission.table import Heard
+from sgms_observer.application.commission.tracking import Tracking
+from sgms_observer.errors import DataError
+from sgms_observer.settings.load import load_settings
+from sgms_observer.settings.write import write_settings
+
+GAIN_STEPS = (1.0 / 3.0, 2.0 / 3.0, 1.0)
+"""Shares of the file's gain, in the order in which they are tried."""
+WORSE_PEAK = 1.5
+"""A tracking error this many times the largest one without compensation takes the compensation to zero at once."""
+WORSE_RMS = 1.02
+"""A gain whose rms or peak is this many times that of the gain before it is not kept: 2 % is what repeats differ by."""
+MIN_IMPROVEMENT = 0.98
+"""The compensated rms must be below this multiple of the one without for the file to be of use."""
+
+
+class TrackingWatch:
+    """Takes the compensation to zero at once where the tracking error grows beyond what it was without.
+
+    Args:
+        session: the session.
+        largest: the largest tracking error without compensation [m].
+    """
+
+    def __init__(self, session: Session, largest: float) -> None:
+        self._session, self._largest = session, largest
+        self.worst = 0.0
+
+    @property
+    def has_released(self) -> bool:
+        """Return whether the compensation was taken to zero."""
+        return self.worst > WORSE_PEAK * self._largest
+
+    def __call__(self, heard: Heard) -> None:
+        """Look at the newest samples.
+
+        Args:
+            heard: the samples.
+        """
+        if self.has_released or not len(heard.time):
+            return
+        samples = heard.samples
+        behind = self._session.delay * samples.reference_velocity
+        error = np.abs(samples.position - samples.reference_position + behind)[heard.time >= 0.0]
+        self.worst = max(self.worst, float(np.max(error, initial=0.0)))
+        if self.has_released:
+            self._session.table.release()
+
+
+def observe(session: Session) -> Found:
+    """Run the observer without compensation; learn how late its compensation comes."""
+    ledger, axis = session.ledger, session.axis
+    settings = load_settings(session.path(f"{ledger.facts['diagnosis']}/augmented.yaml"))
+    off: dict[str, dict[str, Any]] = {one.name: {"compensation.enabled": False} for one in settings.axes}
+    write_settings(settings, session.path(CANDIDATE), off)
+    session.table.start_observer(session.path(CANDIDATE))
+    motion = load_motion(session, OWN_MOTION)
+    session.confirm_motion(motion, "observer, without compensation")
+    tracking = session.play(motion).tracking()
+    median, worst = session.table.delays()
+    if math.isnan(median):
+        raise DataError("the observer published no compensation during the motion; see log/observer_node.log")
+    ledger.facts["baseline"] = {"rms": tracking.rms, "peak": tracking.peak}
+    given = axis.compensation.look_ahead
+    wanted = given or min(round(median + 0.5 * session.plan.settings.sample_period - session.delay, 5), 0.1)
+    if wanted != given:
+        off[axis.name]["compensation.look_ahead"] = max(0.0, wanted)
+        write_settings(settings, session.path(CANDIDATE), off)
+        session.table.stop_observer()
+        session.table.start_observer(session.path(CANDIDATE))
+    readable = axis.units.readable
+    return (
+        f"the compensation comes {1e3 * median:.2g} ms after its sample ({1e3 * worst:.2g} ms at worst in 99 %);"
+        f" look_ahead {1e3 * wanted:.3g} ms; tracking error without compensation {readable(tracking.rms)} rms,"
+        f" {readable(tracking.peak)} peak",
+        [CANDIDATE],
+    )
+
+
+def compensate(session: Session) -> Found:
+    """Raise the gain step by step while the tracking error falls; zero at once if it does not."""
+    ledger, axis = session.ledger, session.axis
+    readable = axis.units.readable
+    ensure_observer(session)
+    motion = load_motion(session, OWN_MOTION)
+    session.confirm_motion(motion, f"compensation, {len(GAIN_STEPS)} times with rising gain")
+    baseline = ledger.facts["baseline"]
+    best_gain, best = 0.0, (float(baseline["rms"]), float(baseline["peak"]))
+    told = [f"0: {readable(best[0])}"]
+    reason = ""
+    for share in GAIN_STEPS:
+        gain = round(share * axis.compensation.gain, 4)
+        session.table.compensate(gain)
+        watch = TrackingWatch(session, float(baseline["peak"]))
+        tracking = session.play(motion, watch).tracking()
+        told.append(f"{gain:.2g}: {readable(tracking.rms)}")
+        session.say(f"  gain {gain:.2g}: tracking error {readable(tracking.rms)} rms, {readable(tracking.peak)} peak")
+        if watch.has_released or tracking.rms > WORSE_RMS * best[0] or tracking.peak > WORSE_RMS * baseline["peak"]:
+            session.table.compensate(0.0)
+            reason = f"; gain {gain:.2g} made tracking worse, and the compensation went back to zero at once"
+            break
+        best_gain, best = gain, (tracking.rms, tracking.peak)
+    session.table.compensate(0.0)
+    ledger.facts["gain"] = best_gain
+    changes: dict[str, Any] = {"compensation.enabled": best_gain > 0.0}
+    if best_gain > 0.0:
+        changes["compensation.gain"] = best_gain
+    head = (
+        f"sgms commission: {', '.join(effect['name'] for effect in ledger.effects) or 'no effect'}; gain {best_gain:g}"
+    )
+    write_settings(load_settings(session.path(CANDIDATE)), session.path(COMMISSIONED), {axis.name: changes}, {"": head})
+    ledger.yaml = COMMISSIONED
+    return f"rms tracking error by gain: {', '.join(told)}{reason}; gain {best_gain:.2g} is kept", [COMMISSIONED]
+
+
+def before_and_after(session: Session) -> Found:
+    """Play the user's own motion without and with the compensation, one right after the other."""
+    ledger, readable = session.ledger, session.axis.units.readable
+    gain = float(ledger.facts["gain"])
+    ensure_observer(session)
+    motion = load_motion(session, OWN_MOTION)
+    session.confirm_motion(motion, "own motion, twice: without and with compensation")
+    before = session.record(motion, BEFORE_BAG).tracking()
+    if gain > 0.0:
+        session.table.compensate(gain)
+    after = session.record(motion, AFTER_BAG, TrackingWatch(session, before.peak)).tracking()
+    session.table.compensate(0.0)
+    ledger.tracking = tracking_json(before, after, session.axis.units.position)
+    ledger.is_usable = gain > 0.0 and after.rms < MIN_IMPROVEMENT * before.rms and after.peak <= before.peak
+    return (
+        f"tracking error {readable(before.rms)} rms, {readable(before.peak)} peak without compensation;"
+        f" {readable(after.rms)} rms, {readable(after.peak)} peak with it:"
+        f" {before.rms / after.rms:.1f} and {before.peak / after.peak:.1f} times smaller",
+        [BEFORE_BAG, AFTER_BAG],
+    )
+
+
+def tracking_json(before: Tracking, after: Tracking, unit: str) -> dict[str, Any]:
+    """Return the part of commission.json.
+
+    Args:
+        before: without compensation.
+        after: with it.
+        unit: of both.
+    """
+    return {
+        "rms_before": before.rms,
+        "rms_after": after.rms,
+        "peak_before": before.peak,
+        "peak_after": after.peak,
+        "unit": unit,
+    }
+
+
+def ensure_observer(session: Session) -> None:
+    """Start the observer, unless an earlier step of this run did.
+
+    Args:
+        session: the session.
+    """
+    if not session.table.has_observer:
+        session.table.start_observer(session.path(CANDIDATE))

@@ -1,0 +1,202 @@
+"""The steps that learn the model: excite, record, identify, diagnose, and the next experiment."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sgms_observer.application.commission.motion import (
+    Motion,
+    checked,
+    learning_motion,
+    read_motion,
+    representative_motion,
+)
+from sgms_observer.application.commission.own_motion import own_rows
+from sgms_observer.application.commission.session import (
+    EXCITATION,
+    IDENTIFIED,
+    LEARN_BAG,
+    OWN_BAG,
+    OWN_MOTION,
+    Session,
+)
+from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
+from sgms_observer.application.identify import IdentifyJob, identify_bags
+from sgms_observer.diagnosis.gap import effort_rms, residuals, rms
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.errors import DataError
+from sgms_observer.offline.band import choose_band
+from sgms_observer.offline.recording import read_recordings
+from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.load import load_settings
+from sgms_observer.whole_file import write_text
+
+LONGEST_RECORD, RECORD_SHARE = 25.0, 0.08
+"""Length of the recording to learn from [s], and at most this share of the time for everything."""
+CLEARLY_BETTER = 0.8
+"""Identified values replace the file's where they leave less than this multiple of its gap on the own motion."""
+
+Found = tuple[str, list[str]]
+
+
+def excite(session: Session) -> Found:
+    """Build the motions: the one to learn from, and the user's own or the one that stands for it."""
+    plan, axis = session.plan, session.axis
+    period, limits = plan.settings.sample_period, plan.limits
+    friction = axis.friction
+    deflection = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
+    seconds = min(LONGEST_RECORD, RECORD_SHARE * plan.request.seconds)
+    learn = learning_motion(limits, period, 2.0 * float(np.max(deflection)), friction.stribeck_velocity, seconds)
+    if plan.request.motion:
+        source = Path(plan.request.motion)
+        own = read_motion(source, own_rows(source, axis), session.origin, period)
+        own_name = str(source)
+    else:
+        own, own_name = representative_motion(limits, period), "the motion that stands for your own"
+    checked(learn, limits, session.origin, "the excitation")
+    checked(own, limits, session.origin, own_name)
+    write_motion(learn, session.path(EXCITATION))
+    write_motion(own, session.path(OWN_MOTION))
+    readable = axis.units.readable
+    return (
+        f"excitation of {learn.duration:.1f} s over {readable(float(np.ptp(learn.position)))}, at up to"
+        f" {readable(learn.peak_speed, 'm/s')} and {readable(learn.peak_acceleration, 'm/s^2')}; {own_name}:"
+        f" {own.duration:.1f} s over {readable(float(np.ptp(own.position)))}, at up to"
+        f" {readable(own.peak_speed, 'm/s')} and {readable(own.peak_acceleration, 'm/s^2')}",
+        [EXCITATION, OWN_MOTION],
+    )
+
+
+def record(session: Session) -> Found:
+    """Play both motions and record them."""
+    seconds = 0.0
+    for name, bag, purpose in (
+        (EXCITATION, LEARN_BAG, "excitation"),
+        (OWN_MOTION, OWN_BAG, "own motion, without compensation"),
+    ):
+        motion = load_motion(session, name)
+        session.confirm_motion(motion, purpose)
+        session.record(motion, bag)
+        seconds += motion.duration
+    return f"recorded {seconds:.0f} s in two bags", [LEARN_BAG, OWN_BAG]
+
+
+def identify(session: Session) -> Found:
+    """Identify the axis; its values replace the file's where they predict the own motion clearly better."""
+    request, axis = session.plan.request, session.axis
+    learn, own = str(session.path(LEARN_BAG)), str(session.path(OWN_BAG))
+    job = IdentifyJob((learn,), request.config, str(session.path(IDENTIFIED)), (axis.name,), is_overwriting=True)
+    identified = identify_bags(job, _titled(session))
+    found = next(one for one in load_settings(identified.path).axes if one.name == axis.name)
+    given, fitted = (unexplained(own, one) for one in (axis, found))
+    is_better = fitted < CLEARLY_BETTER * given
+    session.ledger.facts["model"] = IDENTIFIED if is_better else None
+    verdict = (
+        "the identified values go on" if is_better else "not clearly less, so the file's values go on to the diagnosis"
+    )
+    return (
+        f"unexplained on the own motion: {100 * given:.1f} % of the rms {axis.units.effort_word} by the file's values,"
+        f" {100 * fitted:.1f} % by the identified ones; {verdict}",
+        [IDENTIFIED],
+    )
+
+
+def diagnose(session: Session) -> Found:
+    """Find what the model misses."""
+    return diagnose_bags_of(session, [LEARN_BAG], "diagnosis")
+
+
+def diagnose_bags_of(session: Session, bags: Sequence[str], out: str) -> Found:
+    """Diagnose recordings into a folder; note effects and model.
+
+    Args:
+        session: the session.
+        bags: recordings to learn from, relative to the folder.
+        out: where the diagnosis goes, relative to the folder.
+    """
+    begun = time.monotonic()
+    ledger, axis = session.ledger, session.axis
+    base = ledger.facts.get("model") or ""
+    start = str(session.path(base)) if base else session.plan.request.config
+    request = DiagnoseRequest(
+        [str(session.path(bag)) for bag in bags], start, str(session.path(out)), [str(session.path(OWN_BAG))],
+        axis.name, workers=os.cpu_count() or 1,
+    )  # fmt: skip
+    with _titled(session)("diagnose") as show:
+        done = diagnose_bags(request, show)
+    result = json.loads(session.path(f"{out}/result.json").read_text(encoding="utf-8"))
+    ledger.effects = result["effects"]
+    ledger.facts["gap"] = result["gap"]
+    ledger.facts["verdict"] = result["verdict"]
+    ledger.facts["diagnosis"] = out
+    ledger.facts["bags"] = list(bags)
+    ledger.facts["diagnosis_seconds"] = time.monotonic() - begun
+    for warning in done.answer.warnings:
+        session.say(f"Warning: {warning}.")
+    gap = result["gap"]
+    named = ", ".join(
+        effect["name"] + (f" (or {', '.join(effect['alternatives'])})" if effect["alternatives"] else "")
+        for effect in result["effects"]
+    )
+    return (
+        f"{result['verdict']}{': ' + named if named else ''}; gap on the own motion {gap['before']:.3g} ->"
+        f" {gap['after']:.3g} % of rms {axis.units.effort_word} (floor {gap['floor']:.3g} %)",
+        [f"{out}/result.json", f"{out}/augmented.yaml", f"{out}/report.html"],
+    )
+
+
+def unexplained(bag: str, axis: AxisSettings) -> float:
+    """Return the rms of measured minus predicted effort over the rms effort of a recording.
+
+    Args:
+        bag: the recording.
+        axis: the model.
+    """
+    pieces = list(read_recordings(bag, axis))
+    if not pieces:
+        raise DataError(f"{bag} holds no usable recording of axis {axis.name}; record again")
+    band = choose_band(pieces, axis).corner
+    motions = [motion_of(piece, band=band) for piece in pieces]
+    return rms(residuals(Model.of(axis), motions)) / effort_rms(motions)
+
+
+def write_motion(motion: Motion, path: Path) -> None:
+    """Write a motion as CSV, as ``sgms excite`` does, relative to the middle of the stroke.
+
+    Args:
+        motion: the motion.
+        path: the file.
+    """
+    rows = zip(motion.period * np.arange(len(motion.position)), motion.position, motion.velocity, strict=True)
+    lines = [f"{at:.9g},{position:.12f},{velocity:.9g}" for at, position, velocity in rows]
+    write_text("\n".join(["time,position,velocity", *lines]) + "\n", path)
+
+
+def load_motion(session: Session, name: str) -> Motion:
+    """Return a motion that ``write_motion`` wrote.
+
+    Args:
+        session: the session.
+        name: of the file.
+    """
+    rows = np.loadtxt(session.path(name), delimiter=",", skiprows=1, ndmin=2)
+    return Motion(session.plan.settings.sample_period, rows[:, 1])
+
+
+def _titled(session: Session) -> Callable[[str], Any]:
+    """Return what gives a context for long work, whose value is told how much is done."""
+
+    @contextmanager
+    def progress(title: str) -> Iterator[Callable[[float], None]]:
+        yield lambda share: session.progress(title, share)
+
+    return progress

@@ -1,0 +1,297 @@
+"""Motions of a commissioning, relative to where the axis stood at its beginning, inside its limits by construction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.excitation.limits import ExcitationLimits
+
+Floats = NDArray[np.float64]
+
+REST = 0.3
+"""Rest at both ends of a motion [s]."""
+SETTLING_SHARE = 0.01
+"""Way from rest after which a recording begins, as a share of the stroke: many times the presliding distance."""
+SIGN_SPEED_SHARE, SIGN_STROKE_SHARE = 0.1, 0.1
+"""Speed and width of the motion that shows signs, as shares of what is allowed: small enough to be harmless."""
+OWN_SPEED_SHARE, OWN_ACCELERATION_SHARE, OWN_STROKE_SHARE = 0.5, 0.1, 0.8
+"""Speed, acceleration and width of the motion that stands for the user's own, as shares of what is allowed."""
+PRESLIDING_MULTIPLE = 10.0
+"""A slow traverse is this many times longer than the presliding distance: most of it slides."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A reference that starts and ends at rest.
+
+    Attributes:
+        period: time between two samples [s].
+        position: of each sample, relative to where the axis stood when the commissioning began [m], shape (n,).
+    """
+
+    period: float
+    position: Floats
+
+    @property
+    def velocity(self) -> Floats:
+        """Return the velocity of each sample [m/s], shape (n,)."""
+        if len(self.position) < 2:
+            return np.zeros(len(self.position))
+        return np.asarray(np.gradient(self.position, self.period))
+
+    @property
+    def duration(self) -> float:
+        """Return how long it takes [s]."""
+        return self.period * max(0, len(self.position) - 1)
+
+    @property
+    def peak_speed(self) -> float:
+        """Return the largest speed [m/s]."""
+        return float(np.max(np.abs(self.velocity), initial=0.0))
+
+    @property
+    def peak_acceleration(self) -> float:
+        """Return the largest acceleration [m/s^2]."""
+        if len(self.position) < 3:
+            return 0.0
+        return float(np.max(np.abs(np.diff(self.position, 2)))) / self.period**2
+
+    def sliding_from(self, way: float) -> int:
+        """Return the first sample that is further than ``way`` from the start [m]; 0 if none is.
+
+        How friction stood at the start is not known: a recording begins where that is forgotten.
+        """
+        return int(np.argmax(np.abs(self.position - self.position[0]) > way))
+
+    def after(self, other: Motion) -> Motion:
+        """Return this motion behind another one that ends where it starts."""
+        return Motion(self.period, np.concatenate([other.position, self.position[1:]]))
+
+
+class _Path:
+    """A motion in the making: moves with raised-cosine ramps, swings and rests."""
+
+    def __init__(self, period: float, limits: ExcitationLimits, start: float = 0.0) -> None:
+        self._period = period
+        self._limits = limits
+        self._parts: list[Floats] = [np.array([start])]
+        self.at = start
+
+    @property
+    def seconds(self) -> float:
+        """Return how long it is so far [s]."""
+        return self._period * (sum(map(len, self._parts)) - 1)
+
+    def rest(self, seconds: float = REST) -> None:
+        """Stay where it is."""
+        self._parts.append(np.full(max(1, round(seconds / self._period)), self.at))
+
+    def move(self, target: float, speed: float, acceleration: float) -> None:
+        """Go to a place at no more than this speed and acceleration; rounding to samples only ever slows the move."""
+        distance = abs(target - self.at)
+        if distance == 0.0:
+            return
+        top = min(speed, math.sqrt(2.0 * acceleration * distance / math.pi))
+        ramp = max(4, math.ceil(math.pi * top / (2.0 * acceleration) / self._period))
+        flat = max(0, math.ceil(distance / (top * self._period)) - ramp)
+        up = 0.5 * (1.0 - np.cos(np.pi * (np.arange(ramp) + 0.5) / ramp))
+        steps = np.cumsum(np.concatenate([up, np.ones(flat), up[::-1]]))
+        self._parts.append(self.at + (target - self.at) * steps / steps[-1])
+        self.at = target
+
+    def swing(self, amplitude: float, count: int, frequency: float) -> None:
+        """Swing down by twice the amplitude and back, starting and ending at rest at the top."""
+        slowest = min(
+            frequency,
+            self._limits.speed / (2.0 * math.pi * amplitude),
+            math.sqrt(self._limits.acceleration / amplitude) / (2.0 * math.pi),
+        )
+        samples = math.ceil(1.0 / (slowest * self._period))
+        phase = 2.0 * np.pi * np.arange(1, count * samples + 1) / samples
+        self._parts.append(self.at - amplitude * (1.0 - np.cos(phase)))
+
+    def motion(self) -> Motion:
+        """Return the motion."""
+        return Motion(self._period, np.concatenate(self._parts))
+
+
+def approach(start: float, target: float, limits: ExcitationLimits, period: float) -> Motion:
+    """Return a gentle move from where the axis stands to where a motion starts, the last of it a short slide forth.
+
+    So every motion starts with the friction in the same state, and a compensation that was just switched on has found
+    its own before the motion counts.
+
+    Args:
+        start: where it stands [m].
+        target: where to [m].
+        limits: what the table may do.
+        period: time between two samples [s].
+    """
+    path = _Path(period, limits, start)
+    path.rest()
+    speed, acceleration = OWN_SPEED_SHARE * limits.speed, OWN_ACCELERATION_SHARE * limits.acceleration
+    slide = 2.0 * SETTLING_SHARE * limits.stroke
+    path.move(target - math.copysign(slide, target), speed, acceleration)
+    path.rest()
+    path.move(target, speed, acceleration)
+    path.rest()
+    return path.motion()
+
+
+def sign_motion(limits: ExcitationLimits, period: float) -> Motion:
+    """Return the small motion that shows whether position and effort have the right signs.
+
+    Args:
+        limits: what the table may do.
+        period: time between two samples [s].
+    """
+    path = _Path(period, limits)
+    width, speed = SIGN_STROKE_SHARE * limits.stroke, SIGN_SPEED_SHARE * limits.speed
+    path.rest()
+    for target in (0.5 * width, -0.5 * width, 0.0):
+        path.move(target, speed, OWN_ACCELERATION_SHARE * limits.acceleration)
+        path.rest()
+    return path.motion()
+
+
+def learning_motion(
+    limits: ExcitationLimits, period: float, presliding: float, stribeck_velocity: float, seconds: float
+) -> Motion:
+    """Return the motion that identification and diagnosis learn from.
+
+    Half of its time goes over the whole stroke at several speeds, twice each way, for what is bound to places and
+    directions; the rest reverses in and around the presliding distance, creeps, and moves at the acceleration limit.
+
+    Args:
+        limits: what the table may do.
+        period: time between two samples [s].
+        presliding: distance in which the friction builds up after a reversal [m].
+        stribeck_velocity: velocity at which static friction has fallen towards Coulomb friction [m/s].
+        seconds: about how long it may take [s].
+    """
+    path = _Path(period, limits)
+    half = 0.5 * OWN_STROKE_SHARE * limits.stroke
+    gentle = OWN_ACCELERATION_SHARE * limits.acceleration
+    presliding = min(presliding, 0.1 * half)
+    path.rest()
+    path.move(5.0 * SETTLING_SHARE * limits.stroke, 0.1 * limits.speed, gentle)
+    for amplitude in np.geomspace(3.0 * presliding, 0.05 * presliding, 5):
+        path.swing(float(amplitude), 2, 4.0)
+    creep = 0.05 * seconds
+    for speed in np.geomspace(max(0.1 * stribeck_velocity, presliding / creep), 0.1 * limits.speed, 4):
+        reach = min(PRESLIDING_MULTIPLE * presliding, float(speed) * creep)
+        path.move(path.at + reach, float(speed), gentle)
+        path.move(path.at - reach, float(speed), gentle)
+    longest = min(half, 0.5 * math.pi * limits.speed**2 / limits.acceleration)
+    for share in (1.0, 0.5, 0.2):
+        path.move(share * longest, limits.speed, limits.acceleration)
+        path.move(-share * longest, limits.speed, limits.acceleration)
+    path.rest()
+    slowest = 2.0 * 4.0 * half / max(0.6 * (seconds - path.seconds), 1.0e-3)
+    for speed in np.geomspace(min(slowest, limits.speed), limits.speed, 4):
+        for target in (half, -half) if speed < 0.5 * limits.speed else (half, -half, half, -half):
+            path.move(target, float(speed), limits.acceleration)
+    path.move(0.0, OWN_SPEED_SHARE * limits.speed, gentle)
+    path.rest()
+    return path.motion()
+
+
+def representative_motion(limits: ExcitationLimits, period: float) -> Motion:
+    """Return the motion that stands for the user's own: moves over most of the stroke, a slow one, short steps.
+
+    Its acceleration is a tenth of what is allowed: what a friction compensation is for is friction, not inertia.
+
+    Args:
+        limits: what the table may do.
+        period: time between two samples [s].
+    """
+    path = _Path(period, limits)
+    half = 0.5 * OWN_STROKE_SHARE * limits.stroke
+    fast, gentle = OWN_SPEED_SHARE * limits.speed, OWN_ACCELERATION_SHARE * limits.acceleration
+    path.rest()
+    for target in (half, -half):
+        path.move(target, fast, gentle)
+        path.rest()
+    path.move(-0.5 * half, 0.2 * fast, gentle)
+    for step in range(1, 4):
+        path.move((-0.5 + 0.25 * step) * half, fast, gentle)
+        path.rest()
+    path.move(0.0, 0.2 * fast, gentle)
+    path.rest()
+    return path.motion()
+
+
+def checked(motion: Motion, limits: ExcitationLimits, start: float, source: str) -> Motion:
+    """Return a motion after checking that it keeps inside the limits.
+
+    Args:
+        motion: the motion.
+        limits: what the table may do.
+        start: where the axis stood, the middle of the stroke [m]; the motion is relative to it.
+        source: where it comes from, for the sentence.
+
+    Raises:
+        ConfigurationError: it does not keep inside them.
+    """
+    units = limits.units
+    found = (
+        ("goes as far as", float(np.max(np.abs(motion.position), initial=0.0)), 0.5 * limits.stroke, "m", "--stroke"),
+        ("moves at up to", motion.peak_speed, limits.speed, "m/s", "--speed"),
+        ("accelerates by up to", motion.peak_acceleration, limits.acceleration, "m/s^2", "--acceleration"),
+    )
+    sentences = [
+        f"{source} {words} {units.readable(value, unit)}, more than the {units.readable(limit, unit)} that are allowed"
+        f" around {units.readable(start)}; give a larger {option} if the table may do that, or another motion"
+        for words, value, limit, unit, option in found
+        if value > 1.01 * limit
+    ]
+    if sentences:
+        raise ConfigurationError(sentences)
+    return motion
+
+
+def motion_from_rows(time: Floats, position: Floats, period: float) -> Motion:
+    """Return a motion on an even grid of times.
+
+    Args:
+        time: increasing [s], shape (m,).
+        position: relative to the middle of the stroke [m], shape (m,).
+        period: time between two samples [s].
+    """
+    even = np.arange(time[0], time[-1] + 0.5 * period, period)
+    rest = max(1, round(REST / period))
+    inside = np.interp(even, time, position)
+    return Motion(period, np.concatenate([np.full(rest, inside[0]), inside, np.full(rest, inside[-1])]))
+
+
+def read_motion(path: Path, rows: tuple[Floats, Floats], start: float, period: float) -> Motion:
+    """Return the user's own motion, read from a file, relative to the middle of the stroke.
+
+    Args:
+        path: the file, for the sentence.
+        rows: its times [s] and positions [m].
+        start: middle of the stroke [m].
+        period: time between two samples [s].
+
+    Raises:
+        ConfigurationError: it has no rows.
+    """
+    time, position = rows
+    if len(time) < 2:
+        raise ConfigurationError([f"{path} holds no motion: give a bag with the topic reference, or a CSV of excite"])
+    return motion_from_rows(time, position - start, period)
+
+
+def joined(parts: Sequence[Motion]) -> Motion:
+    """Return motions one behind the other."""
+    whole = parts[0]
+    for part in parts[1:]:
+        whole = part.after(whole)
+    return whole

@@ -1,0 +1,133 @@
+"""The final page: what was done, what was found, and the tracking error before and after."""
+
+from __future__ import annotations
+
+from sgms_observer.application.commission.learn import CLEARLY_BETTER, Found
+from sgms_observer.application.commission.session import AFTER_BAG, BEFORE_BAG, REPORT, Session
+from sgms_observer.application.commission.tracking import Tracking, recorded_tracking
+from sgms_observer.report.drawing import ESTIMATE, MEASURED, sheet
+from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Section, Table, write_page
+
+
+def write_report(session: Session) -> Found:
+    """Write report.html from the ledger and the recordings."""
+    ledger, axis = session.ledger, session.axis
+    sections = [_tracking_section(session)] if ledger.tracking else []
+    sections.append(_found_section(session))
+    rows = [(step.name, step.state, f"{step.seconds:.0f} s", step.sentence) for step in ledger.steps.values()]
+    sections.append(Section("Steps", tables=(Table(("step", "state", "time", "what it found"), rows),)))
+    warnings = [] if ledger.is_usable else ["Warning: the result must not be used as it is; the steps below say why."]
+    provenance = (
+        f"From {session.plan.request.config}; all recordings are in recordings/, the diagnosis in"
+        f" {ledger.facts.get('diagnosis', 'diagnosis')}/report.html."
+    )
+    title = f"Commissioning of axis {axis.name}"
+    page = write_page(Page(title, headline(session), sections, provenance, warnings, _lights(session)), ledger.folder)
+    return f"wrote {page.name}", [REPORT]
+
+
+def _lights(session: Session) -> tuple[Light, ...]:
+    """Return the questions that a user has, with their answers."""
+    ledger, readable = session.ledger, session.axis.units.readable
+    lights = []
+    gap = ledger.facts.get("gap")
+    if gap:
+        state = GOOD if gap["after"] < CLEARLY_BETTER * gap["before"] else UNSURE
+        answer = (
+            f"{gap['before']:.3g} % of the rms {session.axis.units.effort_word} before, {gap['after']:.3g} % after."
+        )
+        lights.append(Light("model", "Does the model predict your own motion better than the file?", state, answer))
+    for effect in ledger.effects:
+        others = ", ".join(effect["alternatives"])
+        answer = (
+            f"It could also be {others}." if others else f"Confidence {effect['confidence']:.2f}, no rival is left."
+        )
+        lights.append(Light("model", f"Is it {effect['name']}?", UNSURE if others else GOOD, answer))
+    tracking = ledger.tracking
+    if tracking:
+        for key, word in (("rms", "rms"), ("peak", "largest")):
+            before, after = (tracking[f"{key}_{when}"] for when in ("before", "after"))
+            answer = f"{readable(before)} without compensation, {readable(after)} with it."
+            state = GOOD if after < before else BAD
+            lights.append(Light("tracking", f"Is the {word} tracking error smaller?", state, answer))
+    return tuple(lights)
+
+
+def headline(session: Session) -> str:
+    """Return the result in one sentence.
+
+    Args:
+        session: the session.
+    """
+    tracking, axis = session.ledger.tracking, session.axis
+    names = ", ".join(effect["name"] for effect in session.ledger.effects) or "no further effect"
+    if not tracking:
+        return f"Axis {axis.name}: {names} found; the compensation was not compared."
+    readable = axis.units.readable
+    verdict = "may be used as it is" if session.ledger.is_usable else "must not be used as it is"
+    return (
+        f"Axis {axis.name}: {names} found; tracking error {readable(tracking['rms_before'])} ->"
+        f" {readable(tracking['rms_after'])} rms, {readable(tracking['peak_before'])} ->"
+        f" {readable(tracking['peak_after'])} peak; {session.ledger.yaml} {verdict}."
+    )
+
+
+def _found_section(session: Session) -> Section:
+    """Return what the diagnosis found."""
+    ledger, unit = session.ledger, session.axis.units.effort_word
+    rows = []
+    for effect in ledger.effects:
+        values = ", ".join(
+            f"{name} {value:.4g} ± {effect['std_error'].get(name, 0.0):.2g}"
+            for name, value in effect["parameters"].items()
+            if isinstance(value, float)
+        )
+        others = ", ".join(effect["alternatives"]) or "none"
+        rows.append((effect["name"], values, f"{effect['confidence']:.2f}", others))
+    text = []
+    gap = ledger.facts.get("gap")
+    if gap:
+        text.append(
+            f"Gap between measured and predicted {unit} on the own motion: {gap['before']:.3g} % of its rms before,"
+            f" {gap['after']:.3g} % after; {gap['floor']:.3g} % is the floor that no model removes."
+        )
+    table = Table(("effect", "parameters", "confidence", "could also be"), rows, "Effects of the diagnosis.")
+    return Section("What was found", text, (table,) if rows else ())
+
+
+def _tracking_section(session: Session) -> Section:
+    """Return the comparison without and with compensation."""
+    tracking, readable = session.ledger.tracking, session.axis.units.readable
+    rows = [
+        (word, *(readable(tracking[f"{key}_{when}"]) for when in ("before", "after")),
+         f"{tracking[f'{key}_before'] / tracking[f'{key}_after']:.1f}")
+        for word, key in (("rms", "rms"), ("largest", "peak"))
+    ]  # fmt: skip
+    table = Table(
+        ("tracking error", "without compensation", "with it", "times smaller"), rows, "Own motion, played twice."
+    )
+    before, after = (
+        recorded_tracking(session.path(bag), session.axis, session.delay) for bag in (BEFORE_BAG, AFTER_BAG)
+    )
+    return Section("Tracking before and after", (), (table,), _pictures(session, before, after))
+
+
+def _pictures(session: Session, before: Tracking, after: Tracking) -> tuple[Picture, ...]:
+    """Return the tracking errors over time and over position."""
+    units = session.axis.units
+    factor, name = units.prefixed(before.peak, "m")
+    place, place_name = units.prefixed(session.plan.limits.stroke, "m")
+    pictures = []
+    for key, caption in (("time", "over time"), ("position", "over position")):
+        with sheet(f"tracking_{key}", f"Tracking error {caption}, without and with compensation.") as drawn:
+            axes = drawn.axes[0]
+            for one, colour, label in ((before, MEASURED, "without"), (after, ESTIMATE, "with compensation")):
+                if key == "time":
+                    axes.plot(one.time, factor * one.error, color=colour, label=label)
+                else:
+                    axes.plot(place * one.position, factor * one.error, ".", markersize=1.5, color=colour, label=label)
+            axes.set_xlabel("time [s]" if key == "time" else f"position [{place_name}]")
+            axes.set_ylabel(f"tracking error [{name}]")
+            axes.legend(loc="upper right", markerscale=6.0)
+        pictures.append(drawn.picture)
+    return tuple(pictures)

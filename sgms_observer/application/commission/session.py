@@ -1,0 +1,221 @@
+"""What the steps of a commissioning share: the request, the table, the folder, and how long there is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from sgms_observer.application.commission.guard import Guard
+from sgms_observer.application.commission.ledger import Ledger
+from sgms_observer.application.commission.motion import Motion
+from sgms_observer.application.commission.table import Heard, HeldUp, Table, Watch
+from sgms_observer.application.commission.tracking import Tracker
+from sgms_observer.errors import ConfigurationError, DataError
+from sgms_observer.excitation.limits import CAUTIOUS_LIMITS, ExcitationLimits
+from sgms_observer.settings.axis import AxisSettings, Settings
+from sgms_observer.settings.load import load_settings
+
+LEARN_BAG, OWN_BAG = "recordings/learn", "recordings/own"
+BEFORE_BAG, AFTER_BAG = "recordings/before", "recordings/after"
+EXCITATION, OWN_MOTION = "excitation.csv", "motion.csv"
+IDENTIFIED = "identification/identified.yaml"
+REPEATS = 3
+"""How often a motion is played again after a busy computer stopped it."""
+CANDIDATE, COMMISSIONED, REPORT = "candidate.yaml", "commissioned.yaml", "report.html"
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to commission, and how.
+
+    Attributes:
+        config: parameter file to start from.
+        out: folder of everything.
+        axis: the axis; the first of the file if None.
+        stroke: full width of all motions [m]; None for a cautious one, as are the next two.
+        speed: largest speed [m/s].
+        acceleration: largest acceleration [m/s^2].
+        motion: the user's own motion, a bag or a CSV; empty for one that stands for it.
+        seconds: no step is begun after this time [s].
+    """
+
+    config: str
+    out: Path
+    axis: str | None = None
+    stroke: float | None = None
+    speed: float | None = None
+    acceleration: float | None = None
+    motion: str = ""
+    seconds: float = 1800.0
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what a folder belongs to."""
+        return {
+            "config": str(Path(self.config).resolve()),
+            "axis": self.axis,
+            "stroke": self.stroke,
+            "speed": self.speed,
+            "acceleration": self.acceleration,
+            "motion": str(Path(self.motion).resolve()) if self.motion else "",
+        }
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A request that was checked.
+
+    Attributes:
+        request: the request.
+        settings: of the file.
+        axis: of the axis that is commissioned.
+        limits: what the table may do.
+    """
+
+    request: Request
+    settings: Settings
+    axis: AxisSettings
+    limits: ExcitationLimits
+
+    @classmethod
+    def of(cls, request: Request) -> Plan:
+        """Return the plan of a request.
+
+        Args:
+            request: the request.
+
+        Raises:
+            ConfigurationError: file, axis or limits cannot be used.
+        """
+        settings = load_settings(request.config)
+        names = [axis.name for axis in settings.axes]
+        name = request.axis or names[0]
+        if name not in names:
+            raise ConfigurationError([f"--axis {name} is not in {request.config}; it has {', '.join(names)}"])
+        axis = settings.axes[names.index(name)]
+        given = {key: getattr(request, key) for key in ("stroke", "speed", "acceleration")}
+        known = {key: value for key, value in given.items() if value is not None}
+        return cls(request, settings, axis, replace(CAUTIOUS_LIMITS[axis.joint_type], **known))
+
+
+class Session:
+    """One run of a commissioning.
+
+    Args:
+        plan: what to do.
+        ledger: what is done.
+        table: the axis on the graph.
+        confirm: asks the user a question; returns whether to go on.
+        say: tells the user a sentence.
+        progress: is told the title of long work and how much of it is done, from 0 to 1.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        ledger: Ledger,
+        table: Table,
+        confirm: Callable[[str], bool],
+        say: Callable[[str], None],
+        progress: Callable[[str, float], None],
+    ) -> None:
+        self.plan, self.ledger, self.table = plan, ledger, table
+        self.say, self.progress = say, progress
+        self._confirm = confirm
+        self._end = time.monotonic() + plan.request.seconds
+
+    @property
+    def axis(self) -> AxisSettings:
+        """Return the settings of the axis as the file gives them."""
+        return self.plan.axis
+
+    @property
+    def seconds_left(self) -> float:
+        """Return how long steps may still begin [s]."""
+        return self._end - time.monotonic()
+
+    @property
+    def origin(self) -> float:
+        """Return where the axis stood when the commissioning began [m]."""
+        return float(self.ledger.facts["origin"])
+
+    @property
+    def delay(self) -> float:
+        """Return how long after its stamp the table follows a set-point [s]."""
+        return float(self.ledger.facts.get("delay", 0.0))
+
+    def path(self, name: str) -> Path:
+        """Return a file of the folder.
+
+        Args:
+            name: relative to it.
+        """
+        return self.ledger.folder / name
+
+    def confirm_motion(self, motion: Motion, purpose: str) -> None:
+        """Ask whether the axis may move.
+
+        Args:
+            motion: what it will do.
+            purpose: what for.
+
+        Raises:
+            DataError: the user does not want that.
+        """
+        readable, origin = self.axis.units.readable, self.origin
+        low, high = origin + float(motion.position.min()), origin + float(motion.position.max())
+        sentence = (
+            f"{purpose}: axis {self.axis.name} moves between {readable(low)} and {readable(high)} for"
+            f" {motion.duration:.0f} s, at up to {readable(motion.peak_speed, 'm/s')} and"
+            f" {readable(motion.peak_acceleration, 'm/s^2')}"
+        )
+        if not self._confirm(sentence):
+            raise DataError("the motion was not confirmed, so nothing moved; start again to go on")
+
+    def play(self, motion: Motion, *watches: Watch, guard: Guard | None = None) -> Tracker:
+        """Play a motion under guard; again, where a busy computer was the reason that it was stopped.
+
+        Args:
+            motion: the motion.
+            watches: what looks at it too.
+            guard: stops it, in place of the usual one.
+
+        Returns:
+            What was heard.
+        """
+        return self._repeated(lambda: self._play(motion, watches, guard=guard))
+
+    def record(self, motion: Motion, bag: str, *watches: Watch) -> Tracker:
+        """Play a motion under guard and record it; again as ``play`` does.
+
+        Args:
+            motion: the motion.
+            bag: name of the recording in the folder.
+            watches: what looks at it too.
+        """
+        return self._repeated(lambda: self._play(motion, watches, self.path(bag)))
+
+    def _repeated(self, play: Callable[[], Tracker]) -> Tracker:
+        for _ in range(REPEATS):
+            try:
+                return play()
+            except HeldUp as error:
+                self.say(f"Warning: {error}. The motion is played again.")
+        return play()
+
+    def _play(
+        self, motion: Motion, watches: Sequence[Watch], bag: Path | None = None, guard: Guard | None = None
+    ) -> Tracker:
+        stops = guard or Guard(self.axis, self.plan.limits, self.origin, self.delay)
+        tracker = Tracker(motion, self.origin, self.delay)
+
+        def watch(heard: Heard) -> None:
+            stops(heard)
+            tracker(heard)
+            for one in watches:
+                one(heard)
+
+        self.table.play(motion, self.origin, watch, bag)
+        return tracker

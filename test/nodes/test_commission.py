@@ -1,0 +1,245 @@
+"""``sgms commission`` on the real graph, with the stage node as the table: the whole way, and every way to stop it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from program import PATIENCE
+from ros_fixtures import Start
+from ros_graph import Graph, NodeProcess, wait_until
+
+from sgms_observer.application.commission.learn import write_motion
+from sgms_observer.application.commission.ledger import DONE, Ledger
+from sgms_observer.application.commission.motion import representative_motion
+from sgms_observer.application.commission.session import Plan, Request
+from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
+
+ROOT = Path(__file__).resolve().parents[2]
+START = """/**:
+  ros__parameters:
+    axes: [x]
+    sample_period: 1.0e-3
+    x:
+      mass: 3.0
+      friction: {model: gms}
+      filter: {window: 8.0e-3}
+      estimator: {kind: mhe, correction_every: 2, parameters: [kappa]}
+      compensation: {limit: 10.0}
+"""
+HIDDEN = "effects: {names: [cogging], cogging: {amplitude: 1.4, pitch: 2.0e-3, phase: 0.3}}"
+TABLE = """      stage:
+        reference: {kind: topic}
+        encoder: {resolution: 1.0e-9, noise: 2.0e-9}
+        force_noise: 0.02
+"""
+
+
+def table(*stage: str, axis: str = "") -> str:
+    """Return the parameter file of a table; further lines of its stage and of its axis."""
+    own = f"      {axis}\n" if axis else ""
+    return START + own + TABLE + "".join(f"        {line}\n" for line in stage)
+
+
+class Commission:
+    """The command as a process.
+
+    Args:
+        folder: where it runs; it writes into ``out`` there.
+        options: further options.
+    """
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        (folder / "start.yaml").write_text(START)
+        self.out = folder / "out"
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "sgms_observer", "commission", "--yes", "--config", "start.yaml", "--out", "out",
+             *options],
+            cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
+        )  # fmt: skip
+
+    def end(self, patience: float = 5 * PATIENCE) -> tuple[int, str]:
+        """Return the exit code and what was said."""
+        said, _ = self.process.communicate(timeout=patience)
+        return self.process.returncode, said
+
+    def stop(self) -> None:
+        """End it, if it runs."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+            try:
+                self.process.communicate(timeout=PATIENCE)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+
+    def result(self) -> dict[str, Any]:
+        """Return commission.json."""
+        return json.loads((self.out / "commission.json").read_text())
+
+
+@pytest.fixture
+def commission(tmp_path: Path) -> Any:
+    """Return a function that starts the command; it is ended after the test."""
+    started: list[Commission] = []
+
+    def begin(*options: str) -> Commission:
+        started.append(Commission(tmp_path, *options))
+        return started[-1]
+
+    yield begin
+    for one in started:
+        one.stop()
+
+
+def learnt_before(folder: Path) -> None:
+    """Prepare a commissioning that has learnt its model, by its own words: the next step is to compensate."""
+    (folder / "start.yaml").write_text(START)
+    out = folder / "out"
+    request = Request(str(folder / "start.yaml"), out)
+    plan = Plan.of(request)
+    out.mkdir()
+    own = representative_motion(plan.limits, plan.settings.sample_period)
+    write_motion(own, out / "motion.csv")
+    model = START.replace("compensation: {limit: 10.0}", "compensation: {limit: 10.0, look_ahead: 2.0e-3}")
+    (out / "candidate.yaml").write_text(model + f"      {HIDDEN}\n")
+    ledger = Ledger(out, request.as_json())
+    ledger.facts = {"origin": 0.0, "delay": 0.0, "lead": 0.2, "baseline": {"rms": 3.7e-6, "peak": 5.1e-6}}
+    for name in ("check", "excite", "record", "identify", "diagnose", "next_experiment"):
+        ledger.note(name, DONE, 1.0, "prepared by the test", ["commission.json"])
+    ledger.note("observe", DONE, 1.0, "prepared by the test", ["candidate.yaml"])
+
+
+def compensation(graph: Graph) -> np.ndarray:
+    """Return all compensations heard [N]."""
+    return np.array([decode_joint_state(message)[4][0] for message in graph.messages["friction_compensation"]])
+
+
+def compensating(graph: Graph, run: Commission) -> None:
+    """Wait until a compensation acts."""
+
+    def acts() -> bool:
+        assert run.process.poll() is None, run.end()
+        return bool(np.any(np.abs(compensation(graph)[-100:]) > 0.5))
+
+    wait_until(acts, "a compensation that acts", 2 * PATIENCE)
+
+
+def has_let_go(graph: Graph) -> None:
+    """Check that no force is left, and that the set-point came to rest softly."""
+    assert compensation(graph)[-1] == 0.0
+    velocities = np.array([decode_joint_state(message)[3][0] for message in graph.messages["reference"]])
+    assert velocities[-1] == 0.0
+
+
+def stopped(run: Commission, step: str, *words: str) -> None:
+    """Check that the folder tells which step failed and why, and that it can be resumed."""
+    steps = run.result()["steps"]
+    assert [one["name"] for one in steps if one["state"] == "failed"] == [step]
+    assert all(word in steps[-1]["sentence"] for word in words), steps[-1]
+    assert run.result()["usable"] is False
+
+
+def test_the_whole_way(start: Start, commission: Any, tmp_path: Path) -> None:
+    """The hidden effect is named, and the tracking error falls at least five times with no peak larger."""
+    start("stage_node", table(HIDDEN))
+    run = commission("--time", "1500")
+    code, said = run.end(15 * PATIENCE)
+    assert code == 0, said
+    result = run.result()
+    assert [one["state"] for one in result["steps"]] == ["done"] * 10, said
+    assert [effect["name"] for effect in result["effects"]] == ["cogging"]
+    assert result["effects"][0]["parameters"]["pitch"] == pytest.approx(2.0e-3, rel=2e-3)
+    tracking = result["tracking"]
+    assert tracking["unit"] == "m"
+    assert tracking["rms_after"] * 5.0 < tracking["rms_before"]
+    assert tracking["peak_after"] <= tracking["peak_before"]
+    assert result["usable"] is True and (run.out / result["yaml"]).exists()
+    again = commission("--time", "1500")
+    code, said = again.end()
+    assert code == 0 and said.count("done before") == 10, said
+    assert [one["state"] for one in again.result()["steps"]] == ["skipped"] * 10
+
+
+def test_ctrl_c_leaves_no_force_and_is_resumed(start: Start, graph: Graph, commission: Any, tmp_path: Path) -> None:
+    start("stage_node", table(HIDDEN))
+    learnt_before(tmp_path)
+    graph.listen("friction_compensation", "reference")
+    run = commission()
+    compensating(graph, run)
+    run.process.send_signal(signal.SIGINT)
+    code, said = run.end()
+    assert code == 130, said
+    stopped(run, "compensate", "interrupted by the user")
+    has_let_go(graph)
+    velocities = np.array([decode_joint_state(message)[3][0] for message in graph.messages["reference"]])
+    assert np.max(np.abs(np.diff(velocities[-200:]))) <= 1.0 * 1e-3 * 1.02
+    again = commission()
+    compensating(graph, again)
+    code, said = again.end()
+    assert code in (0, 3), said
+    assert again.result()["steps"][-1]["name"] == "report"
+
+
+def test_a_lost_topic_leaves_no_force(start: Start, graph: Graph, commission: Any, tmp_path: Path) -> None:
+    stage: NodeProcess = start("stage_node", table(HIDDEN))
+    learnt_before(tmp_path)
+    graph.listen("friction_compensation", "reference")
+    run = commission()
+    compensating(graph, run)
+    stage.process.kill()
+    code, said = run.end()
+    assert code == 1, said
+    stopped(run, "compensate", "stopped arriving")
+    has_let_go(graph)
+
+
+def test_a_limit_leaves_no_force(start: Start, graph: Graph, commission: Any, tmp_path: Path) -> None:
+    """Somebody else sends the axis out of its stroke."""
+    start("stage_node", table(HIDDEN))
+    learnt_before(tmp_path)
+    graph.listen("friction_compensation", "reference")
+    run = commission()
+    compensating(graph, run)
+    publish, encode = graph.publisher("reference"), JointStateEncoder(("x",), ("position", "velocity")).encode
+    for k in range(400):
+        publish(encode(time.time_ns(), [0.02 * min(1.0, k / 200)], [0.0]))
+        time.sleep(1e-3)
+        if run.process.poll() is not None:
+            break
+    code, said = run.end()
+    assert code == 1, said
+    stopped(run, "compensate", "the motion was stopped")
+    assert compensation(graph)[-1] == 0.0
+
+
+def test_a_stall_stops_the_motion(start: Start, commission: Any) -> None:
+    """The drive has less force than the friction."""
+    start("stage_node", table("controller: {effort_limit: 2.0}"))
+    run = commission()
+    code, said = run.end()
+    assert code == 1, said
+    stopped(run, "check", "stalls", "enough force")
+
+
+def test_a_wrong_sign_of_the_effort_stops_it(start: Start, commission: Any) -> None:
+    start("stage_node", table(axis="effort_scale: -1.0"))
+    run = commission()
+    code, said = run.end()
+    assert code == 1, said
+    stopped(run, "check", "effort_scale", "sign is wrong")
+
+
+def test_a_table_that_says_nothing_is_one_sentence(commission: Any, ros: None) -> None:
+    run = commission()
+    code, said = run.end()
+    assert code == 1, said
+    stopped(run, "check", "no message of position arrives")
