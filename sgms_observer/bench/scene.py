@@ -13,7 +13,7 @@ _SHARED = """/**:
 _AXIS = """    {name}:
       mass: 10.0                 # kg
       estimator: {{kind: {kind}, parameters: [kappa], correction_every: {every}}}
-      compensation: {{enabled: true, timeout: 10.0}}  # what is late is late, and not left out
+      compensation: {{enabled: true}}
       stage: {{reference: {{kind: sine, amplitude: 200.0e-6, frequency: 5.0}}}}
 """
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import struct
+import time
 from collections.abc import Sequence
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
+from sgms_observer.compensation.safety import safe_output
 from sgms_observer.nodes.topics import LAST_WORDS
+from sgms_observer.settings.axis import Settings
 
 COMMANDS = "~/commands"
 
@@ -37,20 +40,41 @@ class CommandTopic:
 
     The message has no stamp: the receiver holds the last one, so the node sends zeros when it stops or hears nothing.
 
+    Of samples that are too old it sends zero instead: it goes there, and back, within the slew limit of each axis.
+
     Args:
         node: the node; remap ``~/commands`` to the controller's own topic.
+        settings: of all axes.
+
+    Attributes:
+        settings: as given; may be replaced.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self.settings = settings
         self._node = node
+        self._sent = [0.0] * len(settings.axes)
+        self._sent_at = time.monotonic()
+        self._is_apart = False
         self._publisher = node.create_publisher(Float64MultiArray, COMMANDS, _QOS)
 
-    def publish(self, forces: Sequence[float]) -> None:
+    def publish(self, forces: Sequence[float], is_late: bool = False) -> None:
         """Send the forces [N], if anybody listens.
 
         Args:
             forces: one per axis [N], in the order of ``axes``.
+            is_late: whether their samples are too old to be of use.
         """
+        now = time.monotonic()
+        if is_late or self._is_apart:
+            wanted = [0.0] * len(forces) if is_late else list(forces)
+            axes = zip(self._sent, wanted, self.settings.axes, strict=True)
+            forces = [
+                safe_output(sent, force, now - self._sent_at, axis.compensation.limit, axis.compensation.slew_limit)
+                for sent, force, axis in axes
+            ]
+            self._is_apart = is_late or forces != wanted
+        self._sent, self._sent_at = list(forces), now
         if self._publisher.get_subscription_count():
             self._publisher.publish(encode_commands(forces))
 

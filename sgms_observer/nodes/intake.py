@@ -28,7 +28,7 @@ class IntakeCounts:
         short: messages whose array had no entry for an axis that they name.
         foreign: messages that name none of the axes.
         repeated_names: lists of names that name an axis twice; the first entry counts.
-        too_late: compensations that were not sent, because whoever applies them would not any more.
+        too_late: compensations that went out too late for whoever applies them.
     """
 
     messages: int = 0
@@ -51,8 +51,8 @@ class IntakeCounts:
             (self.repeated_names, "lists of names held an axis twice; its first entry is used, correct the publisher"),
             (
                 self.too_late,
-                "compensations were not sent, because their samples were older than look_ahead and timeout together;"
-                " free the machine, or publish reference_horizon",
+                "compensations went out when their samples were older than look_ahead and timeout together, too late to"
+                " be applied; free the machine, or publish reference_horizon",
             ),
         )
         return tuple(f"{count} {text}" for count, text in found if count)

@@ -99,7 +99,7 @@ class ObserverNode(ManagedNode):
     def set_up(self) -> None:
         """Make publishers and subscriptions."""
         self._topics = JointStateTopics(self, JOINT_STATE_TOPICS)
-        self._commands = CommandTopic(self)
+        self._commands = CommandTopic(self, self.settings)
         self._horizons = self.create_publisher(JointTrajectory, HORIZON, HORIZON_QOS)
         is_one_topic = self.resolve_topic_name("position") == self.resolve_topic_name("control_effort")
         inputs = (
@@ -169,6 +169,8 @@ class ObserverNode(ManagedNode):
         """Take over the compensation's settings; beside another observer none is given out, whatever they say."""
         settings = self.settings if not self._rivals else without_compensation(self.settings)
         self._working_engine().tune_compensation(settings)
+        if self._commands is not None:
+            self._commands.settings = settings
         compensations = [axis.compensation for axis in settings.axes]
         self._oldest_ns = round(1e9 * max(found.look_ahead + found.timeout for found in compensations))
         if self._watchdog is not None:
@@ -237,30 +239,23 @@ class ObserverNode(ManagedNode):
         for number, estimates in processed.estimates.items():
             self._watchdog.feed(number, float(estimates.compensation[-1]), now)
         if processed.estimates and self._commands is not None:
-            outputs = self._watchdog.outputs
-            self._commands.publish([0.0] * len(outputs) if self._is_late else outputs)
+            self._commands.publish(self._watchdog.outputs, self._is_late)
         self._publish_horizons(self._working_engine().horizons.give(processed.estimates))
         if self._pause > 0.0:
             time.sleep(self._pause)
         self._idle_since = time.monotonic()
 
     def _send_compensation(self, block: OutgoingBlock) -> None:
-        """Publish compensations, but for those that come too late for whoever applies them.
+        """Publish compensations, and note those that come too late for whoever applies them.
 
         A stamp that is far from this node's clock belongs to another one: nobody knows how old it is.
         """
-        now_ns = time.time_ns()  # twenty times as quick as the node's own clock; simulated time is never late
-        self._is_late = self._oldest_ns < now_ns - int(block.stamp_ns[-1]) < _OWN_CLOCK_NS
-        if now_ns - int(block.stamp_ns[0]) > self._oldest_ns and self._topics is not None:
-            age = now_ns - block.stamp_ns
-            in_time = (age <= self._oldest_ns) | (age >= _OWN_CLOCK_NS)
-            self._working_engine().intake.counts.too_late += len(in_time) - int(np.count_nonzero(in_time))
-            block = replace(
-                block,
-                stamp_ns=block.stamp_ns[in_time],
-                values={name: values[in_time] for name, values in block.values.items()},
-            )
-        if self._topics is not None and len(block.stamp_ns):
+        age_ns = time.time_ns() - block.stamp_ns  # twenty times as quick as the node's own clock
+        self._is_late = self._oldest_ns < age_ns[-1] < _OWN_CLOCK_NS
+        if age_ns[0] > self._oldest_ns:
+            late = np.count_nonzero((age_ns > self._oldest_ns) & (age_ns < _OWN_CLOCK_NS))
+            self._working_engine().intake.counts.too_late += int(late)
+        if self._topics is not None:
             self._topics.publish(block, is_heard=True)
 
     def _watch(self) -> None:

@@ -134,7 +134,7 @@ def node_entry(
         "foreign": str(counts.foreign),
         "short": str(counts.short),
         "repeated names": str(counts.repeated_names),
-        "compensations not sent": str(counts.too_late),
+        "compensations too late": str(counts.too_late),
         "step time p50 [us]": _number(times.median * 1e6),
         "step time p99 [us]": _number(times.p99 * 1e6),
         "step time max [us]": _number(times.longest * 1e6),
