@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from sgms_observer.application.predicted_tracking import predict_tracking
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.closing import Closing, can_look_ahead, closing
-from sgms_observer.diagnosis.criteria import at_most
+from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
@@ -101,8 +101,6 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
     notes.append(band.sentence())
     options = Options(request.tolerance, request.seed, request.workers, band.corner)
     with threadpool_limits(limits=1):  # threads of our own; those of the libraries would only wait for each other
-        found = diagnose(learn, judge, axis, options, lambda _text, share: show(share))
-        answer = answer_of(found, axis, options)
         folder, record = Path(request.out), (judge or learn)[0]
         before = closing(record, axis, record.period, band.corner)
 
@@ -111,15 +109,33 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
             written = next(one for one in load_settings(folder / FILES[1]).axes if one.name == axis.name)
             return written, closing(record, written, record.period, band.corner)
 
-        written, later = after()
-        growth = improvement(later.blocks, before.blocks).z_score
-        most = options.criteria.min_z_score
-        test = at_most("model", "friction not cancelled by the feedforward: z-score of its growth", growth, most)
+        def growth(of: str, more: Closing, less: Closing) -> Test:
+            z_score = improvement(more.blocks, less.blocks).z_score
+            return at_most(of, "friction not cancelled by the feedforward: z-score of its growth", z_score, most)
+
+        most, refused = options.criteria.min_z_score, list[Test]()
+        while True:
+            found = diagnose(learn, judge, axis, options, lambda _text, share: show(share))
+            answer = answer_of(found, axis, options)
+            written, later = after()
+            test = growth("model", later, before)
+            if test.passed or not can_look_ahead(written):
+                break
+            tests = []
+            for name in (item.settings.name for item in answer.effects):  # which of them it is that does harm
+                others = replace(written, effects=tuple(one for one in written.effects if one.name != name))
+                tests.append(growth(name, later, closing(record, others, record.period, band.corner)))
+            worst = max(tests, key=lambda item: item.value, default=test)
+            if worst is test or worst.passed:
+                break
+            refused.append(worst)
+            options = replace(options, excluded=options.excluded | {worst.of})
         if can_look_ahead(written) and not test.passed and (answer.effects or answer.learnt):
             answer = answer_of(found, axis, options, test)
             written, later = after()
         else:
             answer = replace(answer, tests=(*answer.tests, test))
+        answer = replace(answer, tests=(*answer.tests, *refused))
         closings = (before, later)
         tracking = predict_tracking(record, axis, written, band.corner)
     write_result(answer, closings, tracking, axis.units, folder)

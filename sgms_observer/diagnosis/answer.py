@@ -14,7 +14,7 @@ from sgms_observer.diagnosis.advice import Named, detectable, next_experiment
 from sgms_observer.diagnosis.ceiling import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
-from sgms_observer.diagnosis.decision import Decision
+from sgms_observer.diagnosis.decision import Decision, within_range
 from sgms_observer.diagnosis.evidence import Improvement, blocks_of, improvement
 from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
 from sgms_observer.diagnosis.gap import Gap, effort_rms, halves, interval, noise_floor, residuals, rms, weighted
@@ -147,8 +147,16 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         test = at_least(names, "gap as reported: z-score", shrinks.z_score, criteria.interval_z_score)
         part = at_most(names, "gap as reported, as a share of the effort", rms(after) / effort_rms(motions), 1.0)
         grown = at_most(names, "gap as reported, over the gap before", rms(after) / max(rms(before), 1e-300), 1.0)
-        tests += [test, part, grown]
-        is_borne_out = test.passed and part.passed and grown.passed and contradiction is None
+        named = {item.accepted.candidate.name for item in accepted if item.accepted}
+        inside = [
+            within_range(item, found.state.learn, found.nominal) for item in fit.effects if item.name in named
+        ]
+        explained = at_most(
+            names, "share of the effort that is unexplained", rms(after) / effort_rms(motions), criteria.max_unexplained
+        )
+        written = [test, part, grown, explained, *inside]
+        tests += written
+        is_borne_out = all(item.passed for item in written) and contradiction is None
         if not is_borne_out:  # the model as it is written does not bear the names out
             accepted, model, fit, after = [], found.before.model, found.before, before
     learnt: tuple[Learnt, ...] = ()

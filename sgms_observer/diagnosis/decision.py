@@ -29,6 +29,7 @@ from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.ranges import believable
 from sgms_observer.diagnosis.search import CONTACT_SHARE
 from sgms_observer.effects.catalogue import effect
+from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
@@ -218,14 +219,25 @@ def bounds(item: Candidate, court: Court) -> list[Test]:
     settings = item.settings
     if settings is None:
         return []
+    return [within_range(settings, court.learn, item.refits.nominal)]
+
+
+def within_range(settings: EffectSettings, motions: Sequence[Motion], nominal: Model) -> Test:
+    """Return the test that no parameter of an effect lies at the end of its physical or believable range.
+
+    Args:
+        settings: the effect.
+        motions: recordings to learn from.
+        nominal: the given model.
+    """
     at_end = 0
     for parameter, value in zip(effect(settings.name).parameters, settings.values, strict=True):
         if parameter.name in WHOLE_RANGE or parameter.unit == "rad" or value == parameter.default:
             continue
-        limits = believable(settings.name, parameter.name, court.learn, item.refits.nominal)
+        limits = believable(settings.name, parameter.name, motions, nominal)
         ends = [end for end in (parameter.minimum, parameter.maximum, *limits) if math.isfinite(end)]
         at_end += any(abs(value - end) <= AT_END * abs(end) for end in ends)
-    return [at_most(item.name, "parameters at the end of their range", at_end, 0.0)]
+    return at_most(settings.name, "parameters at the end of their range", at_end, 0.0)
 
 
 def physical(item: Candidate, court: Court) -> list[Test]:

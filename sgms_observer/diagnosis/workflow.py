@@ -54,6 +54,7 @@ class Options:
         workers: threads.
         band: residuals are judged below this frequency [Hz]; 0 chooses it from rate and encoder.
         criteria: thresholds of every test.
+        excluded: effects that are not tried.
     """
 
     tolerance: float = 0.05
@@ -61,6 +62,7 @@ class Options:
     workers: int = 2
     band: float = 0.0
     criteria: Criteria = field(default_factory=Criteria)
+    excluded: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -259,7 +261,7 @@ def _search(
 ) -> tuple[State, tuple[Round, ...]]:
     """Add one hypothesis after another, as long as one passes every test."""
     rounds: list[Round] = []
-    names = [name for name in catalogue_names() if name not in READ_OFF]
+    names = [name for name in catalogue_names() if name not in READ_OFF and name not in options.excluded]
     changed = list(CHANGED)
     most = options.criteria.max_effects + len(changed)
     first = state.current.model

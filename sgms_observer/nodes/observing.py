@@ -6,14 +6,11 @@ import math
 import time
 from collections.abc import Iterable
 from dataclasses import replace
-from datetime import UTC, datetime
-from pathlib import Path
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import Executor
 from rclpy.publisher import Publisher
-from rclpy.qos import ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
@@ -22,14 +19,15 @@ from trajectory_msgs.msg import JointTrajectory
 from sgms_observer.application.kernels import OF_OBSERVER
 from sgms_observer.bags.diagnostics_cdr import encode_diagnostics
 from sgms_observer.errors import SgmsError
-from sgms_observer.nodes.commands import COMMANDS, CommandTopic
+from sgms_observer.nodes.commands import CommandTopic
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.lifecycle import ManagedNode
+from sgms_observer.nodes.neighbours import Neighbours
 from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, parameter_entry, scale_sentences
+from sgms_observer.nodes.saving import save_learnt
 from sgms_observer.nodes.statistics import Growth, Sentences
 from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe, subscribe_horizon
 from sgms_observer.nodes.watchdog import SHORTEST_PERIOD, Watchdog
-from sgms_observer.observer.learnt import learnt_changes, learnt_remarks
 from sgms_observer.observer.outgoing import (
     COMPENSATION,
     HORIZON,
@@ -39,12 +37,9 @@ from sgms_observer.observer.outgoing import (
     OutgoingBlock,
 )
 from sgms_observer.settings.axis import Settings
-from sgms_observer.settings.parameter_file import overlaid, parameter_tree
-from sgms_observer.settings.write import write_settings
 
 _REPORT_PERIOD = 1.0  # s
 _LONGEST_END = 1.0  # s for the compensation to go to zero within its slew limit when the node stops
-_COMMAND_LINE = "_ros2cli"  # how the nodes of `ros2 topic echo` and `hz` are called
 _IDLE_SHARE = 0.25  # of a sample period without an event, after which none is taken to wait
 _OWN_CLOCK_NS = 10_000_000_000  # stamps less than this behind the node's clock are taken as its own
 _SHORTEST_REPORT = 0.8  # s; the first after the activation tells of about a period as well
@@ -87,8 +82,7 @@ class ObserverNode(ManagedNode):
         self._sentences = Sentences()
         self._growth = Growth()
         self._rivals: tuple[str, ...] = ()
-        self._readers: dict[str, list[str]] = {}
-        self._looked_at = -1
+        self._neighbours = Neighbours(self)
         self._watchdog: Watchdog | None = None
         self._watch_timer: Timer | None = None
         self._diagnostics: Publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -130,7 +124,7 @@ class ObserverNode(ManagedNode):
         self._working_engine().reset()
         self._reported_at = time.monotonic()
         self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
-        self._rivals = self._other_publishers()
+        self._rivals = self._neighbours.rivals()
         self.on_tuned()
         for number in range(len(self.settings.axes)):
             self._working_engine().continue_compensation(number, 0.0)
@@ -309,7 +303,7 @@ class ObserverNode(ManagedNode):
             return
         self._reported_at = now
         name = self.get_fully_qualified_name().lstrip("/")
-        faults, readers = self._judge_rivals(), self._judge_readers()
+        faults, readers = self._judge_rivals(), self._neighbours.judge_readers()
         counts = engine.intake.counts
         new = self._growth.take("messages", counts)
         clock = engine.clock
@@ -336,7 +330,7 @@ class ObserverNode(ManagedNode):
 
     def _judge_rivals(self) -> list[str]:
         """Keep the compensation back while another node publishes it too; return the sentence about that."""
-        rivals = self._other_publishers()
+        rivals = self._neighbours.rivals()
         if bool(rivals) != bool(self._rivals):
             self._rivals = rivals
             self.on_tuned()
@@ -348,32 +342,6 @@ class ObserverNode(ManagedNode):
             " stop one of them or give it a namespace of its own"
             for topic in rivals
         ]
-
-    def _judge_readers(self) -> list[str]:
-        """Return the sentence about a command-line tool that reads one of the topics with every sample reliably.
-
-        One topic is looked at in each report: asking the graph takes a part of a millisecond.
-        """
-        self._looked_at += 1
-        topic = self.resolve_topic_name(JOINT_STATE_TOPICS[self._looked_at % len(JOINT_STATE_TOPICS)])
-        found = [
-            info.node_name
-            for info in self.get_subscriptions_info_by_topic(topic)
-            if info.node_name.startswith(_COMMAND_LINE) and info.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-        ]
-        self._readers = {name: names for name, names in {**self._readers, topic: found}.items() if names}
-        return [
-            f"{name} is read by a command-line tool ({names[0]}), which loses samples and slows this node;"
-            " take rates from /diagnostics"
-            for name, names in self._readers.items()
-        ]
-
-    def _other_publishers(self) -> tuple[str, ...]:
-        """Return the topics of the compensation that somebody else publishes too."""
-        if self._topics is None:
-            return ()
-        topics = (self.resolve_topic_name(topic) for topic in (COMPENSATION, COMMANDS))
-        return tuple(topic for topic in topics if self.count_publishers(topic) > 1)
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Answer ``~/reset``: forget every sample and everything learnt."""
@@ -388,45 +356,11 @@ class ObserverNode(ManagedNode):
     def _save_parameters(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Answer ``~/save_parameters``: write the parameter file with what was learnt."""
         try:
-            response.message = self._save()
+            response.message = save_learnt(self.settings, self.given, self._working_engine(), self.get_name())
             response.success = True
         except Exception as error:  # the answer is the place to say it
             response.success, response.message = False, str(error)
         return response
-
-    def _with_stage(self) -> Settings:
-        """Return the settings with what the parameter file says of the stage, which this node does not declare."""
-        if self.given is None:
-            return self.settings
-        given = parameter_tree(self.given.source, "the parameters")
-        stages = {
-            axis.name: {"stage": given[axis.name]["stage"]}
-            for axis in self.settings.axes
-            if "stage" in given.get(axis.name, {})
-        }
-        own = parameter_tree(self.settings.source, "the parameters")
-        return replace(self.settings, source={"/**": {"ros__parameters": overlaid(own, stages)}})
-
-    def _save(self) -> str:
-        engine = self._working_engine()
-        changes, comments = {}, {}
-        for number, estimates in engine.latest.items():
-            axis = self.settings.axes[number]
-            values = dict(zip(axis.estimator.parameters, estimates.parameters[-1].tolist(), strict=True))
-            if values:
-                changes[axis.name] = learnt_changes(axis, values, engine.observers[number].effects.added_mass)
-                for name, remark in learnt_remarks(axis, changes[axis.name], self.get_name()).items():
-                    comments[f"{axis.name}.{name}"] = remark
-        now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
-        samples = max((statistics.total for statistics in engine.statistics), default=0)
-        comments[""] = f"Written by {self.get_name()} on {now} after {samples} samples."
-        path = Path(self.settings.save_file).expanduser().resolve()
-        write_settings(self._with_stage(), path, changes, comments)
-        what = (
-            ", ".join(f"{axis}: {' '.join(names)}" for axis, names in changes.items())
-            or "nothing learnt, settings as they are"
-        )
-        return f"wrote {path} ({what})"
 
 
 def without_compensation(settings: Settings) -> Settings:

@@ -151,3 +151,12 @@ def test_a_formula_with_a_strange_argument_is_refused() -> None:
 
 def test_the_compiled_switch_is_written_from_the_records() -> None:
     assert SWITCH.read_text(encoding="utf-8") == switch_source(), "run python -m sgms_observer.effects.switch_source"
+
+
+@pytest.mark.parametrize("entry", [item for item in catalogue.BUILT_IN if not item.lists], ids=lambda item: item.name)
+def test_a_report_asks_about_every_effect_in_its_own_words(entry) -> None:
+    values = {parameter.name: f"1 {parameter.unit}" for parameter in entry.parameters}
+    asked = entry.asked(values)
+    assert entry.question and asked.endswith("?") and "{" not in asked
+    others = [other.question for other in catalogue.BUILT_IN if other.name != entry.name]
+    assert entry.question not in others

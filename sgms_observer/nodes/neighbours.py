@@ -1,0 +1,48 @@
+"""Who else is on the observer's topics: another one that gives compensations, or a tool that reads too much."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+from rclpy.qos import ReliabilityPolicy
+
+from sgms_observer.nodes.commands import COMMANDS
+from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, JOINT_STATE_TOPICS
+
+_COMMAND_LINE = "_ros2cli"  # how the nodes of `ros2 topic echo` and `hz` are called
+
+
+class Neighbours:
+    """Looks at the graph around a node.
+
+    Args:
+        node: the observer.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._readers: dict[str, list[str]] = {}
+        self._looked_at = -1
+
+    def rivals(self) -> tuple[str, ...]:
+        """Return the topics of the compensation that somebody else publishes too."""
+        topics = (self._node.resolve_topic_name(topic) for topic in (COMPENSATION, HORIZON, COMMANDS))
+        return tuple(topic for topic in topics if self._node.count_publishers(topic) > 1)
+
+    def judge_readers(self) -> list[str]:
+        """Return the sentence about a command-line tool that reads one of the topics with every sample reliably.
+
+        One topic is looked at in each call: asking the graph takes a part of a millisecond.
+        """
+        self._looked_at += 1
+        topic = self._node.resolve_topic_name(JOINT_STATE_TOPICS[self._looked_at % len(JOINT_STATE_TOPICS)])
+        found = [
+            info.node_name
+            for info in self._node.get_subscriptions_info_by_topic(topic)
+            if info.node_name.startswith(_COMMAND_LINE) and info.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        ]
+        self._readers = {name: names for name, names in {**self._readers, topic: found}.items() if names}
+        return [
+            f"{name} is read by a command-line tool ({names[0]}), which loses samples and slows this node;"
+            " take rates from /diagnostics"
+            for name, names in self._readers.items()
+        ]
