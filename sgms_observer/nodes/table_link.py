@@ -48,6 +48,8 @@ _COMES_BACK = 2.0  # s for a topic that was silent to speak again
 _START = 0.2  # s from the first message to the first set-point's stamp, beyond the lead
 _PATIENCE = 10.0  # s for the graph to answer
 _AHEAD = 0.5  # s of the motion that is told ahead; a compensation_horizon of the default length and its pauses
+_ACTIVE = "active: axes"  # how a node says that it is
+_ASK_AGAIN = 2.0  # s after which a service is asked once more
 _ACK_TIME = 2.0  # s for the last set-points to arrive
 _LAST_SAMPLES = 0.2  # s for the last messages of a recording to arrive
 
@@ -171,7 +173,7 @@ class TableLink:
         with self._deferred_signals():
             self._conductor.start(OBSERVER, "sgms_observer.nodes.observer_node", ["--config", str(config)])
             self._has_observer = True
-            self._conductor.wait_active(OBSERVER)
+            self._conductor.wait(lambda: _ACTIVE in self._conductor.said(OBSERVER), f"{OBSERVER} to become active")
             self._await(self._parameters.service_is_ready, f"{OBSERVER} offers no service; see its log")
             self._await(lambda: bool(self._listener.ages), f"{OBSERVER} publishes no {COMPENSATION}; see its log")
 
@@ -187,9 +189,7 @@ class TableLink:
             gain: share of the predicted friction [-]; 0 switches it off.
         """
         with self._deferred_signals():
-            answer = self._set_gain(gain)
-            self._await(answer.done, f"{OBSERVER} does not answer; see its log")
-        results = answer.result().results
+            results = self._answered(gain).results
         refused = [result.reason for result in results if not result.successful]
         if refused:
             raise DataError(f"{OBSERVER} refused the gain {gain:g}: {refused[0]}")
@@ -340,6 +340,19 @@ class TableLink:
                     f"{topic} of axis {self._axis.name} stopped arriving for {silence:.1f} s during the motion; the"
                     " motion was stopped; check the drive and its node, then start again"
                 )
+
+    def _answered(self, gain: float) -> SetParameters.Response:
+        """Return the observer's answer to a gain; a first answer may get lost while the graph is still matching."""
+        end = time.monotonic() + _PATIENCE
+        while time.monotonic() < end:
+            answer = self._set_gain(gain)
+            again = time.monotonic() + _ASK_AGAIN
+            while time.monotonic() < again:
+                if answer.done():
+                    return answer.result()
+                self._conductor.watch()
+                self._spin(0.02)
+        raise DataError(f"{OBSERVER} does not answer; see its log")
 
     def _set_gain(self, gain: float) -> Future:
         """Ask the observer for a gain of the axis's compensation; 0 switches it off."""
