@@ -19,6 +19,7 @@ from sgms_observer.cli.main import main
 from sgms_observer.cli.outcome import EXIT_NOT_USABLE, Outcome, json_value
 
 WRITING = (
+    "commission",
     "demo",
     "simulate",
     "replay",
@@ -33,6 +34,7 @@ WRITING = (
     "export",
 )
 WITH_RESULT = (
+    "commission",
     "demo",
     "info",
     "check",
