@@ -279,7 +279,7 @@ def _search(
         listed += [changed_candidate(refits, current, name) for name in changed if is_possible(refits, name)]
         decisions = [decide(item, current, earlier, court) for item in listed if item.refit.cost < current.cost]
         decisions.sort(key=lambda item: -item.improvement.fall)
-        best = chosen(decisions, options.criteria)
+        best = chosen(decisions, court)
         if best is None or sum(item.accepted is not None for item in rounds) >= most:
             rounds.append(Round(screen.looks, tuple(decisions), None, ()))
             break
@@ -299,30 +299,31 @@ def _search(
     return state, tuple(rounds)
 
 
-def chosen(decisions: Sequence[Decision], criteria: Criteria) -> Decision | None:
+def chosen(decisions: Sequence[Decision], court: Court) -> Decision | None:
     """Return the hypothesis to add: what predicts best of those that pass every test.
 
     No file has the contact exactly right. So an effect that a contact may look like waits until no change of the
-    contact passes any more: then it has to predict better than the changed contact does. Any other effect goes before
-    a change of the contact that moves more values and does not surely predict better.
+    contact passes any more, and has to predict better than the changed contact does; unless it leaves nothing to
+    explain with its few values. Any other effect goes before a change of the contact that moves more values and does
+    not surely predict better.
 
     Args:
         decisions: the best predicting first.
-        criteria: thresholds.
+        court: recordings that evidence was taken from.
     """
     passed = [item for item in decisions if item.passed]
     if not passed:
         return None
     best = passed[0]
     changes = [item for item in passed if item.candidate.settings is None]
-    if is_like_contact(best.candidate.name) and changes:
+    if is_like_contact(best.candidate.name) and changes and not court.is_closed(best.candidate.refit.model):
         best = changes[0]
     if best.candidate.settings is None:
         for item in passed:
             if item.candidate.settings is None or is_like_contact(item.candidate.name):
                 continue
             apart = improvement(item.evidence.all, best.evidence.all).z_score
-            if item.candidate.parameter_count < best.candidate.parameter_count and apart < criteria.min_z_score:
+            if item.candidate.parameter_count < best.candidate.parameter_count and apart < court.criteria.min_z_score:
                 return item
     return best
 

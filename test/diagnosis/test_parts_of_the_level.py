@@ -33,7 +33,7 @@ def named(*alternatives: str) -> Named:
         (False, [named()], 0.5, 0.0, "effect_found"),  # a name may stand beside an unknown remainder
         (False, [named(), named("cogging")], 0.0, 0.0, "ambiguous"),
         (False, [], 0.5, 0.0, "unknown_effect"),
-        (False, [], 0.5, 0.5, "unknown_effect"),
+        (False, [], 0.5, 0.5, "cannot_tell"),  # nothing is known of an unusable model
         (False, [], 0.05, 0.0, "no_effect"),
         (False, [], 0.05, 0.5, "cannot_tell"),
     ],
@@ -45,7 +45,7 @@ def test_the_verdict_follows_from_names_and_the_tests_of_the_whole(
     found: Any = type("Found", (), {"is_poor": is_poor})
     rest = at_most("model", "surely predictable", predictable, criteria.min_predictable_share)
     whole = at_most("model", "unexplained", unexplained, criteria.max_unexplained)
-    assert _verdict(found, effects, rest, (whole,)) == verdict
+    assert _verdict(found, effects, rest, False, whole, ()) == verdict
 
 
 def test_more_shapes_tried_need_a_larger_z_score_and_the_name_of_an_effect_does_not_matter() -> None:
