@@ -91,13 +91,16 @@ class Court:
 
         All of it where it does not stand out of the floor: an effect may pass for noise there.
         """
-        is_above = self.first_gap > self.criteria.min_gap_over_floor * self.floor
         count = sum(len(motion.thinned(motion.time)) for motion in self.judge)
-        return (self.first_gap**2 - (self.floor**2 if is_above else 0.0)) * count
+        return (self.first_gap**2 - (0.0 if self.is_noise(self.first_gap) else self.floor**2)) * count
 
     def is_closed(self, model: Model) -> bool:
         """Return whether a model leaves nothing above the floor on ``judge``."""
-        return self.rms(model) <= self.criteria.min_gap_over_floor * self.floor
+        return self.is_noise(self.rms(model))
+
+    def is_noise(self, residual: float) -> bool:
+        """Return whether an rms weighted residual [N] does not stand out of the floor."""
+        return residual <= self.criteria.min_gap_over_floor * self.floor
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import LAST_STEPS, MOST_COMPARED, Candidate, effect_candidates, to_the_end
 from sgms_observer.diagnosis.contact_start import contact_start
@@ -35,6 +38,7 @@ from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 Report = Callable[[str, float], None]
+Floats = NDArray[np.float64]
 
 STEPS = 6
 """Steps of a fit from a point that was not fitted to these recordings,"""
@@ -302,10 +306,10 @@ def _search(
 def chosen(decisions: Sequence[Decision], court: Court) -> Decision | None:
     """Return the hypothesis to add: what predicts best of those that pass every test.
 
-    No file has the contact exactly right. So an effect that a contact may look like waits until no change of the
-    contact passes any more, and has to predict better than the changed contact does; unless it leaves nothing to
-    explain with its few values. Any other effect goes before a change of the contact that moves more values and does
-    not surely predict better.
+    An effect that leaves nothing above the floor explains all there is with its few values. Else no file has the
+    contact exactly right: an effect that a contact may look like waits until no change of the contact passes any more,
+    and has to predict better than the changed contact does. Any other effect goes before a change of the contact that
+    moves more values and does not surely predict better.
 
     Args:
         decisions: the best predicting first.
@@ -315,8 +319,12 @@ def chosen(decisions: Sequence[Decision], court: Court) -> Decision | None:
     if not passed:
         return None
     best = passed[0]
+    if not court.is_noise(court.first_gap):
+        for item in passed:
+            if item.candidate.settings is not None and court.is_closed(item.candidate.refit.model):
+                return item
     changes = [item for item in passed if item.candidate.settings is None]
-    if is_like_contact(best.candidate.name) and changes and not court.is_closed(best.candidate.refit.model):
+    if is_like_contact(best.candidate.name) and changes:
         best = changes[0]
     if best.candidate.settings is None:
         for item in passed:
@@ -405,8 +413,11 @@ def _as_written(found: State, state: State, nominal: Model) -> tuple[Refit, Refi
     if state.refits.freedom.elements:
         later = fine
     last = replace(state.refits, nominal=later)
-    is_same = len(later.parameter_names()) == len(before.logs)
-    starts = [None, before.logs] if is_same else [None]
+    starts: list[Floats | None] = [None]
+    if later.parameter_names() == nominal.parameter_names():
+        starts.append(before.logs)
+    if later.parameter_names() == fine.parameter_names():
+        starts.append(state.current.logs)
     tried = [last.of(state.current.effects, start, LAST_STEPS) for start in starts]
     return before, min(tried, key=lambda fit: fit.cost), last
 
