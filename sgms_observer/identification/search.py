@@ -32,8 +32,8 @@ _SHARES = (1.0e-6, 1.0e2)
 """Smallest and largest mass and viscous coefficient over those that would need all of the effort."""
 _LOWEST = {RHO: 1.0, RATE: 1e-2}
 _HIGHEST = {RHO: 5.0, RATE: 1e5}
-_V_S_SHARES = (2.0e-5, 20.0)
-"""Smallest and largest Stribeck velocity over the largest velocity."""
+_V_S_SHARES = (2.0e-5, 1.0)
+"""Smallest and largest Stribeck velocity over the largest velocity: a fall beyond it does not show."""
 _SMALLEST_SHARE = 0.3
 """Smallest deflection of all of the friction, over the smallest one that the encoder shows."""
 _LARGEST_SHARE = 0.1
