@@ -38,6 +38,20 @@ def read_reference_file(
         ConfigurationError: if the file is missing, is no such table, or its times do not increase.
     """
     time, position = _read_columns(path)
+    return through_points(time, position, interpolation, velocity=velocity, acceleration=acceleration, jerk=jerk)
+
+
+def through_points(
+    time: Floats, position: Floats, interpolation: str, *, velocity: float, acceleration: float, jerk: float
+) -> PiecewiseCubic:
+    """Return a motion through points, which repeats when it ends; see ``read_reference_file``.
+
+    Args:
+        time: of the points, increasing [s], shape (n,).
+        position: at these times [m], shape (n,).
+        interpolation: ``linear`` or ``cubic`` between the points.
+        velocity, acceleration, jerk: largest ones of the move back [m/s, m/s^2, m/s^3].
+    """
     time = time - time[0]
     gap = position[0] - position[-1]
     if interpolation == "linear":

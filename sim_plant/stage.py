@@ -20,7 +20,7 @@ from sim_plant.followed_reference import FollowedReference
 from sim_plant.integration import EffectArrays
 from sim_plant.plan import SAMPLES_PER_PLAN, Plan
 from sim_plant.record import StageRecord
-from sim_plant.reference import make_reference
+from sim_plant.reference import Reference, make_reference
 from sim_plant.true_friction import TrueFriction, true_friction
 
 Floats = NDArray[np.float64]
@@ -47,12 +47,15 @@ class SimulatedStage:
         axis: the axis; ``stage``, ``stage_friction`` and ``stage_effects`` are the truth where they differ.
         sample_period: time between two published samples [s].
         start_ns: stamp of the first sample [ns].
+        reference: what the stage follows; that of the settings if None.
 
     Raises:
         ConfigurationError: when reference, effects or masses make no stage.
     """
 
-    def __init__(self, axis: AxisSettings, sample_period: float, start_ns: int = 0) -> None:
+    def __init__(
+        self, axis: AxisSettings, sample_period: float, start_ns: int = 0, reference: Reference | None = None
+    ) -> None:
         settings = axis.stage
         ticks = max(1, math.ceil(sample_period / CONTROL_PERIOD - 1e-9))
         tick = sample_period / ticks
@@ -76,7 +79,8 @@ class SimulatedStage:
             delay_substeps=delay,
             resolution=float(settings.encoder.resolution),
         )
-        self._plan = Plan(settings, make_reference(settings.reference, axis.name), axis.name, tick, ticks)
+        followed = make_reference(settings.reference, axis.name) if reference is None else reference
+        self._plan = Plan(settings, followed, axis.name, tick, ticks)
         self._memory = self._at_rest(effects, delay // substeps + 2)
         self._done = 0
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import tempfile
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +16,7 @@ from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 from sim_plant.record import StageRecord
+from sim_plant.reference_file import through_points
 from sim_plant.stage import SimulatedStage
 
 Floats = NDArray[np.float64]
@@ -47,16 +46,20 @@ def predict_tracking(
     part = record.part(len(record) - count, len(record))
     reference = part.whole_reference
     path = _smooth(part, band) if reference is None else reference
-    with tempfile.TemporaryDirectory() as folder:
-        truth = _truth(part, given, augmented, path, Path(folder))
-        counted = slice(round(SKIPPED / part.period), count - round(EDGE / part.period))
-        plain = SimulatedStage(truth, part.period).step(count)
-        runs = [plain]
-        if not np.all(np.isfinite(plain.position)):
-            return None
-        for axis in (given, augmented):
-            feedforward = _compensation(axis, truth, plain, part.period)
-            runs.append(SimulatedStage(truth, part.period).step(count, feedforward))
+    truth = _truth(part, given, augmented)
+    moves = truth.stage.reference
+    times = np.asarray(part.period * np.arange(count), dtype=np.float64)
+    followed = through_points(
+        times, path, "cubic", velocity=moves.velocity, acceleration=moves.acceleration, jerk=moves.jerk
+    )
+    counted = slice(round(SKIPPED / part.period), count - round(EDGE / part.period))
+    plain = SimulatedStage(truth, part.period, reference=followed).step(count)
+    runs = [plain]
+    if not np.all(np.isfinite(plain.position)):
+        return None
+    for axis in (given, augmented):
+        feedforward = _compensation(axis, truth, plain, part.period)
+        runs.append(SimulatedStage(truth, part.period, reference=followed).step(count, feedforward))
     errors = [(run.position - run.reference_position)[counted] for run in runs]
     if not all(np.all(np.isfinite(error)) for error in errors):
         return None
@@ -65,9 +68,8 @@ def predict_tracking(
         errors.append((part.position - reference)[counted])
         recorded = TrackingError.of(errors[-1])
     without, given_error, augmented_error = (TrackingError.of(error) for error in errors[:3])
-    time = np.asarray((part.period * np.arange(count))[counted], dtype=np.float64)
     return PredictedTracking(
-        without, given_error, augmented_error, recorded, part.duration, time, tuple(errors)
+        without, given_error, augmented_error, recorded, part.duration, times[counted], tuple(errors)
     )
 
 
@@ -76,11 +78,8 @@ def _smooth(record: Recording, band: float) -> Floats:
     return np.asarray(signal.sosfiltfilt(motion_of(record, HELD, band).smoothing, record.position))
 
 
-def _truth(record: Recording, given: AxisSettings, augmented: AxisSettings, path: Floats, folder: Path) -> AxisSettings:
-    """Return the axis whose stage is the augmented one and follows the path."""
-    file = folder / "reference.csv"
-    rows = np.column_stack([record.period * np.arange(len(path)), path])
-    np.savetxt(file, rows, delimiter=",", fmt="%.17g")
+def _truth(record: Recording, given: AxisSettings, augmented: AxisSettings) -> AxisSettings:
+    """Return the axis whose stage is the augmented one."""
     noise = math.sqrt(max(record.position_noise**2 - record.encoder_step**2 / 12.0, 0.0))
     return replace(
         given,
@@ -90,7 +89,6 @@ def _truth(record: Recording, given: AxisSettings, augmented: AxisSettings, path
             given.stage,
             mass=augmented.mass,
             encoder=replace(given.stage.encoder, resolution=record.encoder_step, noise=noise),
-            reference=replace(given.stage.reference, kind="file", file=str(file), interpolation="cubic"),
             accept_compensation=True,
         ),
     )
