@@ -142,14 +142,14 @@ def main() -> int:
     parser.add_argument("--json", metavar="FILE")
     args = parser.parse_args()
     recipe = build_recipe(START, LIMITS, 1.0 / RATE)
-    seconds = float(recipe.time[-1])
-    print(f"recipe: {seconds:.2f} s, stroke {np.ptp(recipe.position) * 1e3:.1f} mm")
+    seconds = (len(recipe) - 1) / RATE
+    print(f"recipe: {seconds:.2f} s, stroke {np.ptp(recipe) * 1e3:.1f} mm")
     if args.pairs:
-        result: Any = compare_pairs(recipe.position)
+        result: Any = compare_pairs(recipe)
     else:
         design = design_excitation(START, LIMITS, ("identify",), 0.0, args.time_share * seconds, RATE)
         print("\n".join(design.summary))
-        result = compare_intervals(range(args.first, args.first + args.tables), recipe.position, design.position)
+        result = compare_intervals(range(args.first, args.first + args.tables), recipe, design.position)
         means = [table["mean"] for table in result]
         print(f"\n{len(means)} tables: {np.exp(np.mean(np.log(means))):.2f} times narrower (geometric mean)")
     if args.json:

@@ -8,12 +8,12 @@ and moves at the acceleration limit (mass). Dwells in between show offset and no
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.excitation.limits import ExcitationLimits
+from sgms_observer.excitation.track import Track
 from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]
@@ -29,87 +29,7 @@ _FAST_MOVES = 6
 _DWELL = 0.25  # s
 
 
-@dataclass(frozen=True)
-class Section:
-    """One part of the recipe.
-
-    Attributes:
-        name: what the axis does.
-        start: when it begins [s].
-        end: when it ends [s].
-        shows: which parameters it is for.
-    """
-
-    name: str
-    start: float
-    end: float
-    shows: str
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """A reference around position 0.
-
-    Attributes:
-        time: [s], shape (n,).
-        position: [m], shape (n,).
-        velocity: [m/s], shape (n,).
-        sections: what each stretch of it is for.
-    """
-
-    time: Floats
-    position: Floats
-    velocity: Floats
-    sections: tuple[Section, ...]
-
-
-@dataclass
-class _Track:
-    """A reference under construction."""
-
-    period: float
-    limits: ExcitationLimits
-    velocity: list[Floats] = field(default_factory=list)
-    sections: list[Section] = field(default_factory=list)
-    samples: int = 0
-    at: float = 0.0
-
-    def add(self, velocity: Floats) -> None:
-        self.velocity.append(velocity)
-        self.samples += len(velocity)
-        self.at += float(np.sum(velocity)) * self.period
-
-    def dwell(self, seconds: float) -> None:
-        self.add(np.zeros(max(1, round(seconds / self.period))))
-
-    def move(self, target: float, speed: float, acceleration: float) -> None:
-        """Go to ``target`` with raised-cosine ramps; rounding to samples only ever slows the move."""
-        distance = target - self.at
-        if distance == 0.0:
-            return
-        top = min(speed, math.sqrt(2.0 * acceleration * abs(distance) / math.pi))
-        ramp = max(2, math.ceil(math.pi * top / (2.0 * acceleration) / self.period))
-        flat = max(0, math.ceil(abs(distance) / (top * self.period)) - ramp)
-        up = 0.5 * (1.0 - np.cos(np.pi * (np.arange(ramp) + 0.5) / ramp))
-        shape = np.concatenate([up, np.ones(flat), up[::-1]])
-        self.add(shape * (distance / (float(np.sum(shape)) * self.period)))
-
-    def cycles(self, amplitude: float, count: int, frequency: float) -> None:
-        """Swing down by 2 ``amplitude`` and back, ``count`` times, starting and ending at rest at the top."""
-        fastest = min(
-            frequency,
-            self.limits.speed / (2.0 * math.pi * amplitude),
-            math.sqrt(self.limits.acceleration / amplitude) / (2.0 * math.pi),
-        )
-        n = math.ceil(1.0 / (fastest * self.period))
-        edge = amplitude * np.cos(2.0 * np.pi * np.arange(n + 1) / n)
-        self.add(np.tile(np.diff(edge) / self.period, count))
-
-    def close(self, name: str, start: int, shows: str) -> None:
-        self.sections.append(Section(name, start * self.period, self.samples * self.period, shows))
-
-
-def build_recipe(axis: AxisSettings, limits: ExcitationLimits, period: float) -> Recipe:
+def build_recipe(axis: AxisSettings, limits: ExcitationLimits, period: float) -> Floats:
     """Build the recipe for one axis.
 
     Args:
@@ -118,26 +38,23 @@ def build_recipe(axis: AxisSettings, limits: ExcitationLimits, period: float) ->
         period: time between two samples of the reference [s].
 
     Returns:
-        The reference, inside the limits.
+        The positions of the reference around 0, inside the limits [m], shape (n,).
     """
     friction = axis.friction
     fractions = np.array(friction.element_fraction)
     deflection = fractions * friction.static_force / np.array(friction.element_stiffness)
     presliding = min(2.0 * float(np.max(deflection)), 0.1 * limits.stroke)
     half = 0.5 * limits.stroke
-    track = _Track(period, limits)
+    track = Track(period, limits, -half, half, 0.0)
     track.dwell(2.0 * _DWELL)
     _reversals(track, presliding, half)
     _traverses(track, presliding, half, friction.stribeck_velocity)
     _fast(track, half)
-    velocity = np.concatenate([np.zeros(1), *track.velocity])
-    position = np.cumsum(velocity) * period
-    return Recipe(np.asarray(period * np.arange(len(velocity))), position, velocity, tuple(track.sections))
+    return np.asarray(period * np.cumsum(np.concatenate([np.zeros(1), track.motion()])))
 
 
-def _reversals(track: _Track, presliding: float, half: float) -> None:
+def _reversals(track: Track, presliding: float, half: float) -> None:
     """Add nested reversals, after sliding far enough that every element is at its limit."""
-    start = track.samples
     largest = min(3.0 * presliding, 0.4 * half)
     slow = min(track.limits.speed, 50.0 * presliding)
     for _ in range(2):
@@ -149,12 +66,10 @@ def _reversals(track: _Track, presliding: float, half: float) -> None:
         track.dwell(_DWELL)
         track.move(-min(10.0 * presliding, 0.9 * half), slow, track.limits.acceleration)
         track.dwell(_DWELL)
-    track.close("nested reversals", start, "element_stiffness, element_fraction")
 
 
-def _traverses(track: _Track, presliding: float, half: float, stribeck_velocity: float) -> None:
+def _traverses(track: Track, presliding: float, half: float, stribeck_velocity: float) -> None:
     """Add traverses forth and back from creep to full speed."""
-    start = track.samples
     slowest = max(_SLOWEST_SHARE * stribeck_velocity, 4.0 * presliding / _SLOWEST_TIME)
     slowest = min(slowest, 0.1 * track.limits.speed)
     for speed in np.geomspace(slowest, track.limits.speed, _SPEEDS):
@@ -163,17 +78,13 @@ def _traverses(track: _Track, presliding: float, half: float, stribeck_velocity:
         for side in (0.5, -0.5):
             track.move(side * reach, float(speed), track.limits.acceleration)
             track.dwell(0.4 * _DWELL)
-    shows = "coulomb_force, static_force, stribeck_velocity, viscous_coefficient"
-    track.close("traverses at log-spaced speeds", start, shows)
 
 
-def _fast(track: _Track, half: float) -> None:
+def _fast(track: Track, half: float) -> None:
     """Add moves at the acceleration limit, of several lengths."""
-    start = track.samples
     longest = min(half, 0.5 * math.pi * track.limits.speed**2 / track.limits.acceleration)
     for share in np.geomspace(1.0, 0.1, _FAST_MOVES):
         for side in (1.0, -1.0):
             track.move(side * 0.5 * share * longest, track.limits.speed, track.limits.acceleration)
     track.move(0.0, track.limits.speed, track.limits.acceleration)
     track.dwell(2.0 * _DWELL)
-    track.close("moves at the acceleration limit", start, "mass, delay, offset")

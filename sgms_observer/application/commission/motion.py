@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.excitation.limits import ExcitationLimits
+from sgms_observer.excitation.track import Track
 
 Floats = NDArray[np.float64]
 
@@ -75,51 +75,21 @@ class Motion:
         return Motion(self.period, np.concatenate([other.position, self.position[1:]]))
 
 
-class _Path:
-    """A motion in the making: moves with raised-cosine ramps, swings and rests."""
+class _Path(Track):
+    """A track from where the axis stands, of moves, swings and rests."""
 
     def __init__(self, period: float, limits: ExcitationLimits, start: float = 0.0) -> None:
-        self._period = period
-        self._limits = limits
-        self._parts: list[Floats] = [np.array([start])]
-        self.at = start
-
-    @property
-    def seconds(self) -> float:
-        """Return how long it is so far [s]."""
-        return self._period * (sum(map(len, self._parts)) - 1)
+        super().__init__(period, limits, -math.inf, math.inf, start)
+        self._start = start
 
     def rest(self, seconds: float = REST) -> None:
         """Stay where it is."""
-        self._parts.append(np.full(max(1, round(seconds / self._period)), self.at))
+        self.dwell(seconds)
 
-    def move(self, target: float, speed: float, acceleration: float) -> None:
-        """Go to a place at no more than this speed and acceleration; rounding to samples only ever slows the move."""
-        distance = abs(target - self.at)
-        if distance == 0.0:
-            return
-        top = min(speed, math.sqrt(2.0 * acceleration * distance / math.pi))
-        ramp = max(4, math.ceil(math.pi * top / (2.0 * acceleration) / self._period))
-        flat = max(0, math.ceil(distance / (top * self._period)) - ramp)
-        up = 0.5 * (1.0 - np.cos(np.pi * (np.arange(ramp) + 0.5) / ramp))
-        steps = np.cumsum(np.concatenate([up, np.ones(flat), up[::-1]]))
-        self._parts.append(self.at + (target - self.at) * steps / steps[-1])
-        self.at = target
-
-    def swing(self, amplitude: float, count: int, frequency: float) -> None:
-        """Swing down by twice the amplitude and back, starting and ending at rest at the top."""
-        slowest = min(
-            frequency,
-            self._limits.speed / (2.0 * math.pi * amplitude),
-            math.sqrt(self._limits.acceleration / amplitude) / (2.0 * math.pi),
-        )
-        samples = math.ceil(1.0 / (slowest * self._period))
-        phase = 2.0 * np.pi * np.arange(1, count * samples + 1) / samples
-        self._parts.append(self.at - amplitude * (1.0 - np.cos(phase)))
-
-    def motion(self) -> Motion:
+    def built(self) -> Motion:
         """Return the motion."""
-        return Motion(self._period, np.concatenate(self._parts))
+        way = np.concatenate([np.zeros(1), np.cumsum(self.motion())])
+        return Motion(self.period, self._start + self.period * way)
 
 
 def approach(start: float, target: float, limits: ExcitationLimits, period: float) -> Motion:
@@ -142,7 +112,7 @@ def approach(start: float, target: float, limits: ExcitationLimits, period: floa
     path.rest()
     path.move(target, speed, acceleration)
     path.rest()
-    return path.motion()
+    return path.built()
 
 
 def sign_motion(limits: ExcitationLimits, period: float) -> Motion:
@@ -158,7 +128,7 @@ def sign_motion(limits: ExcitationLimits, period: float) -> Motion:
     for target in (0.5 * width, -0.5 * width, 0.0):
         path.move(target, speed, OWN_ACCELERATION_SHARE * limits.acceleration)
         path.rest()
-    return path.motion()
+    return path.built()
 
 
 def learning_motion(
@@ -183,7 +153,7 @@ def learning_motion(
     path.rest()
     path.move(5.0 * SETTLING_SHARE * limits.stroke, 0.1 * limits.speed, gentle)
     for amplitude in np.geomspace(3.0 * presliding, 0.05 * presliding, 5):
-        path.swing(float(amplitude), 2, 4.0)
+        path.cycles(float(amplitude), 2, 4.0)
     creep = 0.05 * seconds
     for speed in np.geomspace(max(0.1 * stribeck_velocity, presliding / creep), 0.1 * limits.speed, 4):
         reach = min(PRESLIDING_MULTIPLE * presliding, float(speed) * creep)
@@ -194,13 +164,13 @@ def learning_motion(
         path.move(share * longest, limits.speed, limits.acceleration)
         path.move(-share * longest, limits.speed, limits.acceleration)
     path.rest()
-    slowest = 2.0 * 4.0 * half / max(0.6 * (seconds - path.seconds), 1.0e-3)
+    slowest = 2.0 * 4.0 * half / max(0.6 * (seconds - path.period * path.samples), 1.0e-3)
     for speed in np.geomspace(min(slowest, limits.speed), limits.speed, 4):
         for target in (half, -half) if speed < 0.5 * limits.speed else (half, -half, half, -half):
             path.move(target, float(speed), limits.acceleration)
     path.move(0.0, OWN_SPEED_SHARE * limits.speed, gentle)
     path.rest()
-    return path.motion()
+    return path.built()
 
 
 def representative_motion(limits: ExcitationLimits, period: float) -> Motion:
@@ -225,7 +195,7 @@ def representative_motion(limits: ExcitationLimits, period: float) -> Motion:
         path.rest()
     path.move(0.0, 0.2 * fast, gentle)
     path.rest()
-    return path.motion()
+    return path.built()
 
 
 def checked(motion: Motion, limits: ExcitationLimits, start: float, source: str) -> Motion:
@@ -287,11 +257,3 @@ def read_motion(path: Path, rows: tuple[Floats, Floats], start: float, period: f
     if len(time) < 2:
         raise ConfigurationError([f"{path} holds no motion: give a bag with the topic reference, or a CSV of excite"])
     return motion_from_rows(time, position - start, period)
-
-
-def joined(parts: Sequence[Motion]) -> Motion:
-    """Return motions one behind the other."""
-    whole = parts[0]
-    for part in parts[1:]:
-        whole = part.after(whole)
-    return whole
