@@ -67,13 +67,13 @@ def run(args: argparse.Namespace) -> int:
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.errors import RecordingError
     from sgms_observer.nodes.recording import RecorderNode
-    from sgms_observer.nodes.spin import make_executor
+    from sgms_observer.nodes.spin import leave_graph, make_executor
     from sgms_observer.nodes.transport import use_shipped_transport
 
     if args.duration is not None and not args.duration > 0.0:
         raise RecordingError(f"--duration {args.duration:g} s must be above 0")
     writer = BagWriter(args.out, args.storage, keep_on_failure=True, is_overwriting=args.overwrite)
-    node = None
+    executor = node = None
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
@@ -97,9 +97,7 @@ def run(args: argparse.Namespace) -> int:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         fault = node.fault if node is not None else None
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        leave_graph(executor, node)
     if fault is not None:
         writer.abort()
         raise fault

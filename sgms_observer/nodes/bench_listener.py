@@ -12,10 +12,8 @@ from pathlib import Path
 import numpy as np
 import rclpy
 from numpy.typing import NDArray
-from rclpy.executors import ExternalShutdownException
-from rclpy.task import Future
 
-from sgms_observer.nodes.spin import make_executor
+from sgms_observer.nodes.spin import spin_until_interrupted
 from sgms_observer.nodes.topics import subscribe
 from sgms_observer.nodes.transport import use_shipped_transport
 
@@ -61,17 +59,8 @@ def listen(topics: list[str], out: Path) -> None:
     heard = {topic: _Heard() for topic in topics}
     for topic, kept in heard.items():
         subscribe(node, topic, kept.taking())
-    executor = make_executor()
-    executor.add_node(node)
-    never: Future = Future()
-    try:
-        while rclpy.ok():
-            executor.spin_until_future_complete(never, timeout_sec=3600.0)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+    spin_until_interrupted(node)
     np.savez(out, **{topic: kept.table() for topic, kept in heard.items()})  # type: ignore[arg-type]
-    node.destroy_node()
-    rclpy.try_shutdown()
 
 
 def main() -> int:

@@ -6,11 +6,9 @@ import argparse
 import sys
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
-from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
-from sgms_observer.nodes.spin import make_executor
+from sgms_observer.nodes.spin import spin_until_interrupted
 from sgms_observer.nodes.topics import SAMPLE_QOS, subscribe
 from sgms_observer.nodes.transport import use_shipped_transport
 
@@ -37,16 +35,7 @@ def relay(topic: str) -> None:
 
     subscribe(node, "position", lambda message: take("position", message))
     subscribe(node, "control_effort", lambda message: take("control_effort", message))
-    executor = make_executor()
-    executor.add_node(node)
-    never: Future = Future()
-    try:
-        while rclpy.ok():
-            executor.spin_until_future_complete(never, timeout_sec=3600.0)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    node.destroy_node()
-    rclpy.try_shutdown()
+    spin_until_interrupted(node)
 
 
 def main() -> int:

@@ -19,6 +19,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from sgms_observer.application.kernels import compile_ahead
 from sgms_observer.errors import DataError
@@ -28,6 +29,12 @@ from sgms_observer.nodes.transport import use_shipped_transport
 _PATIENCE = 180.0  # s; a first start compiles every kernel
 _NO_ROOM = 100_000  # bytes; with fewer, not even a log can be written
 _END = 60.0  # s that a process has to end after a signal
+_ASK_AGAIN = 5.0  # s; an answer is lost where the asked node has not met the asker's reader within 0.1 s
+_GOALS = {
+    Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
+    Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
+    Transition.TRANSITION_DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
+}
 _MATCHING = 2.0  # s from the graph's knowing of a subscription to its being served for sure
 
 
@@ -224,22 +231,28 @@ class Conductor:
 
     def _change(self, node: str, transition: int) -> None:
         request = ChangeState.Request(transition=Transition(id=transition))
-        if not self._call(ChangeState, f"/{node}/change_state", request).success:
+        is_done = self._call(ChangeState, f"/{node}/change_state", request).success
+        if not is_done and self._state(node) != _GOALS[transition]:  # asked again, it refuses what it has done
             raise DataError(f"{node} refused a transition; see {self._folder}/{node}.log")
 
     def _call(self, kind: Any, service: str, request: Any) -> Any:
-        """Call a service and return its answer."""
+        """Call a service, again if no answer comes, and return its answer."""
         client = self._node.create_client(kind, service)
+        futures: list[Future] = []
+        ask_at = 0.0
         try:
             self.wait(client.service_is_ready, f"the service {service}")
-            future = client.call_async(request)
 
             def is_answered() -> bool:
-                rclpy.spin_until_future_complete(self._node, future, timeout_sec=0.2)
-                return bool(future.done())
+                nonlocal ask_at
+                if time.monotonic() >= ask_at:
+                    futures.append(client.call_async(request))
+                    ask_at = time.monotonic() + _ASK_AGAIN
+                rclpy.spin_until_future_complete(self._node, futures[-1], timeout_sec=0.2)
+                return any(future.done() for future in futures)
 
             self.wait(is_answered, f"the answer of {service}")
-            return future.result()
+            return next(future.result() for future in futures if future.done())
         finally:
             self._node.destroy_client(client)
 

@@ -17,6 +17,7 @@ from sgms_observer.nodes.transport import use_shipped_transport
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
+    from rclpy.node import Node
 
     from sgms_observer.nodes.lifecycle import ManagedNode
     from sgms_observer.settings.arguments import RewrittenArguments
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 #: ``EventsExecutor`` hangs after one event when it spins without an end; with a time-out it works [s]. Signals are seen
 #: in between.
 _SPIN_AT_ONCE = 0.1
+_LONG = 3600.0  # s
 
 #: Name of a thread that may still compile when the process is told to stop.
 LONG_WORK = "long work"
@@ -92,10 +94,51 @@ def run_node(make_node: Callable[[Executor], ManagedNode], arguments: RewrittenA
         return fail(_own_fault(error))
     finally:
         ignore_signals()
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        leave_graph(executor, node)
     return 0 if node is None or node.fault is None else fail(_own_fault(node.fault))
+
+
+def spin_until_interrupted(node: Node) -> None:
+    """Spin a node that only works in its callbacks, until SIGINT, SIGTERM or a shutdown of ROS; it leaves the graph.
+
+    Args:
+        node: any node.
+    """
+    import rclpy
+    from rclpy.executors import ExternalShutdownException
+    from rclpy.task import Future
+
+    executor = make_executor()
+    executor.add_node(node)
+    never: Future = Future()
+    try:
+        while rclpy.ok():
+            executor.spin_until_future_complete(never, timeout_sec=_LONG)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        leave_graph(executor, node)
+
+
+def leave_graph(executor: Executor | None, node: Node | None) -> None:
+    """End a node and this process's ROS.
+
+    The executor lets go of the node first: messages that arrive while its subscriptions are destroyed would call into
+    what is no longer there.
+
+    Args:
+        executor: the node's; None if it was not made yet.
+        node: None if it was not made yet.
+    """
+    import rclpy
+
+    if executor is not None:
+        if node is not None:
+            executor.remove_node(node)
+        executor.shutdown()
+    if node is not None:
+        node.destroy_node()
+    rclpy.try_shutdown()
 
 
 def fail(sentences: str) -> int:

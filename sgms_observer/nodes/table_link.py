@@ -33,7 +33,7 @@ from sgms_observer.nodes.axis_listener import COMPENSATION, EFFORT, POSITION, RE
 from sgms_observer.nodes.conductor import Conductor
 from sgms_observer.nodes.horizons import BEFORE, EVERY
 from sgms_observer.nodes.reference_player import braking
-from sgms_observer.nodes.spin import make_executor
+from sgms_observer.nodes.spin import leave_graph, make_executor
 from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
 from sgms_observer.nodes.transport import use_shipped_transport
 from sgms_observer.observer.outgoing import REFERENCE_HORIZON
@@ -99,9 +99,7 @@ class TableLink:
     ) -> None:
         """End the processes, the observer with a compensation of zero, and leave the graph."""
         self._conductor.__exit__(kind, error, trace)
-        self._executor.remove_node(self._node)
-        self._node.destroy_node()
-        rclpy.try_shutdown()
+        leave_graph(self._executor, self._node)
 
     def listen(self, seconds: float) -> Topics:
         """Return what comes on the graph within a time; see ``Table.listen``.
