@@ -7,7 +7,13 @@ import importlib.util
 import sys
 from pathlib import Path
 
-from sgms_observer.cli.options import add_axis_option, add_output_options, add_overwrite_option, axis_from
+from sgms_observer.cli.options import (
+    add_axis_option,
+    add_limit_options,
+    add_output_options,
+    add_overwrite_option,
+    axis_from,
+)
 from sgms_observer.cli.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 NAME = "commission"
@@ -29,13 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--time", type=float, default=1800.0, metavar="S", help="begin no step after this time [s] (default: 1800)"
     )
-    parser.add_argument(
-        "--stroke", type=float, metavar="WIDTH", help="full width of all motions (default: 0.02 m; 0.5 rad)"
-    )
-    parser.add_argument("--speed", type=float, metavar="V", help="largest speed (default: 0.05 m/s; 0.5 rad/s)")
-    parser.add_argument(
-        "--acceleration", type=float, metavar="A", help="largest acceleration (default: 1 m/s^2; 2 rad/s^2)"
-    )
+    add_limit_options(parser)
     parser.add_argument(
         "--motion",
         default="",

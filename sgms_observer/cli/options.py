@@ -70,6 +70,21 @@ def add_axis_option(parser: argparse.ArgumentParser, axes: str) -> None:
     )
 
 
+def add_limit_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what the axis may do while it is excited; without them ``CAUTIOUS_LIMITS`` of its joint type hold.
+
+    Args:
+        parser: the command's own parser.
+    """
+    parser.add_argument(
+        "--stroke", type=float, metavar="WIDTH", help="full width of the motion (default: 0.02 m; 0.5 rad)"
+    )
+    parser.add_argument("--speed", type=float, metavar="V", help="largest speed (default: 0.05 m/s; 0.5 rad/s)")
+    parser.add_argument(
+        "--acceleration", type=float, metavar="A", help="largest acceleration (default: 1 m/s^2; 2 rad/s^2)"
+    )
+
+
 def topics_from(arguments: Sequence[str]) -> dict[str, str]:
     """Return the topics the user named, by their key.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.units import PRISMATIC, REVOLUTE, Units
@@ -54,3 +54,27 @@ CAUTIOUS_LIMITS = {
     PRISMATIC: ExcitationLimits(0.02, 0.05, 1.0, 1.0e-7, Units(PRISMATIC)),
     REVOLUTE: ExcitationLimits(0.5, 0.5, 2.0, 1.0e-5, Units(REVOLUTE)),
 }
+
+
+def limits_of(
+    joint_type: str,
+    stroke: float | None = None,
+    speed: float | None = None,
+    acceleration: float | None = None,
+    smallest: float | None = None,
+) -> ExcitationLimits:
+    """Return the limits that are given, and cautious ones for the rest.
+
+    Args:
+        joint_type: of the axis.
+        stroke: full width of the motion [m].
+        speed: largest speed [m/s].
+        acceleration: largest acceleration [m/s^2].
+        smallest: smallest reversal [m].
+
+    Raises:
+        ConfigurationError: one of them makes no sense.
+    """
+    given = {"stroke": stroke, "speed": speed, "acceleration": acceleration, "smallest": smallest}
+    known = {name: value for name, value in given.items() if value is not None}
+    return replace(CAUTIOUS_LIMITS[joint_type], **known)

@@ -26,7 +26,7 @@ from sgms_observer.nodes.neighbours import Neighbours
 from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, parameter_entry, scale_sentences
 from sgms_observer.nodes.saving import save_learnt
 from sgms_observer.nodes.statistics import Growth, Sentences
-from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe, subscribe_horizon
+from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe
 from sgms_observer.nodes.watchdog import SHORTEST_PERIOD, Watchdog
 from sgms_observer.observer.outgoing import (
     COMPENSATION,
@@ -112,7 +112,7 @@ class ObserverNode(ManagedNode):
             subscribe(self, topic, self.guarded(callback)) for topic, callback in inputs.items()
         ]
         self._subscriptions_of_inputs.append(
-            subscribe_horizon(self, REFERENCE_HORIZON, self.guarded(self._on_reference_horizon))
+            subscribe(self, REFERENCE_HORIZON, self.guarded(self._on_reference_horizon), JointTrajectory, HORIZON_QOS)
         )
         self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
 
