@@ -6,22 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from sgms_observer.effects.effect import EffectSettings
 from sgms_observer.settings.field import section, setting
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings, FilterSettings
 from sgms_observer.settings.stage import StageSettings
 from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC, Scales, Units
 
+__all__ = ["SAVE_FILE", "AxisSettings", "EffectSettings", "Settings", "coupled_number"]
+
 #: Where ~/save_parameters writes unless the parameter file says otherwise.
 SAVE_FILE = "learnt.yaml"
-
-
-@dataclass(frozen=True)
-class EffectSettings:
-    """One effect of the catalogue (or of the user's own) with its parameter values, in the catalogue's order."""
-
-    name: str
-    values: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
