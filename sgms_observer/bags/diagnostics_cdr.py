@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sgms_observer.bags.cdr_bytes import Buffer, Cursor, append_string, append_uint32, begin_message
+from sgms_observer.observer.outgoing import ParameterReport
+
+OK, WARN, ERROR = range(3)  # stale is what an aggregator says of a node that reports nothing
 
 
 @dataclass(frozen=True)
@@ -72,3 +75,16 @@ def decode_diagnostics(message: Buffer) -> tuple[int, tuple[DiagnosticStatus, ..
         pairs = [(cursor.text(), cursor.text()) for _ in range(cursor.length(8))]
         statuses.append(DiagnosticStatus(level, name, about, hardware, tuple(pairs)))
     return cursor.stamp_ns, tuple(statuses)
+
+
+def parameter_entry(report: ParameterReport) -> DiagnosticStatus:
+    """Return what ``friction_parameters`` say of one axis.
+
+    Args:
+        report: values and standard deviations.
+    """
+    values: list[tuple[str, str]] = []
+    for name, value, std in zip(report.names, report.values, report.std, strict=True):
+        values += [(name, repr(value)), (f"{name}_std", repr(std))]
+    sentence = "estimated parameters in SI units; kappa as a share of the nominal stiffness"
+    return DiagnosticStatus(OK, report.axis, sentence, report.axis, tuple(values))

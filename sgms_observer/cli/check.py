@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from sgms_observer.cli.options import add_bag_options, add_output_options
-from sgms_observer.cli.outcome import EXIT_DONE, EXIT_FAILED, Outcome
+from sgms_observer.outcome import EXIT_DONE, EXIT_FAILED, Outcome
 
 NAME = "check"
 HELP = "tell whether a parameter file is right, and fits a recording: all faults at once"
@@ -34,14 +34,14 @@ def run(args: argparse.Namespace) -> Outcome:
         The exit code and the result.
     """
     from sgms_observer.application.check import Checked, check
-    from sgms_observer.cli.options import axes_from, topics_from
+    from sgms_observer.cli.options import topics_from
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.settings.load import load_settings
 
     topics = topics_from(args.topic)
     try:
         settings = load_settings(args.config)
-        axes = axes_from(args.axis, [axis.name for axis in settings.axes], args.config)
+        axes = [axis.name for axis in settings.wanted_axes(args.axis or (), args.config)]
     except ConfigurationError as error:
         found = Checked(error.sentences, (), ())
     else:

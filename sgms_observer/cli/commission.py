@@ -14,7 +14,7 @@ from sgms_observer.cli.options import (
     add_overwrite_option,
     axis_from,
 )
-from sgms_observer.cli.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
+from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 NAME = "commission"
 HELP = "the whole way on the live graph: check, excite, record, identify, diagnose, observe, compensate, compare"

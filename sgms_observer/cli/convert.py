@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from sgms_observer.cli.options import add_output_options, add_overwrite_option
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.outcome import Outcome
 
 NAME = "convert"
 HELP = "turn a log (text or MAT) into a bag that replay, identify and diagnose read"

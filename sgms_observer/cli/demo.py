@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sgms_observer.cli.options import add_output_options, add_overwrite_option
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.outcome import Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.nodes.conductor import Conductor

@@ -8,9 +8,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sgms_observer.cli.many import add_fleet_arguments
 from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option, axis_from, topics_from
-from sgms_observer.cli.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
-from sgms_observer.fleet.arguments import add_fleet_arguments
+from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.application.diagnose import DiagnoseResult
@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int | Outcome:
         raise ConfigurationError(["--workers and --seed must not be negative; leave them out for the defaults"])
     axis = axis_from(args.axis, NAME)
     if args.each:
-        from sgms_observer.fleet.command import diagnose_each
+        from sgms_observer.cli.many import diagnose_each
 
         return diagnose_each(args)
     if args.scheduler is not None:

@@ -11,10 +11,9 @@ from sgms_observer.cli.options import (
     add_limit_options,
     add_output_options,
     add_overwrite_option,
-    axes_from,
     axis_from,
 )
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.outcome import Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.excitation.reference import Excitation, Floats
@@ -91,9 +90,8 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.out:
         refuse_existing_files([args.out], args.overwrite)
     settings = load_settings(args.config)
-    names = [axis.name for axis in settings.axes]
-    name = axes_from([axis_from(args.axis, NAME) or names[0]], names, args.config)[0]
-    axis = settings.axes[names.index(name)]
+    wanted = axis_from(args.axis, NAME)
+    axis = settings.wanted_axes([wanted] if wanted else (), args.config)[0]
     limits = limits_of(axis.joint_type, args.stroke, args.speed, args.acceleration, args.smallest)
     asked = [word.strip() for word in (args.asked or "").split(",") if word.strip()]
     seconds = DURATION if args.duration is None else args.duration
@@ -118,7 +116,7 @@ def run(args: argparse.Namespace) -> Outcome:
         print("published to the end" if finished else "interrupted: the reference was brought to rest")
     else:
         reference_from((args.centre or 0.0) if args.start is None else args.start)
-    return Outcome(result=_result(args.out, name, made[0]))
+    return Outcome(result=_result(args.out, axis.name, made[0]))
 
 
 def _result(out: str | None, axis: str, reference: Excitation) -> dict[str, Any]:

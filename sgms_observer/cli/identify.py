@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option, topics_from
-from sgms_observer.cli.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
+from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.identification.answer import Answer

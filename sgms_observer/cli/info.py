@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from sgms_observer.cli.options import add_bag_options, add_output_options
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.outcome import Outcome
 
 NAME = "info"
 HELP = "tell what is in a bag: topics, joints, rates, gaps, encoder step, signs, and what it can be used for"

@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.outcome import Outcome
 
 NAME = "init"
 HELP = "write a commented parameter file: a template, or with rates, resolution, rough mass and friction of a bag"

@@ -109,24 +109,6 @@ def topics_from(arguments: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def axes_from(arguments: Sequence[str] | None, known: Sequence[str], source: str) -> list[str]:
-    """Return the axes the user named, in their order, or all of them.
-
-    Args:
-        arguments: the names, or None.
-        known: the names that there are.
-        source: the file that they come from, for messages.
-
-    Raises:
-        ConfigurationError: an axis is not there.
-    """
-    wanted = list(dict.fromkeys(arguments or known))
-    strange = [name for name in wanted if name not in known]
-    if strange:
-        raise ConfigurationError([f"--axis {strange[0]} is not in {source}; it has {', '.join(known)}"])
-    return wanted
-
-
 def axis_from(arguments: Sequence[str] | None, command: str) -> str | None:
     """Return the one axis that the user named, or None.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.units import PRISMATIC, REVOLUTE, Units
@@ -75,6 +75,11 @@ def limits_of(
     Raises:
         ConfigurationError: one of them makes no sense.
     """
-    given = {"stroke": stroke, "speed": speed, "acceleration": acceleration, "smallest": smallest}
-    known = {name: value for name, value in given.items() if value is not None}
-    return replace(CAUTIOUS_LIMITS[joint_type], **known)
+    cautious = CAUTIOUS_LIMITS[joint_type]
+    return ExcitationLimits(
+        cautious.stroke if stroke is None else stroke,
+        cautious.speed if speed is None else speed,
+        cautious.acceleration if acceleration is None else acceleration,
+        cautious.smallest if smallest is None else smallest,
+        cautious.units,
+    )

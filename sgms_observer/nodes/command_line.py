@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from sgms_observer import __version__
-from sgms_observer.cli.main import EXIT_INTERRUPTED, SentenceParser
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import silent_interrupts
 from sgms_observer.nodes.spin import MISSING_ROS, fail, leave_if_working, run_node
+from sgms_observer.outcome import EXIT_INTERRUPTED, SentenceParser
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor

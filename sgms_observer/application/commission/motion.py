@@ -81,7 +81,8 @@ class Motion:
         Args:
             path: the file.
         """
-        write_reference_file(path, self.period * np.arange(len(self.position)), self.position, self.velocity)
+        time = np.asarray(self.period * np.arange(len(self.position)), np.float64)
+        write_reference_file(path, time, self.position, self.velocity)
 
 
 class _Path(Track):
