@@ -13,11 +13,7 @@ HELP = "tell whether a parameter file is right, and fits a recording: all faults
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("config", metavar="YAML", help="parameter file")
     parser.add_argument("bag", nargs="?", metavar="BAG", help="recording to compare it with (default: none)")
     add_bag_options(parser, "all axes of the file")
@@ -25,14 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.application.check import Checked, check
     from sgms_observer.cli.options import topics_from
     from sgms_observer.errors import ConfigurationError

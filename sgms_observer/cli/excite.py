@@ -23,11 +23,7 @@ HELP = "write (or publish) the reference that tells most about what is asked for
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file with rough values of the axis")
     parser.add_argument(
         "--out", metavar="CSV", help="file to write: time [s], position [m; rad], velocity [m/s; rad/s]"
@@ -68,14 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.excitation.limits import limits_of
     from sgms_observer.excitation.reference import DURATION, design_excitation

@@ -13,11 +13,7 @@ HELP = "write observer and compensation as C (or a ros2_control controller), or 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("config", metavar="YAML", help="parameter file")
     parser.add_argument(
         "--target",
@@ -36,14 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.application.export import ExportOptions, export
 
     options = ExportOptions(args.target, tuple(args.axis or ()), args.real, args.fmi, args.overwrite)

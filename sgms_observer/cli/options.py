@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 from collections.abc import Sequence
 
-from sgms_observer.errors import ConfigurationError
+from sgms_observer.errors import ConfigurationError, DataError
 
 
 def add_output_options(parser: argparse.ArgumentParser, *, has_result: bool = True) -> None:
@@ -123,3 +124,15 @@ def axis_from(arguments: Sequence[str] | None, command: str) -> str | None:
     if len(wanted) > 1:
         raise ConfigurationError([f"sgms {command} takes one axis at a time; --axis names {', '.join(wanted)}"])
     return wanted[0] if wanted else None
+
+
+def require_ros() -> None:
+    """Raise the sentence about a missing ROS 2.
+
+    Raises:
+        DataError: it is not importable.
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        from sgms_observer.nodes.spin import MISSING_ROS
+
+        raise DataError(MISSING_ROS)

@@ -14,11 +14,7 @@ HELP = "run the observer over a recorded bag and write its estimates into anothe
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("bags", nargs="+", metavar="BAG", help="recorded bag with position and control_effort")
     parser.add_argument("--config", required=True, metavar="F", help="parameter file (YAML)")
     parser.add_argument(
@@ -37,14 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int | Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.application.replay import replay_bag
     from sgms_observer.cli.options import topics_from
     from sgms_observer.cli.progress import Progress
