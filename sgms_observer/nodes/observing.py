@@ -20,11 +20,10 @@ from sgms_observer.application.kernels import OF_OBSERVER
 from sgms_observer.bags.diagnostics_cdr import encode_diagnostics, parameter_entry
 from sgms_observer.errors import SgmsError
 from sgms_observer.nodes.commands import CommandTopic
-from sgms_observer.nodes.engine import Engine
+from sgms_observer.nodes.engine import Engine, save_learnt
 from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.neighbours import Neighbours
 from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, scale_sentences
-from sgms_observer.nodes.saving import save_learnt
 from sgms_observer.nodes.statistics import Growth, Sentences
 from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe
 from sgms_observer.nodes.watchdog import SHORTEST_PERIOD, Watchdog

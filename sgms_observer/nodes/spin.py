@@ -9,8 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from sgms_observer.errors import SgmsError
-from sgms_observer.interrupts import silent_interrupts
-from sgms_observer.nodes.stopping import ignore_signals, is_told, note_signals
+from sgms_observer.interrupts import ignore_signals, is_told, note_signals, silent_interrupts
 from sgms_observer.nodes.transport import prepare_transport
 from sgms_observer.outcome import EXIT_FAILED, SHOW_TRACEBACK
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from sgms_observer.effects.effect import EffectSettings
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.field import section, setting
+from sgms_observer.settings.declaration import section, setting
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings, FilterSettings
 from sgms_observer.settings.stage import StageSettings
