@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     from sgms_observer.bags.source import BagReader
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import RecordingError
-    from sgms_observer.nodes.transport import use_shipped_transport
+    from sgms_observer.nodes.transport import prepare_transport
 
     if not 0.0 < args.rate < float("inf"):
         raise RecordingError(f"--rate {args.rate:g} must be above 0")
@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     renamed = {_absolute(name): _absolute(key) for key, name in topics_from(args.topic).items()}
     with BagReader(args.bag) as bag:
         topics = _choose(bag, args.topics, renamed)
-        use_shipped_transport()
+        prepare_transport()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         node = None
         try:

@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     from sgms_observer.errors import RecordingError
     from sgms_observer.nodes.recording import RecorderNode
     from sgms_observer.nodes.spin import leave_graph, make_executor
-    from sgms_observer.nodes.transport import use_shipped_transport
+    from sgms_observer.nodes.transport import prepare_transport
 
     if args.duration is not None and not args.duration > 0.0:
         raise RecordingError(f"--duration {args.duration:g} s must be above 0")
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    use_shipped_transport()
+    prepare_transport()
     try:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()

@@ -15,10 +15,9 @@ from sgms_observer.diagnosis.coordinates import FREE_FORM
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.evidence import (
     Improvement,
-    blocks_of,
-    force_residuals,
     held_out_residuals,
     improvement,
+    in_blocks,
     learnt_residuals,
     left_out_residuals,
 )
@@ -136,7 +135,7 @@ def evidence_of(found: Refit, court: Court) -> Evidence:
     return Evidence(
         learn(found, court.judged, length),
         held_out_residuals(found.model, court.held, length),
-        force_residuals(found.model, court.judge, length, court.weights),
+        in_blocks(weighted(residuals(found.model, court.judge), court.weights), court.judge, length),
     )
 
 
@@ -190,7 +189,7 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> D
     gap = improvement(earlier.force, later.force)
     if court.has_held_out:
         tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
-    share = gap.fall / court.closable_square if court.closable_square > 0.0 else 0.0  # a perfect model leaves nothing
+    share = gap.fall / court.closable_square if court.closable_square > 0.0 else 0.0
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     tests += bounds(item, court)
     if item.settings is not None:
@@ -288,9 +287,7 @@ def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> lis
     criteria = court.criteria
     free = term(names, before.model, court)
     left = [one - guess for one, guess in zip(residuals(before.model, court.judge), free.predicted, strict=True)]
-    pairs = zip(weighted(left, court.weights), court.judge, strict=True)
-    replaced = [block for part, motion in pairs for block in blocks_of(part, motion.residual_period, criteria.block)]
-    better = improvement(later.force, replaced)
+    better = improvement(later.force, in_blocks(weighted(left, court.weights), court.judge, criteria.block))
     title = f"z-score of a free-form term over {', '.join(names)}"
     return [at_most(item.name, title, better.z_score, criteria.min_z_score)]
 

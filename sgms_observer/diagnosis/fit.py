@@ -250,32 +250,32 @@ def refit(
         return np.asarray((residual(shifted) - here) / step)
 
     age, is_small = 0, False
-    for _ in range(iterations):
-        wanted = range(n if nominal_columns is not None or age > 0 else 0, len(x))
-        with ThreadPoolExecutor(max_workers=workers) as pool:
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        for _ in range(iterations):
+            wanted = range(n if nominal_columns is not None or age > 0 else 0, len(x))
             for k, column in zip(wanted, pool.map(derivative, wanted), strict=True):
                 jacobian[:, k] = column
-        normal, gradient = jacobian.T @ jacobian, jacobian.T @ here
-        improved = 0.0
-        for _attempt in range(6):
-            lhs = normal + damping * np.diag(np.diag(normal) + 1e-12)
-            candidate = np.clip(x - np.linalg.solve(lhs, gradient), low, high)
-            there = residual(candidate)
-            new_cost = 0.5 * float(there @ there)
-            if np.isfinite(new_cost) and new_cost < cost:
-                improved = cost - new_cost
-                moved = (candidate - x) * units
-                if nominal_columns is None:  # Broyden's update, until the columns are computed anew
-                    missed = there - here - jacobian @ (candidate - x)
-                    jacobian += np.outer(missed, moved * units / max(float(moved @ moved), 1e-30))
-                x, here, cost = candidate, there, new_cost
-                damping = max(damping / 5.0, 1e-7)
+            normal, gradient = jacobian.T @ jacobian, jacobian.T @ here
+            improved = 0.0
+            for _attempt in range(6):
+                lhs = normal + damping * np.diag(np.diag(normal) + 1e-12)
+                candidate = np.clip(x - np.linalg.solve(lhs, gradient), low, high)
+                there = residual(candidate)
+                new_cost = 0.5 * float(there @ there)
+                if np.isfinite(new_cost) and new_cost < cost:
+                    improved = cost - new_cost
+                    moved = (candidate - x) * units
+                    if nominal_columns is None:  # Broyden's update, until the columns are computed anew
+                        missed = there - here - jacobian @ (candidate - x)
+                        jacobian += np.outer(missed, moved * units / max(float(moved @ moved), 1e-30))
+                    x, here, cost = candidate, there, new_cost
+                    damping = max(damping / 5.0, 1e-7)
+                    break
+                damping *= 6.0
+            is_small = improved < 1.0e-4 * cost + 0.2
+            if is_small and (age == 0 or nominal_columns is not None):
                 break
-            damping *= 6.0
-        is_small = improved < 1.0e-4 * cost + 0.2
-        if is_small and (age == 0 or nominal_columns is not None):
-            break
-        age = 0 if is_small else (age + 1) % REFRESH
+            age = 0 if is_small else (age + 1) % REFRESH
     model, moved = unpack(x)
     units = np.where(ratio, scales * np.exp(x[n:] * ratio), scales)
     return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free, is_small)
