@@ -17,7 +17,7 @@ EXAMPLES = ROOT / "examples"
 PAGE = (EXAMPLES / "README.md").read_text(encoding="utf-8")
 DATA = "recordings.py"
 MEASURED = "emps.py"
-LONGEST = 60  # lines of a script; emps.py is a study, not an example of one job
+LONGEST = 55  # lines of a script; emps.py is a study, not an example of one job
 
 
 def _run(name: str, *arguments: str) -> str:
@@ -39,7 +39,7 @@ def test_page_lists_every_script() -> None:
 
 def test_scripts_are_short() -> None:
     for path in EXAMPLES.glob("*.py"):
-        if path.name != MEASURED:
+        if path.name not in (DATA, MEASURED):
             assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST, path.name
 
 
