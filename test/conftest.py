@@ -52,21 +52,28 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the live tests; keep the quick ones where they are asked for, or where colcon, by its prefix, runs it."""
+    """Mark the live tests; keep the quick ones where only these are asked for."""
     for item in items:
-        if _is_in(item, LIVE) or "ros" in getattr(item, "fixturenames", ()):
+        if _is_in(item.path, LIVE) or "ros" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.live)
-    is_of_colcon = config.option.junitprefix == PACKAGE
-    if config.option.whole or not (config.option.quick or is_of_colcon):
-        return
-    quick = [item for item in items if _is_in(item, QUICK)]
-    config.hook.pytest_deselected(items=[item for item in items if not _is_in(item, QUICK)])
-    items[:] = quick
+    if _is_quick(config):
+        config.hook.pytest_deselected(items=[item for item in items if not _is_in(item.path, QUICK)])
+        items[:] = [item for item in items if _is_in(item.path, QUICK)]
 
 
-def _is_in(item: pytest.Item, names: Sequence[str]) -> bool:
-    """Return whether a test stands in one of these folders and files."""
-    return any(item.path.is_relative_to(Path(__file__).parent / name) for name in names)
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave files that are not quick unread: importing all of them takes longer than many a quick test."""
+    return True if _is_quick(config) and collection_path.is_file() and not _is_in(collection_path, QUICK) else None
+
+
+def _is_quick(config: pytest.Config) -> bool:
+    """Return whether the quick tests are asked for, or colcon runs pytest, which it shows by its prefix."""
+    return not config.option.whole and (config.option.quick or config.option.junitprefix == PACKAGE)
+
+
+def _is_in(path: Path, names: Sequence[str]) -> bool:
+    """Return whether a file is one of these, or in one of these folders."""
+    return any(path.is_relative_to(Path(__file__).parent / name) for name in names)
 
 
 @pytest.fixture(scope="session")
