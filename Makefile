@@ -5,7 +5,8 @@ PYTHON ?= python3
 HAS_ROS := $(shell test -n "$$ROS_DISTRO" && $(PYTHON) -c 'import rclpy' 2>/dev/null && echo yes)
 VENV := $(if $(HAS_ROS),.venv-ros,.venv)
 OUT ?= out/demo
-JOBS ?= $(shell nproc)
+# nproc would take OMP_NUM_THREADS for the number of cores.
+JOBS ?= $(shell env -u OMP_NUM_THREADS nproc)
 
 .PHONY: setup demo check test lint docs pictures clean
 
@@ -21,7 +22,7 @@ demo: setup
 # The inner loop: about a minute.
 check: lint
 	$(VENV)/bin/sgms compile
-	$(VENV)/bin/python -m pytest --quick -q --numprocesses $(JOBS) --dist loadfile $(PYTEST_ARGS)
+	OPENBLAS_NUM_THREADS=1 $(VENV)/bin/python -m pytest --quick -q --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 test: setup
 	@tools/run_tests $(VENV)/bin/python $(JOBS) $(PYTEST_ARGS)
