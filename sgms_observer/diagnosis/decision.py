@@ -100,6 +100,17 @@ class Court:
         floor = noise_floor(self.judge, model, self.judged.noise, self.seed)
         return rms(residuals(model, self.judge)) <= self.criteria.min_gap_over_floor * floor
 
+    def explains_all(self, model: Model, first: Model) -> bool:
+        """Return whether a model leaves no share of the squared gap of the first one that would count as predictable.
+
+        Args:
+            model: what was found.
+            first: the file refitted within its tolerance.
+        """
+        floor = noise_floor(self.judge, model, self.judged.noise, self.seed)
+        left, closable = (rms(residuals(one, self.judge)) ** 2 - floor**2 for one in (model, first))
+        return left <= self.criteria.min_predictable_share * closable
+
     def is_noise(self, residual: float) -> bool:
         """Return whether an rms weighted residual [N] does not stand out of the floor."""
         return residual <= self.criteria.min_gap_over_floor * self.floor
