@@ -50,6 +50,7 @@ DEVELOPMENT = [
     "colcon-common-extensions>=0.3,<1",
     "fmpy>=0.3.20,<0.4",
     "mypy>=1.10,<3",
+    "pytest-xdist>=3.7,<4",
     "ruff>=0.6,<1",
     "setuptools>=65",
     "wheel>=0.40",

@@ -8,7 +8,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from quick import QUICK
+from selection import LIVE, QUICK
 
 import sgms_observer
 
@@ -89,5 +89,5 @@ def test_manifest_names_every_ros_package_that_is_imported() -> None:
     assert imported & known <= declared
 
 
-def test_every_quick_test_exists() -> None:
-    assert not [name for name in QUICK if not (ROOT / "test" / name).exists()]
+def test_every_quick_and_every_live_test_exists() -> None:
+    assert not [name for name in (*QUICK, *LIVE) if not (ROOT / "test" / name).exists()]
