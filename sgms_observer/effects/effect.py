@@ -44,7 +44,12 @@ class Place(Enum):
 
 @dataclass(frozen=True)
 class EffectSettings:
-    """One effect of the catalogue (or of the user's own) with its parameter values, in the catalogue's order."""
+    """One effect of the catalogue (or of the user's own) with the values of its parameters.
+
+    Attributes:
+        name: of the effect.
+        values: in the catalogue's order, each in its parameter's unit [SI]; empty for the defaults.
+    """
 
     name: str
     values: tuple[float, ...] = ()
