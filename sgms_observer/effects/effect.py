@@ -273,7 +273,7 @@ def named_values(entry: Effect, values: Sequence[float]) -> dict[str, Any] | Non
 
     Args:
         entry: the effect.
-        values: as ``flat_values`` returns them; empty for the defaults.
+        values: as ``flat_values`` returns them [SI]; empty for the defaults.
 
     Returns:
         Numbers and tuples by name; None for values that are not those of this effect.
