@@ -38,6 +38,16 @@ def test_versions_agree() -> None:
     assert MANIFEST.findtext("version") == sgms_observer.__version__
 
 
+def test_who_wrote_it_is_said_once_and_alike() -> None:
+    """A release team looks for author, maintainer, licence and the owner of the copyright."""
+    who = _setup_py("get_author().splitlines()")
+    assert [element.text for element in MANIFEST.iter("author")] == who == _setup_py("get_maintainer().splitlines()")
+    assert [element.text for element in MANIFEST.iter("maintainer")] == who
+    licence = MANIFEST.find("license")
+    assert licence is not None and licence.text == "Apache-2.0" and (ROOT / licence.attrib["file"]).is_file()
+    assert re.search(rf"^Copyright \d{{4}} the {who[0]}$", (ROOT / "NOTICE").read_text(encoding="utf-8"), re.MULTILINE)
+
+
 def test_every_requirement_has_its_rosdep_key() -> None:
     keys = {element.text for element in MANIFEST.findall("exec_depend")}
     requirements = [re.split(r"[<>=]", line)[0] for line in _setup_py("install_requires")]
