@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from sgms_observer.cli.options import (
+    ONE_AXIS,
     add_axis_option,
     add_output_options,
     add_overwrite_option,
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from sgms_observer.excitation.reference import Excitation, Floats
 
 NAME = "excite"
-HELP = "write (or publish) the reference that tells most about what is asked for, within the table's limits"
+HELP = "design the motion that shows most of what is asked for, within the machine's limits; write or publish it"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where the table stands, and the reference starts and ends [m; rad] (default: the middle; the position"
         " that the table publishes when publishing)",
     )
-    add_axis_option(parser, "the first of the file")
+    add_axis_option(parser, ONE_AXIS)
     parser.add_argument(
         "--stroke", type=float, metavar="WIDTH", help="full width of the motion (default: 0.02 m; 0.5 rad)"
     )
@@ -67,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="middle of the stroke [m; rad] (default: where the table stands; 0 in a file without --from)",
     )
     parser.add_argument(
-        "--publish", action="store_true", help="publish it in real time as reference (sensor_msgs/JointState)"
+        "--publish", action="store_true", help="publish it in real time as reference; this moves the machine"
     )
     add_overwrite_option(parser)
     add_output_options(parser)
