@@ -199,14 +199,8 @@ def _diagnosed(
 
 def _axes(settings: Settings, request: DiagnoseRequest) -> tuple[AxisSettings, AxisSettings | None]:
     """Return the axis that is diagnosed and another one, if any."""
-    names = [axis.name for axis in settings.axes]
-    wanted = request.axis or names[0]
-    if wanted not in names:
-        raise ConfigurationError([f"--axis {wanted} is not in {request.config}; it has {', '.join(names)}"])
-    return (
-        settings.axes[names.index(wanted)],
-        next((entry for entry in settings.axes if entry.name != wanted), None),
-    )
+    axis = settings.wanted_axes([request.axis] if request.axis else (), request.config)[0]
+    return axis, next((entry for entry in settings.axes if entry.name != axis.name), None)
 
 
 def refuse_learnt_from(bags: Sequence[str], holdout: Sequence[str]) -> None:

@@ -14,7 +14,7 @@ from sgms_observer.diagnosis.advice import Named, detectable, next_experiment
 from sgms_observer.diagnosis.ceiling import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
-from sgms_observer.diagnosis.decision import Decision, within_range
+from sgms_observer.diagnosis.decision import Decision, apart, within_range
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
 from sgms_observer.diagnosis.gap import Gap, effort_rms, halves, interval, noise_floor, residuals, rms, weighted
@@ -344,7 +344,7 @@ def _named(
         if number + 1 < len(accepted):
             now = rms(residuals(replace(fit.model, effects=tuple(without)), motions)) * percent
         others = [
-            improvement(other.evidence.all, item.accepted.evidence.all).z_score
+            apart(item.accepted, other)
             for other in item.decisions
             if other.candidate.settings is not None and other.candidate.name not in names and other.passed
         ]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.compensation.standstill import standstill_velocity
+from sgms_observer.compensation.trust import standstill_velocity
 from sgms_observer.diagnosis.evidence import blocks_of
 from sgms_observer.diagnosis.motion import HELD, Motion, later, motion_of
 from sgms_observer.observer.axis_observer import AxisObserver

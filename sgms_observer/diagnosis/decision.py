@@ -22,7 +22,7 @@ from sgms_observer.diagnosis.evidence import (
     left_out_residuals,
 )
 from sgms_observer.diagnosis.fit import Judged, Refit, Refits
-from sgms_observer.diagnosis.gap import residuals, rms, weighted
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.ranges import believable
@@ -94,8 +94,11 @@ class Court:
         return (self.first_gap**2 - (0.0 if self.is_noise(self.first_gap) else self.floor**2)) * count
 
     def is_closed(self, model: Model) -> bool:
-        """Return whether a model leaves nothing above the floor on ``judge``."""
-        return self.is_noise(self.rms(model))
+        """Return whether a model leaves nothing above the floor on ``judge``, at rest neither."""
+        if not self.is_noise(self.rms(model)):
+            return False
+        floor = noise_floor(self.judge, model, self.judged.noise, self.seed)
+        return rms(residuals(model, self.judge)) <= self.criteria.min_gap_over_floor * floor
 
     def is_noise(self, residual: float) -> bool:
         """Return whether an rms weighted residual [N] does not stand out of the floor."""
@@ -299,6 +302,21 @@ def term(names: Sequence[str], model: Model, court: Court) -> FreeForm:
     return free_form(names, court.learn, learn, court.judge, judge, court.criteria, court.seed)
 
 
+def apart(one: Decision, other: Decision) -> float:
+    """Return the z-score by which one hypothesis predicts better than another.
+
+    Over all recordings; over the held-out ones alone where these say the opposite.
+
+    Args:
+        one, other: decisions of the same round.
+    """
+    z_score = improvement(other.evidence.all, one.evidence.all).z_score
+    if one.evidence.held:
+        held = improvement(other.evidence.held, one.evidence.held).z_score
+        return z_score if held * z_score >= 0.0 else held
+    return z_score
+
+
 def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria) -> tuple[str, ...]:
     """Return the names that data which nothing was fitted to do not tell from the best one.
 
@@ -311,7 +329,7 @@ def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria)
     for item in others:
         if item.candidate.settings is None or item.candidate.name == best.candidate.name:
             continue
-        is_apart = improvement(item.evidence.all, best.evidence.all).z_score > criteria.min_z_score
+        is_apart = apart(best, item) > criteria.min_z_score
         is_possible = all(test.passed for test in item.tests)
         if not is_apart and is_possible:
             found.append(item.candidate.name)

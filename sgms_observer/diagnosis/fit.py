@@ -95,10 +95,12 @@ class Freedom:
     Attributes:
         friction: viscous, Coulomb and static force, Stribeck velocity, attraction rate.
         elements: stiffness and share of the elements.
+        is_narrow: whether elements that are not let go stay as near to the file as its other values do.
     """
 
     friction: bool = False
     elements: bool = False
+    is_narrow: bool = False
 
 
 def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -> Floats:
@@ -107,7 +109,7 @@ def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -
     Args:
         model: the nominal model.
         tolerance: largest relative error its owner expects; elements may be off ``ELEMENT_SLACK`` times as far, because
-            few elements stand for a continuous contact.
+            few elements stand for a continuous contact, unless they are told to be narrow.
         freedom: what is let go.
     """
     one = tolerance / np.sqrt(3.0)
@@ -116,7 +118,7 @@ def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -
         if name == DAMPING:
             widths.append(FREED_DAMPING)
         elif name.startswith("element"):
-            widths.append(FREED_ELEMENTS if freedom.elements else ELEMENT_SLACK * one)
+            widths.append(FREED_ELEMENTS if freedom.elements else (1.0 if freedom.is_narrow else ELEMENT_SLACK) * one)
         else:
             widths.append(FREED_FRICTION if freedom.friction and name != "mass" else one)
     return np.array(widths)
