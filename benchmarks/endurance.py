@@ -24,10 +24,10 @@ from endurance_graph import over_the_graph
 from endurance_memory import Memory
 
 from sgms_observer.bags.blocks import encode_joint_states
-from sgms_observer.bags.diagnostics_cdr import encode_diagnostics
+from sgms_observer.bags.diagnostics_cdr import encode_diagnostics, parameter_entry
 from sgms_observer.cli.progress import Progress
 from sgms_observer.nodes.engine import Engine
-from sgms_observer.nodes.report import axis_entry, node_entry, parameter_entry
+from sgms_observer.nodes.report import axis_entry, node_entry
 from sgms_observer.nodes.statistics import Growth
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.outgoing import COMPENSATION, ESTIMATE, STD

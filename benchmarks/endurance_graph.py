@@ -39,12 +39,12 @@ def over_the_graph(seconds: float, folder: Path) -> dict[str, Any]:
     with Conductor(folder / "logs") as conductor, Progress("over the graph", seconds) as progress:
         conductor.start("observer_node", "sgms_observer.nodes.observer_node", ["--config", str(config)])
         listener = ["--out", str(heard_file), TOPIC]
-        conductor.start("listener", "sgms_observer.nodes.bench_listener", listener)
+        conductor.start("listener", "sgms_observer.bench.listener", listener)
         conductor.wait_active("observer_node")
         conductor.wait_subscribers({TOPIC: 1})
         memory = Memory(conductor.process_id("observer_node"))
         publisher = ["--count", str(count), "--rate", str(RATE), "--out", str(sent_file)]
-        conductor.start("publisher", "sgms_observer.nodes.bench_publisher", publisher)
+        conductor.start("publisher", "sgms_observer.bench.publisher", publisher)
         start = time.monotonic()
         while not sent_file.exists():
             memory.look()

@@ -43,6 +43,7 @@ from sgms_observer.excitation.reference import design_excitation
 from sgms_observer.identification.identify import IdentifyOptions, identify
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
+from sim_plant.reference_file import write_reference_file
 
 Floats = NDArray[np.float64]
 
@@ -66,8 +67,7 @@ def followed_by(axis: AxisSettings, position: Floats, seed: int) -> tuple[Record
     period = 1.0 / RATE
     with tempfile.TemporaryDirectory() as folder:
         csv = Path(folder) / "reference.csv"
-        rows = np.column_stack([period * np.arange(len(position)), np.round(position, 12)])
-        np.savetxt(csv, rows, delimiter=",", fmt="%.12g")
+        write_reference_file(csv, period * np.arange(len(position)), position, np.gradient(position, period))
         return record(axis, csv, seed, period * (len(position) - 1), period)
 
 

@@ -30,6 +30,7 @@ from sgms_observer.offline.recording import Recording, recordings_from_samples
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.stage import ControllerSettings, EncoderSettings, ReferenceSettings, StageSettings
+from sim_plant.reference_file import write_reference_file
 from sim_plant.table import SimulatedTable
 
 TICK = 1.0e-4  # s; the controller runs this often, whatever is recorded
@@ -105,8 +106,7 @@ def judge(number: int, model: str, period: float, cutoff: float) -> dict[str, An
     with tempfile.TemporaryDirectory() as folder:
         csv = Path(folder) / "reference.csv"
         reference = design_excitation(START, ExcitationLimits(0.02, 0.05, 1.0), ("identify",), rate=1.0 / period)
-        rows = np.column_stack([reference.time, np.round(reference.position, 12)])
-        np.savetxt(csv, rows, delimiter=",", fmt="%.12g")
+        write_reference_file(csv, reference.time, reference.position, reference.velocity)
         learn = record(axis, csv, 10 + number, float(reference.time[-1]), period)
         held_out = record(axis, csv, 1000 + number, float(reference.time[-1]), period)
     begun = time.perf_counter()

@@ -1,4 +1,4 @@
-"""References from a CSV file of times and positions."""
+"""References in a CSV file of times, positions and velocities: written here, read here."""
 
 from __future__ import annotations
 
@@ -9,10 +9,28 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from sgms_observer.errors import ConfigurationError
+from sgms_observer.whole_file import write_text
 from sim_plant.piecewise import PiecewiseCubic
 from sim_plant.s_curve import s_curve
 
 Floats = NDArray[np.float64]
+
+
+def write_reference_file(path: str | Path, time: Floats, position: Floats, velocity: Floats) -> None:
+    """Write a reference as CSV; the simulated stage reads it as ``reference.kind: file``.
+
+    Args:
+        path: the file.
+        time: of the samples [s], shape (n,).
+        position: set-point [m; rad], shape (n,).
+        velocity: of the set-point [m/s; rad/s], shape (n,).
+
+    Raises:
+        RecordingError: the file cannot be written.
+    """
+    rows = zip(time, position, velocity, strict=True)
+    lines = [f"{at:.9g},{place:.12f},{speed:.9g}" for at, place, speed in rows]
+    write_text("\n".join(["time,position,velocity", *lines]) + "\n", path)
 
 
 def read_reference_file(

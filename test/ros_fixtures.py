@@ -12,14 +12,14 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 import rclpy
 from ros_graph import Graph, NodeProcess, Start
 
-from sgms_observer.nodes.transport import use_shipped_transport
+from sgms_observer.nodes.transport import prepare_transport
 
 
 @pytest.fixture(scope="session")
 def ros() -> Iterator[None]:
     """Have ROS run in this process."""
     if not rclpy.ok():  # each folder that imports this fixture has one of its own
-        use_shipped_transport()
+        prepare_transport()
         rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     yield
     rclpy.try_shutdown()

@@ -14,11 +14,10 @@ from plant_cases import NOTHING, SECOND, SECOND_OUTSIDE, SECOND_SHARE, Case
 
 from sgms_observer.settings.axis import AxisSettings
 from sim_plant.blind.seal import seal
-from sim_plant.plants.bag import write_bag
 from sim_plant.plants.effects import KINDS
 from sim_plant.plants.owner import write_yaml
 from sim_plant.plants.plants import draw_plant
-from sim_plant.plants.recording import Recording, record
+from sim_plant.plants.recording import Recording, record, write_bag
 
 JUDGING_SEED = 500_000
 """Added to the seed of the recording to be judged on: another motion and other noise on the same machine."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -101,43 +102,11 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
     notes.append(band.sentence())
     options = Options(request.tolerance, request.seed, request.workers, band.corner)
     with threadpool_limits(limits=1):  # threads of our own; those of the libraries would only wait for each other
-        folder, record = Path(request.out), (judge or learn)[0]
-        before = closing(record, axis, record.period, band.corner)
-
-        def after() -> tuple[AxisSettings, Closing]:
-            write_augmented(answer, settings, axis.name, folder)
-            written = next(one for one in load_settings(folder / FILES[1]).axes if one.name == axis.name)
-            return written, closing(record, written, record.period, band.corner)
-
-        def growth(of: str, more: Closing, less: Closing) -> Test:
-            z_score = improvement(more.blocks, less.blocks).z_score
-            return at_most(of, "friction not cancelled by the feedforward: z-score of its growth", z_score, most)
-
-        most, refused = options.criteria.min_z_score, list[Test]()
-        while True:
-            found = diagnose(learn, judge, axis, options, lambda _text, share: show(share))
-            answer = answer_of(found, axis, options)
-            written, later = after()
-            test = growth("model", later, before)
-            if test.passed or not can_look_ahead(written):
-                break
-            tests = []
-            for name in (item.settings.name for item in answer.effects):  # which of them it is that does harm
-                others = replace(written, effects=tuple(one for one in written.effects if one.name != name))
-                tests.append(growth(name, later, closing(record, others, record.period, band.corner)))
-            worst = max(tests, key=lambda item: item.value, default=test)
-            if worst is test or worst.passed:
-                break
-            refused.append(worst)
-            options = replace(options, excluded=options.excluded | {worst.of})
-        if can_look_ahead(written) and not test.passed and (answer.effects or answer.learnt):
-            answer = answer_of(found, axis, options, test)
-            written, later = after()
-        else:
-            answer = replace(answer, tests=(*answer.tests, test))
-        answer = replace(answer, tests=(*answer.tests, *refused))
-        closings = (before, later)
-        tracking = predict_tracking(record, axis, written, band.corner)
+        folder = Path(request.out)
+        step = _ClosingStep((judge or learn)[0], settings, axis, folder, options)
+        answer, written, after = _diagnosed(learn, judge, step, show)
+        closings = (step.before, after)
+        tracking = predict_tracking(step.record, axis, written, band.corner)
     write_result(answer, closings, tracking, axis.units, folder)
     traces = traces_of(answer)
     write_residual_log(traces, axis.name, folder)
@@ -146,16 +115,92 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
     return DiagnoseResult(answer, closings, tracking, tuple(notes), axis.units)
 
 
+@dataclass(frozen=True)
+class _ClosingStep:
+    """What the feedforward of a model leaves, over one recording.
+
+    Attributes:
+        record: the recording.
+        settings: of all axes, as they are given.
+        axis: the one that is diagnosed.
+        folder: where the augmented file goes.
+        options: as the diagnosis was asked for.
+    """
+
+    record: Recording
+    settings: Settings
+    axis: AxisSettings
+    folder: Path
+    options: Options
+
+    @cached_property
+    def before(self) -> Closing:
+        """Return what observer and compensation make of the given model."""
+        return self.of(self.axis)
+
+    def of(self, axis: AxisSettings) -> Closing:
+        """Return what observer and compensation make of a model."""
+        return closing(self.record, axis, self.options.band, self.options.criteria.block)
+
+    def written(self, answer: Answer) -> AxisSettings:
+        """Write an answer into the augmented file and return the axis as it is read from there."""
+        write_augmented(answer, self.settings, self.axis.name, self.folder)
+        return next(one for one in load_settings(self.folder / FILES[1]).axes if one.name == self.axis.name)
+
+    def growth(self, of: str, later: Closing, earlier: Closing) -> Test:
+        """Return the test that the feedforward of the later model leaves no more than that of the earlier one."""
+        z_score = improvement(later.blocks, earlier.blocks).z_score
+        most = self.options.criteria.min_z_score
+        return at_most(of, "friction not cancelled by the feedforward: z-score of its growth", z_score, most)
+
+    def worst(self, written: AxisSettings, later: Closing, answer: Answer) -> Test | None:
+        """Return the failed test of the named effect whose feedforward does most harm, or None."""
+        tests = []
+        for name in (item.settings.name for item in answer.effects):
+            others = replace(written, effects=tuple(one for one in written.effects if one.name != name))
+            tests.append(self.growth(name, later, self.of(others)))
+        return max((test for test in tests if not test.passed), key=lambda test: test.value, default=None)
+
+
+def _diagnosed(
+    learn: Sequence[Recording], judge: Sequence[Recording], step: _ClosingStep, show: Callable[[float], None]
+) -> tuple[Answer, AxisSettings, Closing]:
+    """Return an answer whose feedforward leaves no more than that of the given file; the axis with it; what it leaves.
+
+    An effect whose feedforward does harm is not tried again. Where no effect is at fault, nothing is named or learnt.
+    """
+    options, axis, refused = step.options, step.axis, list[Test]()
+    done = 0.0
+
+    def go_on(_text: str, share: float) -> None:
+        show(done + (1.0 - done) * share)
+
+    while True:
+        found = diagnose(learn, judge, axis, options, go_on)
+        answer = answer_of(found, axis, options)
+        written = step.written(answer)
+        later = step.of(written)
+        test = step.growth("model", later, step.before)
+        contradicts = not test.passed and can_look_ahead(written)
+        worst = step.worst(written, later, answer) if contradicts else None
+        if worst is None:
+            break
+        refused.append(worst)
+        options = replace(options, excluded=options.excluded | {worst.of})
+        done += 0.5 * (1.0 - done)
+    if contradicts and (answer.effects or answer.learnt):
+        answer = answer_of(found, axis, options, test)
+        written = step.written(answer)
+        later = step.of(written)
+    else:
+        answer = replace(answer, tests=(*answer.tests, test))
+    return replace(answer, tests=(*answer.tests, *refused)), written, later
+
+
 def _axes(settings: Settings, request: DiagnoseRequest) -> tuple[AxisSettings, AxisSettings | None]:
     """Return the axis that is diagnosed and another one, if any."""
-    names = [axis.name for axis in settings.axes]
-    wanted = request.axis or names[0]
-    if wanted not in names:
-        raise ConfigurationError([f"--axis {wanted} is not in {request.config}; it has {', '.join(names)}"])
-    return (
-        settings.axes[names.index(wanted)],
-        next((entry for entry in settings.axes if entry.name != wanted), None),
-    )
+    axis = settings.wanted_axes([request.axis] if request.axis else (), request.config)[0]
+    return axis, next((entry for entry in settings.axes if entry.name != axis.name), None)
 
 
 def refuse_learnt_from(bags: Sequence[str], holdout: Sequence[str]) -> None:

@@ -154,10 +154,7 @@ def identify_bags(
         ConfigurationError, RecordingError, DataError: one sentence each.
     """
     settings = load_settings(job.config)
-    known = [axis.name for axis in settings.axes]
-    strange = [name for name in job.axes if name not in known]
-    if strange:
-        raise ConfigurationError([f"--axis {strange[0]} is not in {job.config}; it has {', '.join(known)}"])
+    wanted = settings.wanted_axes(job.axes, job.config)
     if job.cutoff < 0.0:
         raise ConfigurationError([f"--cutoff {job.cutoff:g} Hz must be positive; leave it out for the default"])
     report = report_path(job.out, job.is_overwriting)
@@ -166,7 +163,7 @@ def identify_bags(
     hashes = [bag_hash(bag) for bag in job.bags]
     found = []
     for axis in settings.axes:
-        if not job.axes or axis.name in job.axes:
+        if axis in wanted:
             other = _other_axis(axis, settings)
             pieces, unseen = (_read(bags, axis, other, job) for bags in (job.bags, job.holdout))
             with progress(f"identify {axis.name}") as show:

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from sgms_observer.application.axis_draft import FRACTIONS, AxisDraft
 from sgms_observer.settings.units import Units
 
+FIRST_LIMIT_SHARE = 1.5
+"""First limit of the compensation over the static force: room for friction that is identified too low, and no more."""
 _COLUMN = 61  # where the comments start, as in config/table.yaml
 
 _HEAD = """\
@@ -128,7 +130,7 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         ("      compensation:", "feedforward on friction_compensation"),
         ("        enabled: false", "switch on after a look at friction_estimate and friction_std"),
         ("        gain: 0.9", "share of the predicted friction; 1 leaves no margin against overshoot"),
-        (f"        limit: {number(1.5 * draft.static)}", f"{force}, never more than this"),
+        (f"        limit: {number(FIRST_LIMIT_SHARE * draft.static)}", f"{force}, never more than this"),
         (f"        slew_limit: {number(5.0e3 * draft.coulomb)}", f"{units.of('N/s')}, never faster than this"),
         (
             "        standstill_velocity: 0.0",

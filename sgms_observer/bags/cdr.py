@@ -13,25 +13,21 @@ from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
 
+from sgms_observer.bags.cdr_bytes import (
+    HEADER,
+    Buffer,
+    Cursor,
+    aligned,
+    append_string,
+    append_uint32,
+    begin_message,
+    seconds_of,
+)
 from sgms_observer.errors import DataError
 
-Buffer = bytes | bytearray | memoryview
 JointStateFields = tuple[int, tuple[str, ...], tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 
-_HEADER = 4  # bytes of encapsulation; alignment counts from behind them
-_ENCODINGS = {b"\x00\x01": "<", b"\x00\x00": ">"}
 _KEPT_LAYOUTS = 8
-_SEC_LIMIT = 2**31
-
-
-def aligned(offset: int, size: int) -> int:
-    """Return the first multiple of ``size`` at or behind ``offset``, counted as XCDR1 does.
-
-    Args:
-        offset: place in the message [bytes], encapsulation included.
-        size: alignment [bytes].
-    """
-    return offset + (_HEADER - offset) % size
 
 
 @dataclass(frozen=True)
@@ -72,44 +68,38 @@ class JointStateLayout:
         Raises:
             DataError: the bytes are no JointState.
         """
-        encoding = bytes(message[:2])
-        order = _ENCODINGS.get(encoding)
-        if order is None or len(message) < 16:
-            raise DataError(f"a JointState of {len(message)} bytes does not start like one; it was not used")
-        scan = _Scan(message, order)
-        frame_length = scan.length("frame_id", 1)
+        scan = Cursor(message, "JointState")
+        frame_length = scan.length(1)
         frame = f"I{frame_length}s"
         scan.skip(frame_length)
         parts, constant_items = ["2s2xiI", frame], [0, 3]
         item = 5
         constant = [(0, 2), (12, 16)]
-        parts.append(scan.pad(4))
+        parts.append(f"{scan.pad(4)}x")
         constant.append((scan.at, scan.at + 4))
-        name_count = scan.length("name", 5)
+        name_count = scan.length(5)
         parts.append("I")
         constant_items.append(item)
         item += 1
         names = []
         for _ in range(name_count):
-            parts.append(scan.pad(4))
+            parts.append(f"{scan.pad(4)}x")
             start = scan.at
-            length = scan.length("name", 1)
-            names.append(bytes(message[scan.at : scan.at + length]).rstrip(b"\0").decode("utf-8", "replace"))
-            scan.skip(length)
-            parts.append(f"I{length}s")
+            names.append(scan.text())
+            parts.append(f"I{scan.at - start - 4}s")
             constant.append((start, scan.at))
             constant_items += [item, item + 1]
             item += 2
         counts, offsets, slices = [], [], []
-        for field in ("position", "velocity", "effort"):
-            parts.append(scan.pad(4))
+        for _ in ("position", "velocity", "effort"):
+            parts.append(f"{scan.pad(4)}x")
             constant.append((scan.at, scan.at + 4))
-            count = scan.length(field, 8)
+            count = scan.length(8)
             parts.append("I")
             constant_items.append(item)
             item += 1
             if count:
-                parts.append(scan.pad(8))
+                parts.append(f"{scan.pad(8)}x")
                 scan.skip(0)
             counts.append(count)
             offsets.append(scan.at)
@@ -117,10 +107,10 @@ class JointStateLayout:
             parts.append(f"{count}d")
             item += count
             scan.skip(8 * count)
-        unpack = struct.Struct(order + "".join(parts)).unpack_from
+        unpack = struct.Struct(scan.order + "".join(parts)).unpack_from
         select = itemgetter(*constant_items)
         return cls(
-            encoding,
+            bytes(message[:2]),
             tuple(names),
             (counts[0], counts[1], counts[2]),
             (offsets[0], offsets[1], offsets[2]),
@@ -131,37 +121,6 @@ class JointStateLayout:
             select(unpack(message)),
             (slices[0], slices[1], slices[2]),
         )
-
-
-class _Scan:
-    """A place in a message that never leaves it."""
-
-    def __init__(self, message: Buffer, order: str) -> None:
-        self.message = message
-        self.at = _HEADER + 8
-        self.uint32 = struct.Struct(order + "I").unpack_from
-
-    def pad(self, size: int) -> str:
-        """Move to a multiple of ``size``; return the struct format of what was skipped."""
-        start, self.at = self.at, aligned(self.at, size)
-        return f"{self.at - start}x" if self.at > start else ""
-
-    def skip(self, size: int) -> None:
-        """Move on by ``size`` bytes inside the message."""
-        self.at += size
-        if self.at > len(self.message):
-            raise DataError(f"a JointState of {len(self.message)} bytes is cut off; it was not used")
-
-    def length(self, field: str, item_size: int) -> int:
-        """Read the length of a string or array whose items need ``item_size`` bytes at least."""
-        start = self.at
-        self.skip(4)
-        (length,) = self.uint32(self.message, start)
-        if length * item_size > len(self.message) - self.at:
-            raise DataError(
-                f"a JointState of {len(self.message)} bytes says that {field} has {length} entries; it was not used"
-            )
-        return int(length)
 
 
 class JointStateDecoder:
@@ -227,8 +186,7 @@ class JointStateEncoder:
     """
 
     def __init__(self, names: Sequence[str], fields: Sequence[str], frame_id: str = "") -> None:
-        template = bytearray(b"\x00\x01\x00\x00" + bytes(8))
-        append_string(template, frame_id)
+        template = begin_message(0, frame_id)
         append_uint32(template, len(names))
         for name in names:
             append_string(template, name)
@@ -259,11 +217,8 @@ class JointStateEncoder:
         Raises:
             DataError: the stamp does not fit a ROS time, or a field does not fit the names.
         """
-        seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
-        if not -_SEC_LIMIT <= seconds < _SEC_LIMIT:
-            raise DataError(f"the stamp {stamp_ns} ns does not fit a ROS time; give a time within 68 years of 1970")
         buffer = self._buffer
-        self._pack_stamp(buffer, _HEADER, seconds, nanoseconds)
+        self._pack_stamp(buffer, HEADER, *seconds_of(stamp_ns))
         try:
             for start, values in zip(self.starts, fields, strict=True):
                 self._pack_field(buffer, start, *values)
@@ -273,26 +228,3 @@ class JointStateEncoder:
                 f" {self._count} axes; give each field one number per axis"
             ) from None
         return bytes(buffer)
-
-
-def append_uint32(buffer: bytearray, value: int) -> None:
-    """Append an unsigned integer at the next multiple of four.
-
-    Args:
-        buffer: the message so far.
-        value: the number.
-    """
-    buffer.extend(bytes(aligned(len(buffer), 4) - len(buffer)))
-    buffer.extend(struct.pack("<I", value))
-
-
-def append_string(buffer: bytearray, text: str) -> None:
-    """Append a string with its length in front.
-
-    Args:
-        buffer: the message so far.
-        text: the string.
-    """
-    data = text.encode() + b"\0"
-    append_uint32(buffer, len(data))
-    buffer.extend(data)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sgms_observer.bags.cdr import Buffer, aligned, append_string, append_uint32
-from sgms_observer.errors import DataError
+from sgms_observer.bags.cdr_bytes import Buffer, Cursor, append_string, append_uint32, begin_message
+from sgms_observer.observer.outgoing import ParameterReport
 
-_ORDERS = {b"\x00\x01": "<", b"\x00\x00": ">"}
+OK, WARN, ERROR = range(3)  # stale is what an aggregator says of a node that reports nothing
 
 
 @dataclass(frozen=True)
@@ -42,11 +41,7 @@ def encode_diagnostics(stamp_ns: int, statuses: Sequence[DiagnosticStatus], fram
     Raises:
         DataError: the stamp does not fit a ROS time.
     """
-    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
-    if not -(2**31) <= seconds < 2**31:
-        raise DataError(f"the stamp {stamp_ns} ns does not fit a ROS time; give a time within 68 years of 1970")
-    message = bytearray(b"\x00\x01\x00\x00" + struct.pack("<iI", seconds, nanoseconds))
-    append_string(message, frame_id)
+    message = begin_message(stamp_ns, frame_id)
     append_uint32(message, len(statuses))
     for status in statuses:
         message.append(status.level)
@@ -71,53 +66,25 @@ def decode_diagnostics(message: Buffer) -> tuple[int, tuple[DiagnosticStatus, ..
     Raises:
         DataError: the bytes are no DiagnosticArray; nothing else is ever raised.
     """
-    data = bytes(message)
-    order = _ORDERS.get(data[:2])
-    if order is None or len(data) < 16:
-        raise DataError(f"a DiagnosticArray of {len(data)} bytes does not start like one; it was not used")
-    seconds, nanoseconds = struct.unpack_from(order + "iI", data, 4)
-    cursor = _Cursor(data, order)
+    cursor = Cursor(bytes(message), "DiagnosticArray")
     cursor.text()
     statuses = []
-    for _ in range(cursor.count(17)):
+    for _ in range(cursor.length(17)):
         level = cursor.byte()
         name, about, hardware = cursor.text(), cursor.text(), cursor.text()
-        pairs = [(cursor.text(), cursor.text()) for _ in range(cursor.count(8))]
+        pairs = [(cursor.text(), cursor.text()) for _ in range(cursor.length(8))]
         statuses.append(DiagnosticStatus(level, name, about, hardware, tuple(pairs)))
-    return seconds * 1_000_000_000 + nanoseconds, tuple(statuses)
+    return cursor.stamp_ns, tuple(statuses)
 
 
-class _Cursor:
-    """A place in a message behind the stamp; reading beyond the end is a DataError."""
+def parameter_entry(report: ParameterReport) -> DiagnosticStatus:
+    """Return what ``friction_parameters`` say of one axis.
 
-    def __init__(self, data: bytes, order: str) -> None:
-        self.data = data
-        self.at = 12
-        self.uint32 = struct.Struct(order + "I").unpack_from
-
-    def byte(self) -> int:
-        """Read one byte."""
-        self.at += 1
-        if self.at > len(self.data):
-            raise self._cut_off()
-        return self.data[self.at - 1]
-
-    def count(self, item_size: int) -> int:
-        """Read the length of an array or string whose items need ``item_size`` bytes at least."""
-        start = aligned(self.at, 4)
-        self.at = start + 4
-        if self.at > len(self.data):
-            raise self._cut_off()
-        count = int(self.uint32(self.data, start)[0])
-        if count * item_size > len(self.data) - self.at:
-            raise self._cut_off()
-        return count
-
-    def text(self) -> str:
-        """Read a string."""
-        length = self.count(1)
-        self.at += length
-        return self.data[self.at - length : self.at].rstrip(b"\0").decode("utf-8", "replace")
-
-    def _cut_off(self) -> DataError:
-        return DataError(f"a DiagnosticArray of {len(self.data)} bytes is cut off; it was not used")
+    Args:
+        report: values and standard deviations.
+    """
+    values: list[tuple[str, str]] = []
+    for name, value, std in zip(report.names, report.values, report.std, strict=True):
+        values += [(name, repr(value)), (f"{name}_std", repr(std))]
+    sentence = "estimated parameters in SI units; kappa as a share of the nominal stiffness"
+    return DiagnosticStatus(OK, report.axis, sentence, report.axis, tuple(values))

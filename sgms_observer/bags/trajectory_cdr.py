@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.cdr import Buffer, aligned, append_string, append_uint32
+from sgms_observer.bags.cdr_bytes import Buffer, Cursor, aligned, append_string, append_uint32, begin_message
 from sgms_observer.errors import DataError
 
 Floats = NDArray[np.float64]
@@ -18,11 +17,8 @@ Ints = NDArray[np.int64]
 
 FIELDS = ("positions", "velocities", "accelerations", "effort")
 
-_ORDERS = {b"\x00\x01": "<", b"\x00\x00": ">"}
-_HEADER = 4  # bytes of encapsulation; alignment counts from behind them
 _SMALLEST_POINT = 24  # bytes: four empty arrays and a duration
 _SECOND = 1_000_000_000
-_SEC_LIMIT = 2**31
 
 
 @dataclass(frozen=True)
@@ -56,13 +52,10 @@ def encode_trajectory(stamp_ns: int, names: Sequence[str], time_ns: Ints, values
         DataError: a time does not fit a ROS time, or a shape does not fit.
     """
     count = len(time_ns)
-    if not -_SEC_LIMIT <= stamp_ns // _SECOND < _SEC_LIMIT:
-        raise DataError(f"the stamp {stamp_ns} ns does not fit a ROS time; give a time within 68 years of 1970")
     if any(field.shape != (count, len(names)) for field in values.values()):
         shapes = [field.shape for field in values.values()]
         raise DataError(f"fields of shapes {shapes} were given for {count} points of {len(names)} axes")
-    message = bytearray(b"\x00\x01\x00\x00" + struct.pack("<iI", *divmod(stamp_ns, _SECOND)))
-    append_string(message, "")
+    message = begin_message(stamp_ns)
     append_uint32(message, len(names))
     for name in names:
         append_string(message, name)
@@ -93,35 +86,29 @@ def decode_trajectory(message: Buffer) -> Trajectory:
         DataError: the bytes are no JointTrajectory; nothing else is ever raised.
     """
     data = bytes(message)
-    order = _ORDERS.get(data[:2])
-    if order is None or len(data) < 16:
-        raise DataError(f"a JointTrajectory of {len(data)} bytes does not start like one; it was not used")
-    scan = _Scan(data, order)
-    seconds, nanoseconds = struct.unpack_from(order + "iI", data, _HEADER)
-    stamp_ns = seconds * _SECOND + nanoseconds
-    scan.text()
-    names = tuple(scan.text() for _ in range(scan.length(5)))
-    count = scan.length(_SMALLEST_POINT)
+    cursor = Cursor(data, "JointTrajectory")
+    cursor.text()
+    names = tuple(cursor.text() for _ in range(cursor.length(5)))
+    count = cursor.length(_SMALLEST_POINT)
     time_ns = np.empty(count, np.int64)
     values: dict[str, Floats] = {field: np.empty((count, len(names))) for field in FIELDS}
     row = 0
     while row < count:
-        begin = scan.at
-        widths = scan.widths()
+        begin = cursor.at
+        widths = _widths(cursor)
         alike = 1 if row == 0 else count - row
-        points = _points(data, order, begin, widths, alike)
-        scan.at = begin + points.nbytes
-        if scan.at > len(data):
-            raise scan.cut_off()
+        points = _points(data, cursor.order, begin, widths, alike)
+        cursor.at = begin
+        cursor.skip(points.nbytes)
         rows = slice(row, row + len(points))
-        time_ns[rows] = stamp_ns + points["sec"].astype(np.int64) * _SECOND + points["nanosec"]
+        time_ns[rows] = cursor.stamp_ns + points["sec"].astype(np.int64) * _SECOND + points["nanosec"]
         for field, width in zip(FIELDS, widths, strict=True):
             if width == values[field].shape[1] and width:
                 values[field][rows] = points[field]
             else:
                 values[field] = np.empty((count, 0))
         row += len(points)
-    return Trajectory(names, time_ns, stamp_ns, values)
+    return Trajectory(names, time_ns, cursor.stamp_ns, values)
 
 
 def _points(data: bytes, order: str, begin: int, widths: tuple[int, ...], count: int) -> NDArray[np.void]:
@@ -163,40 +150,11 @@ def _point_type(order: str, begin: int, widths: tuple[int, ...]) -> np.dtype[np.
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at - begin})
 
 
-class _Scan:
-    """A place in a message behind the stamp; reading beyond the end is a DataError."""
-
-    def __init__(self, data: bytes, order: str) -> None:
-        self.data = data
-        self.at = _HEADER + 8
-        self._uint32 = struct.Struct(order + "I").unpack_from
-
-    def length(self, item_size: int) -> int:
-        """Read the length of an array or string whose items need ``item_size`` bytes at least."""
-        start = aligned(self.at, 4)
-        self.at = start + 4
-        if self.at > len(self.data):
-            raise self.cut_off()
-        length = int(self._uint32(self.data, start)[0])
-        if length * item_size > len(self.data) - self.at:
-            raise self.cut_off()
-        return length
-
-    def text(self) -> str:
-        """Read a string."""
-        length = self.length(1)
-        self.at += length
-        return self.data[self.at - length : self.at].rstrip(b"\0").decode("utf-8", "replace")
-
-    def widths(self) -> tuple[int, ...]:
-        """Return how many numbers each array of the point has that begins here."""
-        found = []
-        for _ in FIELDS:
-            width = self.length(8)
-            found.append(width)
-            self.at = aligned(self.at, 8) + 8 * width if width else self.at
-        return tuple(found)
-
-    def cut_off(self) -> DataError:
-        """Return the error for a message that ends too early."""
-        return DataError(f"a JointTrajectory of {len(self.data)} bytes is cut off; it was not used")
+def _widths(cursor: Cursor) -> tuple[int, ...]:
+    """Return how many numbers each array of the point has that begins here."""
+    found = []
+    for _ in FIELDS:
+        width = cursor.length(8)
+        found.append(width)
+        cursor.at = aligned(cursor.at, 8) + 8 * width if width else cursor.at
+    return tuple(found)

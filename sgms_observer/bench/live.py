@@ -53,15 +53,15 @@ def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = 
     with Conductor(folder / f"logs_{rate}") as conductor:
         observer = ["--ros-args", "--params-file", str(config)]
         conductor.start("observer_node", "sgms_observer.nodes.observer_node", observer)
-        conductor.start("relay", "sgms_observer.nodes.bench_relay", [RELAYED])
+        conductor.start("relay", "sgms_observer.bench.relay", [RELAYED])
         listener = ["--out", str(heard_file), _COMPENSATION, RELAYED]
-        conductor.start("listener", "sgms_observer.nodes.bench_listener", listener)
+        conductor.start("listener", "sgms_observer.bench.listener", listener)
         conductor.wait_active("observer_node")
         conductor.wait_subscribers({_COMPENSATION: 1, RELAYED: 1, "position": 2, "control_effort": 2})
         sending = ["--count", str(count), "--rate", str(rate), "--axes", str(axes), "--out", str(sent_file)]
         sending += ["--listeners", "2"]
         used = {name: seconds_used(conductor.process_id(name)) for name in ("observer_node", "relay")}
-        conductor.start("publisher", "sgms_observer.nodes.bench_publisher", sending)
+        conductor.start("publisher", "sgms_observer.bench.publisher", sending)
         conductor.wait(sent_file.exists, "the publisher to send everything")
         used = {name: seconds_used(conductor.process_id(name)) - before for name, before in used.items()}
         publisher = seconds_used(conductor.process_id("publisher"))

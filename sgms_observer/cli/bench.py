@@ -27,11 +27,7 @@ _HORIZONS = (2, 4, 8, 16, 32, 64, 128)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("--json", metavar="FILE", help="write every figure to this file")
     parser.add_argument("--out", metavar="DIR", help="folder of the pictures")
     parser.add_argument(
@@ -54,14 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code, 0 only on success.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.whole_file import refuse_existing_files

@@ -6,18 +6,14 @@ import argparse
 import sys
 
 from sgms_observer.cli.options import add_bag_options, add_output_options
-from sgms_observer.cli.outcome import EXIT_DONE, EXIT_FAILED, Outcome
+from sgms_observer.outcome import EXIT_DONE, EXIT_FAILED, Outcome
 
 NAME = "check"
 HELP = "tell whether a parameter file is right, and fits a recording: all faults at once"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("config", metavar="YAML", help="parameter file")
     parser.add_argument("bag", nargs="?", metavar="BAG", help="recording to compare it with (default: none)")
     add_bag_options(parser, "all axes of the file")
@@ -25,23 +21,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.application.check import Checked, check
-    from sgms_observer.cli.options import axes_from, topics_from
+    from sgms_observer.cli.options import topics_from
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.settings.load import load_settings
 
     topics = topics_from(args.topic)
     try:
         settings = load_settings(args.config)
-        axes = axes_from(args.axis, [axis.name for axis in settings.axes], args.config)
+        axes = [axis.name for axis in settings.wanted_axes(args.axis or (), args.config)]
     except ConfigurationError as error:
         found = Checked(error.sentences, (), ())
     else:

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import sys
 from pathlib import Path
 
-from sgms_observer.cli.options import add_axis_option, add_output_options, add_overwrite_option, axis_from
-from sgms_observer.cli.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
+from sgms_observer.cli.options import (
+    add_axis_option,
+    add_limit_options,
+    add_output_options,
+    add_overwrite_option,
+    axis_from,
+    require_ros,
+)
+from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 NAME = "commission"
 HELP = "the whole way on the live graph: check, excite, record, identify, diagnose, observe, compensate, compare"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file to start from")
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="folder of everything; a rerun goes on where the last one ended"
@@ -29,13 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--time", type=float, default=1800.0, metavar="S", help="begin no step after this time [s] (default: 1800)"
     )
-    parser.add_argument(
-        "--stroke", type=float, metavar="WIDTH", help="full width of all motions (default: 0.02 m; 0.5 rad)"
-    )
-    parser.add_argument("--speed", type=float, metavar="V", help="largest speed (default: 0.05 m/s; 0.5 rad/s)")
-    parser.add_argument(
-        "--acceleration", type=float, metavar="A", help="largest acceleration (default: 1 m/s^2; 2 rad/s^2)"
-    )
+    add_limit_options(parser)
     parser.add_argument(
         "--motion",
         default="",
@@ -48,19 +44,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result; code 3 where the result must not be used as it is.
-    """
+    """Do the job, as ``registry.Command``; code 3 where the result must not be used as it is."""
     from sgms_observer.application.commission.ledger import Ledger
     from sgms_observer.application.commission.run import commission
     from sgms_observer.application.commission.session import Plan, Request, Session
     from sgms_observer.cli.progress import Progress
-    from sgms_observer.errors import ConfigurationError, DataError
+    from sgms_observer.errors import ConfigurationError
     from sgms_observer.whole_file import try_folder
 
     if not args.time > 0.0:
@@ -75,10 +64,7 @@ def run(args: argparse.Namespace) -> Outcome:
     plan = Plan.of(request)
     try_folder(out)
     ledger = Ledger.open(out, request.as_json(), args.overwrite)
-    if importlib.util.find_spec("rclpy") is None:
-        from sgms_observer.nodes.spin import MISSING_ROS
-
-        raise DataError(MISSING_ROS)
+    require_ros()
     from sgms_observer.nodes.table_link import TableLink
 
     bars: dict[str, Progress] = {}

@@ -12,23 +12,12 @@ HELP = "compile the numerical kernels ahead, so that the first start of a node o
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     add_output_options(parser, has_result=False)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code, 0 only on success.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer import jit
     from sgms_observer.application.kernels import compile_ahead, missing_parts
     from sgms_observer.cli.progress import Progress

@@ -35,23 +35,12 @@ complete -o default -F _sgms sgms
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("shell", choices=_SHELLS, help="the shell that will read the script")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code, 0 only on success.
-    """
+    """Do the job, as ``registry.Command``."""
     if args.shell == "zsh":
         print("autoload -U +X bashcompinit && bashcompinit")
     print(_script(), end="")

@@ -6,18 +6,14 @@ import argparse
 from pathlib import Path
 
 from sgms_observer.cli.options import add_output_options, add_overwrite_option
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.outcome import Outcome
 
 NAME = "convert"
 HELP = "turn a log (text or MAT) into a bag that replay, identify and diagnose read"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument(
         "file", metavar="FILE", type=Path, help="the log: .mat (up to version 7), anything else is a table of text"
     )
@@ -54,14 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.application.convert import ConvertOptions, convert
 
     options = ConvertOptions(args.rate, args.start, args.end, args.split, args.axis, args.storage, args.overwrite)

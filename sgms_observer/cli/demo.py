@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.options import add_output_options, add_overwrite_option
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.cli.options import add_output_options, add_overwrite_option, require_ros
+from sgms_observer.outcome import Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.nodes.conductor import Conductor
@@ -32,11 +31,7 @@ _RECORDED = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder of the results (default: out/demo)")
     parser.add_argument(
         "--duration", type=float, default=20.0, metavar="S", help="time on the graph [s], half of it compensated"
@@ -47,16 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.bags.replacement import refuse_existing_bag
-    from sgms_observer.errors import ConfigurationError, DataError
+    from sgms_observer.errors import ConfigurationError
     from sgms_observer.settings.load import load_settings
     from sgms_observer.shipped import shipped_file
 
@@ -64,10 +52,7 @@ def run(args: argparse.Namespace) -> Outcome:
         raise ConfigurationError([f"--duration = {args.duration:g} s must be between 4 and 3600; give for instance 20"])
     config = Path(args.config) if args.config else shipped_file("config", "demo.yaml")
     settings = load_settings(config)
-    if importlib.util.find_spec("rclpy") is None:
-        from sgms_observer.nodes.spin import MISSING_ROS
-
-        raise DataError(MISSING_ROS)
+    require_ros()
     from sgms_observer.report.demonstration import present
 
     out = Path(args.out)

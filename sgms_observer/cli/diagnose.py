@@ -8,9 +8,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sgms_observer.cli.many import add_fleet_arguments
 from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option, axis_from, topics_from
-from sgms_observer.cli.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
-from sgms_observer.fleet.arguments import add_fleet_arguments
+from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.application.diagnose import DiagnoseResult
@@ -20,11 +20,7 @@ HELP = "find the effect that the model misses, name it, add it to the model, and
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("bags", nargs="+", metavar="BAG", help="recordings with position and control_effort")
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file with the model as it is now")
     parser.add_argument(
@@ -65,14 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int | Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.application.diagnose import FILES, DiagnoseRequest, diagnose_bags
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
@@ -84,7 +73,7 @@ def run(args: argparse.Namespace) -> int | Outcome:
         raise ConfigurationError(["--workers and --seed must not be negative; leave them out for the defaults"])
     axis = axis_from(args.axis, NAME)
     if args.each:
-        from sgms_observer.fleet.command import diagnose_each
+        from sgms_observer.cli.many import diagnose_each
 
         return diagnose_each(args)
     if args.scheduler is not None:

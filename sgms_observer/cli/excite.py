@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from sgms_observer.cli.options import (
     add_axis_option,
+    add_limit_options,
     add_output_options,
     add_overwrite_option,
-    axes_from,
     axis_from,
 )
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.outcome import Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.excitation.reference import Excitation, Floats
@@ -23,11 +23,7 @@ HELP = "write (or publish) the reference that tells most about what is asked for
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file with rough values of the axis")
     parser.add_argument(
         "--out", metavar="CSV", help="file to write: time [s], position [m; rad], velocity [m/s; rad/s]"
@@ -52,13 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " that the table publishes when publishing)",
     )
     add_axis_option(parser, "the first of the file")
-    parser.add_argument(
-        "--stroke", type=float, metavar="WIDTH", help="full width of the motion (default: 0.02 m; 0.5 rad)"
-    )
-    parser.add_argument("--speed", type=float, metavar="V", help="largest speed (default: 0.05 m/s; 0.5 rad/s)")
-    parser.add_argument(
-        "--acceleration", type=float, metavar="A", help="largest acceleration (default: 1 m/s^2; 2 rad/s^2)"
-    )
+    add_limit_options(parser)
     parser.add_argument("--smallest", type=float, metavar="D", help="smallest reversal (default: 1e-7 m; 1e-5 rad)")
     parser.add_argument(
         "--centre",
@@ -74,21 +64,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
-    from dataclasses import replace
-
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.errors import ConfigurationError
-    from sgms_observer.excitation.limits import CAUTIOUS_LIMITS
+    from sgms_observer.excitation.limits import limits_of
     from sgms_observer.excitation.reference import DURATION, design_excitation
     from sgms_observer.settings.load import load_settings
     from sgms_observer.whole_file import refuse_existing_files
+    from sim_plant.reference_file import write_reference_file
 
     if not args.out and not args.publish:
         raise ConfigurationError(["sgms excite needs --out CSV or --publish; give at least one"])
@@ -97,13 +79,9 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.out:
         refuse_existing_files([args.out], args.overwrite)
     settings = load_settings(args.config)
-    names = [axis.name for axis in settings.axes]
-    name = axes_from([axis_from(args.axis, NAME) or names[0]], names, args.config)[0]
-    axis = settings.axes[names.index(name)]
-    given = {name: getattr(args, name) for name in ("stroke", "speed", "acceleration", "smallest")}
-    limits = replace(
-        CAUTIOUS_LIMITS[axis.joint_type], **{name: value for name, value in given.items() if value is not None}
-    )
+    wanted = axis_from(args.axis, NAME)
+    axis = settings.wanted_axes([wanted] if wanted else (), args.config)[0]
+    limits = limits_of(axis.joint_type, args.stroke, args.speed, args.acceleration, args.smallest)
     asked = [word.strip() for word in (args.asked or "").split(",") if word.strip()]
     seconds = DURATION if args.duration is None else args.duration
     rate = 1.0 / settings.sample_period if args.rate is None else args.rate
@@ -116,7 +94,7 @@ def run(args: argparse.Namespace) -> Outcome:
         for sentence in reference.summary:
             print(sentence, file=sys.stderr if sentence.startswith("Warning:") else sys.stdout)
         if args.out:
-            _write(args.out, reference)
+            write_reference_file(args.out, reference.time, reference.position, reference.velocity)
             print(f"wrote {args.out}: {reference.time[-1]:.2f} s, {len(reference.time)} samples")
         return reference.position, reference.velocity
 
@@ -127,7 +105,7 @@ def run(args: argparse.Namespace) -> Outcome:
         print("published to the end" if finished else "interrupted: the reference was brought to rest")
     else:
         reference_from((args.centre or 0.0) if args.start is None else args.start)
-    return Outcome(result=_result(args.out, name, made[0]))
+    return Outcome(result=_result(args.out, axis.name, made[0]))
 
 
 def _result(out: str | None, axis: str, reference: Excitation) -> dict[str, Any]:
@@ -150,12 +128,3 @@ def _result(out: str | None, axis: str, reference: Excitation) -> dict[str, Any]
             for part in reference.sections
         ],
     }
-
-
-def _write(path: str, reference: Excitation) -> None:
-    """Write the reference as CSV; the simulated stage reads it as reference.kind: file."""
-    from sgms_observer.settings.write import write_text
-
-    rows = zip(reference.time, reference.position, reference.velocity, strict=True)
-    lines = [f"{time:.9g},{position:.12f},{velocity:.9g}" for time, position, velocity in rows]
-    write_text("\n".join(["time,position,velocity", *lines]) + "\n", path)

@@ -6,18 +6,14 @@ import argparse
 import sys
 
 from sgms_observer.cli.options import add_axis_option, add_output_options, add_overwrite_option
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.outcome import Outcome
 
 NAME = "export"
 HELP = "write observer and compensation as C (or a ros2_control controller), or the simulated stage as FMU"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("config", metavar="YAML", help="parameter file")
     parser.add_argument(
         "--target",
@@ -36,14 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.application.export import ExportOptions, export
 
     options = ExportOptions(args.target, tuple(args.axis or ()), args.real, args.fmi, args.overwrite)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option, topics_from
-from sgms_observer.cli.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
+from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.identification.answer import Answer
@@ -19,11 +19,7 @@ HELP = "identify mass, friction, offset and delay from recordings, with interval
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("bags", nargs="+", metavar="BAG", help="recordings with position and control_effort")
     parser.add_argument("--config", required=True, metavar="START", help="parameter file to start from")
     parser.add_argument("--out", required=True, metavar="YAML", help="parameter file to write; report.html beside it")
@@ -58,14 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result; code 3 where a model must not be used as it is.
-    """
+    """Do the job, as ``registry.Command``; code 3 where a model must not be used as it is."""
     from sgms_observer.application.identify import IdentifyJob, identify_bags
 
     job = IdentifyJob(

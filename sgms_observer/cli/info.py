@@ -6,18 +6,14 @@ import argparse
 import sys
 
 from sgms_observer.cli.options import add_bag_options, add_output_options
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.outcome import Outcome
 
 NAME = "info"
 HELP = "tell what is in a bag: topics, joints, rates, gaps, encoder step, signs, and what it can be used for"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("bag", metavar="BAG", help="the recording")
     parser.add_argument(
         "--joint-type",
@@ -29,14 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.application.bag_info import inspect_bag
     from sgms_observer.cli.options import topics_from
 

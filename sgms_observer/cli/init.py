@@ -6,18 +6,14 @@ import argparse
 import sys
 
 from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.outcome import Outcome
 
 NAME = "init"
 HELP = "write a commented parameter file: a template, or with rates, resolution, rough mass and friction of a bag"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("bag", nargs="?", metavar="BAG", help="recording to take values from (default: none)")
     parser.add_argument("--out", required=True, metavar="YAML", help="parameter file to write")
     parser.add_argument(
@@ -46,14 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.application.init import InitOptions, init
     from sgms_observer.cli.options import topics_from
     from sgms_observer.settings.units import Units

@@ -9,31 +9,22 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
 
 from sgms_observer import __version__
 from sgms_observer.cli import registry
-from sgms_observer.cli.outcome import EXIT_FAILED, EXIT_USAGE, Outcome, json_value
 from sgms_observer.cli.progress import Progress
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import noted_interrupts
-
-EXIT_INTERRUPTED = 130
-EXIT_BROKEN_PIPE = 141
-EXIT_TERMINATED = 143
-SHOW_TRACEBACK = "SGMS_OBSERVER_TRACEBACK"
-
-
-class SentenceParser(argparse.ArgumentParser):
-    """An argument parser that answers a wrong command line with one sentence."""
-
-    def error(self, message: str) -> NoReturn:
-        """Say what is wrong and where to read more, and exit with code 2.
-
-        Args:
-            message: what is wrong.
-        """
-        self.exit(EXIT_USAGE, f"{self.prog}: {message}; see '{self.prog} --help'\n")
+from sgms_observer.outcome import (
+    EXIT_BROKEN_PIPE,
+    EXIT_FAILED,
+    EXIT_INTERRUPTED,
+    EXIT_TERMINATED,
+    SHOW_TRACEBACK,
+    Outcome,
+    SentenceParser,
+    json_value,
+)
 
 
 class _CommandList(argparse.HelpFormatter):
@@ -57,13 +48,10 @@ def build_parser(wanted: str | None) -> SentenceParser:
     )
     parser.add_argument("--version", action="version", version=f"sgms {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, missing in registry.COMMANDS.items():
+    for name in registry.COMMANDS:
         if wanted is not None and name != wanted:
             continue
         command = registry.load(name)
-        if command is None:
-            commands.add_parser(name, help=f"(not in this version yet: {missing})")
-            continue
         own = commands.add_parser(name, help=command.HELP, description=command.HELP)
         command.add_arguments(own)
     return parser
@@ -88,11 +76,7 @@ def _run(given: list[str], interrupts: Sequence[int]) -> int:
     wanted = given[0] if given and given[0] in registry.COMMANDS else None
     try:
         args = build_parser(wanted).parse_args(given)
-        command = registry.load(args.command)
-        if command is None:
-            missing = registry.COMMANDS[args.command]
-            return _fail(f"sgms {args.command} is not in version {__version__} yet: {missing}")
-        return _finish(command, args)
+        return _finish(registry.load(args.command), args)
     except KeyboardInterrupt:
         return _interrupted(interrupts)
     except BrokenPipeError:

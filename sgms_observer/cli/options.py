@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 from collections.abc import Sequence
 
-from sgms_observer.errors import ConfigurationError
+from sgms_observer.errors import ConfigurationError, DataError
 
 
 def add_output_options(parser: argparse.ArgumentParser, *, has_result: bool = True) -> None:
@@ -70,6 +71,21 @@ def add_axis_option(parser: argparse.ArgumentParser, axes: str) -> None:
     )
 
 
+def add_limit_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what the axis may do while it is excited; without them ``CAUTIOUS_LIMITS`` of its joint type hold.
+
+    Args:
+        parser: the command's own parser.
+    """
+    parser.add_argument(
+        "--stroke", type=float, metavar="WIDTH", help="full width of the motion (default: 0.02 m; 0.5 rad)"
+    )
+    parser.add_argument("--speed", type=float, metavar="V", help="largest speed (default: 0.05 m/s; 0.5 rad/s)")
+    parser.add_argument(
+        "--acceleration", type=float, metavar="A", help="largest acceleration (default: 1 m/s^2; 2 rad/s^2)"
+    )
+
+
 def topics_from(arguments: Sequence[str]) -> dict[str, str]:
     """Return the topics the user named, by their key.
 
@@ -94,24 +110,6 @@ def topics_from(arguments: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def axes_from(arguments: Sequence[str] | None, known: Sequence[str], source: str) -> list[str]:
-    """Return the axes the user named, in their order, or all of them.
-
-    Args:
-        arguments: the names, or None.
-        known: the names that there are.
-        source: the file that they come from, for messages.
-
-    Raises:
-        ConfigurationError: an axis is not there.
-    """
-    wanted = list(dict.fromkeys(arguments or known))
-    strange = [name for name in wanted if name not in known]
-    if strange:
-        raise ConfigurationError([f"--axis {strange[0]} is not in {source}; it has {', '.join(known)}"])
-    return wanted
-
-
 def axis_from(arguments: Sequence[str] | None, command: str) -> str | None:
     """Return the one axis that the user named, or None.
 
@@ -126,3 +124,15 @@ def axis_from(arguments: Sequence[str] | None, command: str) -> str | None:
     if len(wanted) > 1:
         raise ConfigurationError([f"sgms {command} takes one axis at a time; --axis names {', '.join(wanted)}"])
     return wanted[0] if wanted else None
+
+
+def require_ros() -> None:
+    """Raise the sentence about a missing ROS 2.
+
+    Raises:
+        DataError: it is not importable.
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        from sgms_observer.nodes.spin import MISSING_ROS
+
+        raise DataError(MISSING_ROS)

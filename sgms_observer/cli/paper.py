@@ -14,11 +14,7 @@ HELP = "the paper's Table II and Figures 2, 3, 5-7, and the package's own best o
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="folder for report.html, table2, beyond and the figures"
     )
@@ -31,14 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code, 0 only on success.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.cli.progress import Progress
     from sgms_observer.paper.beyond import beyond, beyond_markdown, runs_beyond
     from sgms_observer.paper.figures_estimation import figure_five, figures_six_and_seven

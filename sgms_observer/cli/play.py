@@ -9,7 +9,7 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
-from sgms_observer.cli.options import add_output_options, add_topic_option, topics_from
+from sgms_observer.cli.options import add_output_options, add_topic_option, require_ros, topics_from
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -27,11 +27,7 @@ _SHORT = 0.002  # s; shorter pauses are slept, longer ones can be interrupted
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("bag", metavar="BAG", help="the recording")
     parser.add_argument("--rate", type=float, default=1.0, metavar="R", help="times faster than recorded (default: 1)")
     parser.add_argument(
@@ -50,30 +46,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code, 0 only on success.
-    """
-    try:
-        import rclpy
-        from rclpy.signals import SignalHandlerOptions
-    except ImportError:
-        from sgms_observer.errors import RecordingError
-        from sgms_observer.nodes.spin import MISSING_ROS
-
-        raise RecordingError(MISSING_ROS) from None
-
+    """Do the job, as ``registry.Command``."""
+    require_ros()
+    import rclpy
     from rclpy.duration import Duration
+    from rclpy.signals import SignalHandlerOptions
 
     from sgms_observer.bags.schedule import Schedule
     from sgms_observer.bags.source import BagReader
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import RecordingError
-    from sgms_observer.nodes.transport import use_shipped_transport
+    from sgms_observer.nodes.transport import prepare_transport
 
     if not 0.0 < args.rate < float("inf"):
         raise RecordingError(f"--rate {args.rate:g} must be above 0")
@@ -83,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     renamed = {_absolute(name): _absolute(key) for key, name in topics_from(args.topic).items()}
     with BagReader(args.bag) as bag:
         topics = _choose(bag, args.topics, renamed)
-        use_shipped_transport()
+        prepare_transport()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         node = None
         try:

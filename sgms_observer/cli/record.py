@@ -9,7 +9,7 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.options import add_output_options, add_overwrite_option
+from sgms_observer.cli.options import add_output_options, add_overwrite_option, require_ros
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -25,11 +25,7 @@ _LONGEST_DRAIN = 1.0  # s
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument(
         "topics", metavar="TOPIC", nargs="*", help="topics to record (default: all inputs and outputs of the observer)"
     )
@@ -45,22 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code, 0 only on success.
-    """
-    try:
-        import rclpy
-    except ImportError:
-        from sgms_observer.errors import RecordingError
-        from sgms_observer.nodes.spin import MISSING_ROS
-
-        raise RecordingError(MISSING_ROS) from None
-
+    """Do the job, as ``registry.Command``."""
+    require_ros()
+    import rclpy
     from rclpy.executors import ExternalShutdownException
     from rclpy.signals import SignalHandlerOptions
 
@@ -68,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     from sgms_observer.errors import RecordingError
     from sgms_observer.nodes.recording import RecorderNode
     from sgms_observer.nodes.spin import leave_graph, make_executor
-    from sgms_observer.nodes.transport import use_shipped_transport
+    from sgms_observer.nodes.transport import prepare_transport
 
     if args.duration is not None and not args.duration > 0.0:
         raise RecordingError(f"--duration {args.duration:g} s must be above 0")
@@ -77,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    use_shipped_transport()
+    prepare_transport()
     try:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()

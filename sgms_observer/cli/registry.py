@@ -8,32 +8,15 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import importlib.util
 from typing import Protocol, cast
 
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.outcome import Outcome
 
-# In the order in which a user meets them; the text says what brings a command that is not there yet.
-COMMANDS = {
-    "demo": "it comes with the nodes",
-    "simulate": "it comes with recordings",
-    "replay": "it comes with recordings",
-    "play": "it comes with recordings",
-    "record": "it comes with recordings",
-    "convert": "it comes with recordings",
-    "info": "it comes with recordings",
-    "check": "it comes with recordings",
-    "init": "it comes with recordings",
-    "identify": "it comes with identification",
-    "diagnose": "it comes with the diagnosis",
-    "paper": "it comes with the reproduction of the paper",
-    "excite": "it comes with identification",
-    "commission": "it comes with the nodes",
-    "export": "it comes with export",
-    "bench": "it comes with the benchmarks",
-    "completion": "it comes with the command line",
-    "compile": "it comes with the kernels",
-}
+# In the order in which a user meets them.
+COMMANDS = (
+    "demo", "simulate", "replay", "play", "record", "convert", "info", "check", "init", "identify", "diagnose",
+    "paper", "excite", "commission", "export", "bench", "completion", "compile",
+)  # fmt: skip
 
 
 class Command(Protocol):
@@ -59,16 +42,10 @@ class Command(Protocol):
         """
 
 
-def load(name: str) -> Command | None:
-    """Import the module of one command.
+def load(name: str) -> Command:
+    """Return the module of one command.
 
     Args:
-        name: a key of ``COMMANDS``.
-
-    Returns:
-        The module, or None when this version does not have the command yet.
+        name: one of ``COMMANDS``.
     """
-    module_name = f"sgms_observer.cli.{name}"
-    if importlib.util.find_spec(module_name) is None:
-        return None
-    return cast(Command, importlib.import_module(module_name))
+    return cast(Command, importlib.import_module(f"sgms_observer.cli.{name}"))

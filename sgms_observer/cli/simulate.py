@@ -10,7 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from sgms_observer.cli.options import add_output_options, add_overwrite_option
-from sgms_observer.cli.outcome import Outcome
+from sgms_observer.outcome import Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.bags.writer import BagWriter
@@ -34,11 +34,7 @@ _SETTLING = 0.5  # s at the start of a run of a second or more that no error cou
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("--config", required=True, metavar="F", help="parameter file (YAML): the axes and their stage")
     parser.add_argument("--out", required=True, metavar="BAG", help="folder of the new bag")
     parser.add_argument(
@@ -60,14 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job.
-
-    Args:
-        args: what the user gave.
-
-    Returns:
-        The exit code and the result.
-    """
+    """Do the job, as ``registry.Command``."""
     from sgms_observer.bags.replacement import refuse_existing_bag
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.cli.progress import Progress

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
+from sgms_observer.filters.differentiator import velocity_noise_gain
 from sgms_observer.jit import njit
+from sgms_observer.settings.observer import FilterSettings
 
 MIN_Z_SCORE = 3.0
 """Standard deviations from zero at which the sign of an estimate counts as known."""
@@ -41,3 +43,16 @@ def fade(friction_std: float, fade_std: float) -> float:
     if not friction_std < fade_std:
         return 0.0
     return min(1.0, (1.0 - friction_std / fade_std) / (1.0 - _FADE_START))
+
+
+def standstill_velocity(settings: FilterSettings, sample_period: float) -> float:
+    """Return the speed up to which an estimated velocity may be that of an axis at rest [m/s].
+
+    It is ``3 sigma_q sqrt(sum w_i^2)``: ``sigma_q`` the noise of a measured position, the encoder's steps included,
+    ``w_i`` the filter's weights from positions to the present velocity. Noise exceeds it at 3 samples in 1000.
+
+    Args:
+        settings: filter with the position's noise.
+        sample_period: nominal time between two samples [s].
+    """
+    return MIN_Z_SCORE * settings.position_noise * velocity_noise_gain(settings, sample_period)

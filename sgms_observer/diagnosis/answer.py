@@ -14,8 +14,8 @@ from sgms_observer.diagnosis.advice import Named, detectable, next_experiment
 from sgms_observer.diagnosis.ceiling import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
-from sgms_observer.diagnosis.decision import Decision, within_range
-from sgms_observer.diagnosis.evidence import Improvement, blocks_of, improvement
+from sgms_observer.diagnosis.decision import Decision, apart, within_range
+from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
 from sgms_observer.diagnosis.gap import Gap, effort_rms, halves, interval, noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.homing import unhomed
@@ -141,7 +141,9 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     after = before if fit is found.before else bench.residuals(model, found.after_refits, fit.effects)
     tests = [test for item in found.rounds for decision in item.decisions for test in decision.tests]
     weights = found.court.weights if has_held_out else [np.ones_like(part) for part in before]
-    shrinks = _improvement(weighted(before, weights), weighted(after, weights), motions, criteria.block)
+    shrinks = improvement(
+        *(in_blocks(weighted(parts, weights), motions, criteria.block) for parts in (before, after))
+    )
     if fit is not found.before:
         names = ", ".join(item.accepted.candidate.name for item in found.rounds if item.accepted)
         test = at_least(names, "gap as reported: z-score", shrinks.z_score, criteria.interval_z_score)
@@ -224,17 +226,6 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     )  # fmt: skip
 
 
-def _improvement(
-    before: Sequence[Floats], after: Sequence[Floats], motions: Sequence[Motion], length: float
-) -> Improvement:
-    """Return what the later residuals improve, by blocks."""
-    one, other = [], []
-    for motion, early, late in zip(motions, before, after, strict=True):
-        one += blocks_of(early, motion.residual_period, length)
-        other += blocks_of(late, motion.residual_period, length)
-    return improvement(one, other)
-
-
 def _ceiling(
     found: Diagnosis,
     model: Model,
@@ -294,7 +285,7 @@ def _added(
         motions: the motions.
         criteria: thresholds.
     """
-    back = _improvement(before, given, motions, criteria.block)
+    back = improvement(*(in_blocks(parts, motions, criteria.block) for parts in (before, given)))
     return back.fall / back.before if back.z_score > criteria.min_z_score and back.before > 0.0 else 0.0
 
 
@@ -353,7 +344,7 @@ def _named(
         if number + 1 < len(accepted):
             now = rms(residuals(replace(fit.model, effects=tuple(without)), motions)) * percent
         others = [
-            improvement(other.evidence.all, item.accepted.evidence.all).z_score
+            apart(item.accepted, other)
             for other in item.decisions
             if other.candidate.settings is not None and other.candidate.name not in names and other.passed
         ]

@@ -15,7 +15,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 
 from sgms_observer.diagnosis.coordinates import coordinates_of
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.evidence import Improvement, blocks_of, improvement
+from sgms_observer.diagnosis.evidence import Improvement, improvement, in_blocks
 from sgms_observer.diagnosis.motion import Motion
 
 Floats = NDArray[np.float64]
@@ -81,11 +81,9 @@ def free_form(
     else:
         model = _fit(np.vstack(known), np.concatenate(list(learn_residual)), period, seed)
         predicted = [np.asarray(model.predict(coordinates_of(motion, names))) for motion in judge]
-    before, after = [], []
-    for motion, residual, guess in zip(judge, judge_residual, predicted, strict=True):
-        before += blocks_of(residual, motion.residual_period, criteria.block)
-        after += blocks_of(residual - guess, motion.residual_period, criteria.block)
-    return FreeForm(tuple(names), tuple(predicted), improvement(before, after))
+    left = [residual - guess for residual, guess in zip(judge_residual, predicted, strict=True)]
+    gain = improvement(*(in_blocks(parts, judge, criteria.block) for parts in (judge_residual, left)))
+    return FreeForm(tuple(names), tuple(predicted), gain)
 
 
 def _fit(rows: Floats, target: Floats, period: float, seed: int) -> HistGradientBoostingRegressor:

@@ -65,6 +65,12 @@ def changed_values(found: Diagnosis, fit: Refit, options: Options) -> tuple[Chan
         listed.append(Changed("friction.element_damping (sum)", 0.0, total, 0.0, closes))
     if (fit.model.is_sharp or new.model == "gms") and not (found.nominal.is_sharp or old.model == "gms"):
         listed.append(Changed("friction.model", old.model, "gms", 0.0, closes))
+    deviations = fit.deviations()
+    for place, item in enumerate(fit.effects):
+        for number, parameter in enumerate(effect(item.name).parameters):
+            if item.name in found.bent and parameter.is_strength and (place, number) in fit.free:
+                error = float(deviations[fit.free.index((place, number))])
+                listed.append(Changed(f"effects.{item.name}.{parameter.name}", 0.0, item.values[number], error, closes))
     for item in found.own:
         now = next((one for one in fit.effects if one.name == item.name), item)
         if now.values == item.values:
@@ -74,7 +80,7 @@ def changed_values(found: Diagnosis, fit: Refit, options: Options) -> tuple[Chan
         ):
             index = [one.name for one in fit.effects].index(item.name)
             if (index, place) in fit.free and one != other:
-                error = float(fit.deviations()[fit.free.index((index, place))])
+                error = float(deviations[fit.free.index((index, place))])
                 listed.append(Changed(f"effects.{item.name}.{parameter.name}", float(one), float(other), error, closes))
     return tuple(listed)
 

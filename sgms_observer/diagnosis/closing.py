@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.compensation.standstill import standstill_velocity
+from sgms_observer.compensation.trust import standstill_velocity
 from sgms_observer.diagnosis.evidence import blocks_of
 from sgms_observer.diagnosis.motion import HELD, Motion, later, motion_of
 from sgms_observer.observer.axis_observer import AxisObserver
@@ -16,8 +16,6 @@ from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 
-BLOCK = 0.5
-"""Length of a block of time [s]."""
 SKIPPED = 0.5  # s, while filters fill
 
 
@@ -47,24 +45,24 @@ class Closing:
         return "the recorded reference" if self.has_reference else "the measured motion"
 
 
-def closing(record: Recording, axis: AxisSettings, period: float, band: float) -> Closing:
+def closing(record: Recording, axis: AxisSettings, band: float, block: float) -> Closing:
     """Run observer and compensation over a recording, along its measured motion, and its reference if it has one.
 
     Args:
         record: position and effort.
         axis: settings with the model to try.
-        period: nominal sample period [s].
         band: upper corner of the judging band [Hz].
+        block: length of a block of time [s].
     """
     tuned = replace(axis.compensation, enabled=True, gain=1.0, limit=1.0e6, slew_limit=1.0e9, fade_std=1.0e6)
     axis = replace(axis, compensation=tuned)
-    n = len(record.position)
-    stamp = np.round(np.arange(n) * record.period * 1e9).astype(np.int64)
+    n, period = len(record.position), record.period
+    stamp = np.round(np.arange(n) * period * 1e9).astype(np.int64)
     nothing = np.full(n, np.nan)
     samples = Samples(stamp, record.position, record.effort, nothing, nothing)
     observer = AxisObserver(axis, period)
     estimates = observer.step(samples)
-    good = np.arange(n) * record.period > SKIPPED
+    good = np.arange(n) * period > SKIPPED
     innovation = estimates.innovation[good & np.isfinite(estimates.innovation)]
     motion = motion_of(record, HELD if axis.filter.effort_is_held else 0.0, band)
     needed = motion.effort - (axis.mass + observer.effects.added_mass) * motion.acceleration
@@ -84,7 +82,7 @@ def closing(record: Recording, axis: AxisSettings, period: float, band: float) -
     return Closing(
         innovation=float(np.sqrt(np.mean(innovation**2))),
         compensation=float(np.sqrt(np.mean(left[follows] ** 2))) if np.any(follows) else math.nan,
-        blocks=tuple(blocks_of(along_measured, motion.residual_period, BLOCK)),
+        blocks=tuple(blocks_of(along_measured, motion.residual_period, block)),
         share=float(np.mean(follows)),
         has_reference=reference is not None,
     )

@@ -21,6 +21,12 @@ CONTACT_EFFECTS = (
     "dwell_breakaway", "presliding", "backlash", "frictional_lag",
 )  # fmt: skip
 """Effects that a contact law other than the file's may look like."""
+LAW_EFFECTS = (
+    "nonlinear_viscous", "eddy_current", "stribeck", "load_dependent_friction", "presliding", "backlash",
+    "frictional_lag",
+)  # fmt: skip
+"""Those of them that say nothing but how the contact law differs: on a contact that is not the file's they fit whatever
+the law leaves."""
 FREE_FORM = {
     "cogging": ("position",),
     "spring": ("position",),
@@ -33,6 +39,15 @@ FREE_FORM = {
     **dict.fromkeys((*CONTACT_EFFECTS, "mass_error", "flexible_mode", "actuator_delay", "actuator_dead_zone"), CONTACT),
 }
 """Coordinates of the free-form term that an effect has to match; effects periodic in time have none."""
+
+
+def is_law(name: str) -> bool:
+    """Return whether an effect says nothing but how the contact law differs.
+
+    Args:
+        name: of an effect.
+    """
+    return name in LAW_EFFECTS
 
 
 def is_like_contact(name: str) -> bool:

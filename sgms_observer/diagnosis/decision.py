@@ -15,15 +15,14 @@ from sgms_observer.diagnosis.coordinates import FREE_FORM
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.evidence import (
     Improvement,
-    blocks_of,
-    force_residuals,
     held_out_residuals,
     improvement,
+    in_blocks,
     learnt_residuals,
     left_out_residuals,
 )
 from sgms_observer.diagnosis.fit import Judged, Refit, Refits
-from sgms_observer.diagnosis.gap import residuals, rms, weighted
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.ranges import believable
@@ -95,8 +94,11 @@ class Court:
         return (self.first_gap**2 - (0.0 if self.is_noise(self.first_gap) else self.floor**2)) * count
 
     def is_closed(self, model: Model) -> bool:
-        """Return whether a model leaves nothing above the floor on ``judge``."""
-        return self.is_noise(self.rms(model))
+        """Return whether a model leaves nothing above the floor on ``judge``, at rest neither."""
+        if not self.is_noise(self.rms(model)):
+            return False
+        floor = noise_floor(self.judge, model, self.judged.noise, self.seed)
+        return rms(residuals(model, self.judge)) <= self.criteria.min_gap_over_floor * floor
 
     def is_noise(self, residual: float) -> bool:
         """Return whether an rms weighted residual [N] does not stand out of the floor."""
@@ -136,7 +138,7 @@ def evidence_of(found: Refit, court: Court) -> Evidence:
     return Evidence(
         learn(found, court.judged, length),
         held_out_residuals(found.model, court.held, length),
-        force_residuals(found.model, court.judge, length, court.weights),
+        in_blocks(weighted(residuals(found.model, court.judge), court.weights), court.judge, length),
     )
 
 
@@ -190,7 +192,7 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> D
     gap = improvement(earlier.force, later.force)
     if court.has_held_out:
         tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
-    share = gap.fall / court.closable_square if court.closable_square > 0.0 else 0.0  # a perfect model leaves nothing
+    share = gap.fall / court.closable_square if court.closable_square > 0.0 else 0.0
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     tests += bounds(item, court)
     if item.settings is not None:
@@ -288,9 +290,7 @@ def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> lis
     criteria = court.criteria
     free = term(names, before.model, court)
     left = [one - guess for one, guess in zip(residuals(before.model, court.judge), free.predicted, strict=True)]
-    pairs = zip(weighted(left, court.weights), court.judge, strict=True)
-    replaced = [block for part, motion in pairs for block in blocks_of(part, motion.residual_period, criteria.block)]
-    better = improvement(later.force, replaced)
+    better = improvement(later.force, in_blocks(weighted(left, court.weights), court.judge, criteria.block))
     title = f"z-score of a free-form term over {', '.join(names)}"
     return [at_most(item.name, title, better.z_score, criteria.min_z_score)]
 
@@ -300,6 +300,21 @@ def term(names: Sequence[str], model: Model, court: Court) -> FreeForm:
     learn = residuals(model, court.learn)
     judge = residuals(model, court.judge) if court.has_held_out else learn
     return free_form(names, court.learn, learn, court.judge, judge, court.criteria, court.seed)
+
+
+def apart(one: Decision, other: Decision) -> float:
+    """Return the z-score by which one hypothesis predicts better than another.
+
+    Over all recordings; over the held-out ones alone where these say the opposite.
+
+    Args:
+        one, other: decisions of the same round.
+    """
+    z_score = improvement(other.evidence.all, one.evidence.all).z_score
+    if one.evidence.held:
+        held = improvement(other.evidence.held, one.evidence.held).z_score
+        return z_score if held * z_score >= 0.0 else held
+    return z_score
 
 
 def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria) -> tuple[str, ...]:
@@ -314,7 +329,7 @@ def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria)
     for item in others:
         if item.candidate.settings is None or item.candidate.name == best.candidate.name:
             continue
-        is_apart = improvement(item.evidence.all, best.evidence.all).z_score > criteria.min_z_score
+        is_apart = apart(best, item) > criteria.min_z_score
         is_possible = all(test.passed for test in item.tests)
         if not is_apart and is_possible:
             found.append(item.candidate.name)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.fit import Judged, Refit
-from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.uncertainty import in_time, left_out
 
@@ -66,6 +66,21 @@ def blocks_of(values: Floats, period: float, length: float) -> list[Floats]:
     return np.array_split(values, count)
 
 
+def in_blocks(parts: Sequence[Floats], motions: Sequence[Motion], length: float) -> list[Floats]:
+    """Return the residuals of recordings, cut into blocks.
+
+    Args:
+        parts: residual of each recording.
+        motions: the recordings.
+        length: of a block [s].
+    """
+    return [
+        block
+        for part, motion in zip(parts, motions, strict=True)
+        for block in blocks_of(part, motion.residual_period, length)
+    ]
+
+
 def left_out_residuals(found: Refit, judged: Judged, length: float) -> list[Floats]:
     """Return the whitened residual of each block of the recordings to learn from, by the fit without the block.
 
@@ -108,22 +123,4 @@ def held_out_residuals(model: Model, held: Judged, length: float) -> list[Floats
     for motion, series in zip(held.motions, in_time(whitened, held), strict=True):
         duration = len(motion.time) * motion.period
         parts += [part[:, 0] for part in blocks_of(series, duration / len(series), length)]
-    return parts
-
-
-def force_residuals(
-    model: Model, motions: Sequence[Motion], length: float, weights: Sequence[Floats] | None = None
-) -> list[Floats]:
-    """Return the residual of each block, not whitened [N].
-
-    Args:
-        model: what is judged.
-        motions: the recordings.
-        length: of a block [s].
-        weights: of the samples of each recording; all alike if None.
-    """
-    parts: list[Floats] = []
-    for k, motion in enumerate(motions):
-        left = motion.low_pass(predict(model, motion).residual)
-        parts += blocks_of(left if weights is None else left * weights[k], motion.residual_period, length)
     return parts

@@ -95,10 +95,12 @@ class Freedom:
     Attributes:
         friction: viscous, Coulomb and static force, Stribeck velocity, attraction rate.
         elements: stiffness and share of the elements.
+        is_narrow: whether elements that are not let go stay as near to the file as its other values do.
     """
 
     friction: bool = False
     elements: bool = False
+    is_narrow: bool = False
 
 
 def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -> Floats:
@@ -107,7 +109,7 @@ def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -
     Args:
         model: the nominal model.
         tolerance: largest relative error its owner expects; elements may be off ``ELEMENT_SLACK`` times as far, because
-            few elements stand for a continuous contact.
+            few elements stand for a continuous contact, unless they are told to be narrow.
         freedom: what is let go.
     """
     one = tolerance / np.sqrt(3.0)
@@ -116,7 +118,7 @@ def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -
         if name == DAMPING:
             widths.append(FREED_DAMPING)
         elif name.startswith("element"):
-            widths.append(FREED_ELEMENTS if freedom.elements else ELEMENT_SLACK * one)
+            widths.append(FREED_ELEMENTS if freedom.elements else (1.0 if freedom.is_narrow else ELEMENT_SLACK) * one)
         else:
             widths.append(FREED_FRICTION if freedom.friction and name != "mass" else one)
     return np.array(widths)
@@ -250,32 +252,32 @@ def refit(
         return np.asarray((residual(shifted) - here) / step)
 
     age, is_small = 0, False
-    for _ in range(iterations):
-        wanted = range(n if nominal_columns is not None or age > 0 else 0, len(x))
-        with ThreadPoolExecutor(max_workers=workers) as pool:
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        for _ in range(iterations):
+            wanted = range(n if nominal_columns is not None or age > 0 else 0, len(x))
             for k, column in zip(wanted, pool.map(derivative, wanted), strict=True):
                 jacobian[:, k] = column
-        normal, gradient = jacobian.T @ jacobian, jacobian.T @ here
-        improved = 0.0
-        for _attempt in range(6):
-            lhs = normal + damping * np.diag(np.diag(normal) + 1e-12)
-            candidate = np.clip(x - np.linalg.solve(lhs, gradient), low, high)
-            there = residual(candidate)
-            new_cost = 0.5 * float(there @ there)
-            if np.isfinite(new_cost) and new_cost < cost:
-                improved = cost - new_cost
-                moved = (candidate - x) * units
-                if nominal_columns is None:  # Broyden's update, until the columns are computed anew
-                    missed = there - here - jacobian @ (candidate - x)
-                    jacobian += np.outer(missed, moved * units / max(float(moved @ moved), 1e-30))
-                x, here, cost = candidate, there, new_cost
-                damping = max(damping / 5.0, 1e-7)
+            normal, gradient = jacobian.T @ jacobian, jacobian.T @ here
+            improved = 0.0
+            for _attempt in range(6):
+                lhs = normal + damping * np.diag(np.diag(normal) + 1e-12)
+                candidate = np.clip(x - np.linalg.solve(lhs, gradient), low, high)
+                there = residual(candidate)
+                new_cost = 0.5 * float(there @ there)
+                if np.isfinite(new_cost) and new_cost < cost:
+                    improved = cost - new_cost
+                    moved = (candidate - x) * units
+                    if nominal_columns is None:  # Broyden's update, until the columns are computed anew
+                        missed = there - here - jacobian @ (candidate - x)
+                        jacobian += np.outer(missed, moved * units / max(float(moved @ moved), 1e-30))
+                    x, here, cost = candidate, there, new_cost
+                    damping = max(damping / 5.0, 1e-7)
+                    break
+                damping *= 6.0
+            is_small = improved < 1.0e-4 * cost + 0.2
+            if is_small and (age == 0 or nominal_columns is not None):
                 break
-            damping *= 6.0
-        is_small = improved < 1.0e-4 * cost + 0.2
-        if is_small and (age == 0 or nominal_columns is not None):
-            break
-        age = 0 if is_small else (age + 1) % REFRESH
+            age = 0 if is_small else (age + 1) % REFRESH
     model, moved = unpack(x)
     units = np.where(ratio, scales * np.exp(x[n:] * ratio), scales)
     return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free, is_small)

@@ -128,14 +128,13 @@ def noise_floor(
         weights: of the samples of each recording; all alike if None.
     """
     loudest = max(noise, key=lambda item: item.rms)
-    parts = []
+    parts: list[Floats] = []
     for number in range(FLOOR_REPLICATES):
         rng = np.random.default_rng([seed, 79, number])
-        for k, motion in enumerate(motions):
+        for motion in motions:
             simulated = replicate_of(motion, model, loudest, rng)
-            left = simulated.low_pass(predict(model, simulated).residual)
-            parts.append(left if weights is None else left * weights[k])
-    return rms(parts)
+            parts += residuals(model, [simulated])
+    return rms(parts if weights is None else weighted(parts, list(weights) * FLOOR_REPLICATES))
 
 
 def halves(motion: Motion) -> tuple[Motion, Motion]:

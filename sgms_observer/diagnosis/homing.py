@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sgms_observer.diagnosis.decision import Court
-from sgms_observer.diagnosis.evidence import blocks_of, improvement
+from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.catalogue import effect
@@ -83,8 +83,7 @@ def unhomed(models: Sequence[Model], court: Court) -> list[str]:
         place = place_of(model, motion)
         there = moved(motion, place)
         after = weights * there.low_pass(predict(model, there).residual)
-        blocks = [blocks_of(part, motion.residual_period, criteria.block) for part in (here, after)]
-        gain = improvement(*blocks)
+        gain = improvement(*(in_blocks([part], [motion], criteria.block) for part in (here, after)))
         closable = gain.before - court.floor**2 * len(here)
         if gain.z_score > criteria.z_score_of(PLACES) and gain.fall > CLOSES * closable > 0.0:
             said.append(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.evidence import Improvement, blocks_of, improvement
+from sgms_observer.diagnosis.evidence import Improvement, improvement, in_blocks
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.learnt_map import LearntMap, MotionPath, learnt_coordinates
 from sgms_observer.settings.axis import EffectSettings
@@ -107,11 +107,9 @@ def learn(
             predicted = np.split(
                 _in_turn(columns, target, weight * penalty), np.cumsum([len(part) for part in learn_residual])[:-1]
             )
-        before, after = [], []
-        for motion, residual, guess in zip(judge_motions, judge_residual, predicted, strict=True):
-            before += blocks_of(residual, motion.residual_period, criteria.block)
-            after += blocks_of(residual - guess, motion.residual_period, criteria.block)
-        gain = improvement(before, after)
+        left = [residual - guess for residual, guess in zip(judge_residual, predicted, strict=True)]
+        after = in_blocks(left, judge_motions, criteria.block)
+        gain = improvement(in_blocks(judge_residual, judge_motions, criteria.block), after)
         share = gain.fall / max(gain.before, 1e-300)
         if gain.z_score >= criteria.z_score_of(len(COORDINATES)) and share >= criteria.min_closed_share:
             found.append((Learnt(filled, coordinates, gain, share, sentence(filled, units)), after))

@@ -26,6 +26,8 @@ SLOWEST_LAG = 0.2
 LONGEST_PITCH = 0.7
 """Longest period in position, as a share of the stroke."""
 
+DRAGS = {"nonlinear_viscous": ("force",), "quadratic_drag": ("coefficient",)}
+"""Strengths of drags."""
 LEAST_MASS = 0.1
 """Least moving mass with a mass error, as a share of the file's: less, or a negative one, is no stage."""
 
@@ -42,6 +44,8 @@ def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Mo
         return 0.0, max(LONGEST_PITCH * stroke, nominal.joint_period or 0.0)
     if name == "flexible_mode" and parameter == "frequency":
         return 0.0, MODE_RATE * min(motion.step / motion.period for motion in motions)
+    if parameter in DRAGS.get(name, ()):  # a drag takes energy; one that gives some is another contact law
+        return 0.0, np.inf
     if name == "mass_error":
         return (LEAST_MASS - 1.0) * nominal.mass, np.inf
     if name == "flexible_mode" and parameter == "damping_ratio":  # above it nothing resonates

@@ -13,8 +13,8 @@ from sgms_observer.diagnosis.closing import Closing
 from sgms_observer.diagnosis.contact import SETTLE
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
+from sgms_observer.effects.effect import named_values
 from sgms_observer.settings.axis import Settings
-from sgms_observer.settings.effects import named_values
 from sgms_observer.settings.units import Units
 from sgms_observer.settings.write import write_settings
 from sgms_observer.whole_file import write_text

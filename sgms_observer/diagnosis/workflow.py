@@ -11,20 +11,21 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import LAST_STEPS, MOST_COMPARED, Candidate, effect_candidates, to_the_end
 from sgms_observer.diagnosis.contact_start import contact_start
-from sgms_observer.diagnosis.coordinates import is_like_contact
+from sgms_observer.diagnosis.coordinates import is_law, is_like_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.decision import (
     CHANGED,
     Court,
     Decision,
     alternatives,
+    apart,
     changed_refits,
     decide,
     evidence_of,
     held_judged,
 )
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
+from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_with
 from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
@@ -183,6 +184,7 @@ class Diagnosis:
         warnings: what must not be overlooked.
         is_poor: whether the recordings cannot show anything.
         tests: tests of the whole model.
+        is_closed: whether everything that was accepted leaves nothing above the floor.
     """
 
     nominal: Model
@@ -199,11 +201,23 @@ class Diagnosis:
     warnings: tuple[str, ...] = field(default=())
     is_poor: bool = False
     tests: tuple[Test, ...] = field(default=())
+    is_closed: bool = True
 
     @property
     def accepted(self) -> list[Round]:
-        """Return the rounds that added an effect of the catalogue."""
-        return [item for item in self.rounds if item.accepted and item.accepted.candidate.settings is not None]
+        """Return the rounds that added an effect that is named.
+
+        One that says nothing but how the contact law differs is a name only where nothing is left above the floor;
+        else it is a changed value of the file.
+        """
+        added = [item for item in self.rounds if item.accepted and item.accepted.candidate.settings is not None]
+        return [item for item in added if self.is_closed or not is_law(item.accepted.candidate.name)]  # type: ignore[union-attr]
+
+    @property
+    def bent(self) -> frozenset[str]:
+        """Return the effects that were added and are not named."""
+        added = {item.accepted.candidate.name for item in self.rounds if item.accepted}
+        return frozenset(name for name in added if is_law(name) and not self.is_closed)
 
 
 def diagnose(
@@ -242,7 +256,7 @@ def diagnose(
     )  # fmt: skip
     state = State(recordings, learn, held, refits, refits.of(own, None, STEPS))
     state = state.refitted(state.current, AGAIN).timed()
-    state = state.refitted(state.current, AGAIN)
+    state = narrowed(state.refitted(state.current, AGAIN), options)
     warnings = list(audited.warnings)
     if axis.filter.effort_is_held and state.recordings.lag < NOT_HELD:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
@@ -256,8 +270,26 @@ def diagnose(
     court = state.court(options)
     return Diagnosis(
         nominal, own, found, state, before, after, after_refits, tuple(rounds), court, audited.resolution,
-        audited.notes, tuple(warnings), audited.is_poor,
+        audited.notes, tuple(warnings), audited.is_poor, is_closed=court.is_closed(state.current.model),
     )  # fmt: skip
+
+
+def narrowed(state: State, options: Options) -> State:
+    """Return the state with elements as near to the file as its other values, unless those further off predict better.
+
+    Few elements stand for a continuous contact, and may have to lie elsewhere than a test bench has put them. Or they
+    move because another law leaves them something to fit, and predict worse.
+
+    Args:
+        state: with elements that may move further.
+        options: how to run.
+    """
+    narrow = replace(state, refits=replace(state.refits, freedom=Freedom(is_narrow=True)))
+    narrow = narrow.refitted(narrow.current, STEPS)
+    court = narrow.court(options)
+    earlier, later = evidence_of(narrow.current, court), evidence_of(state.current, court)
+    pair = (earlier.held, later.held) if court.has_held_out else (earlier.all, later.all)
+    return state if improvement(*pair).z_score > options.criteria.min_z_score else narrow
 
 
 def _search(
@@ -309,7 +341,8 @@ def chosen(decisions: Sequence[Decision], court: Court) -> Decision | None:
     An effect that leaves nothing above the floor explains all there is with its few values. Else no file has the
     contact exactly right: an effect that a contact may look like waits until no change of the contact passes any more,
     and has to predict better than the changed contact does. Any other effect goes before a change of the contact that
-    moves more values and does not surely predict better.
+    moves more values and does not surely predict better, unless an effect that waits does. An effect that says nothing
+    but how the contact law differs comes last.
 
     Args:
         decisions: the best predicting first.
@@ -318,20 +351,25 @@ def chosen(decisions: Sequence[Decision], court: Court) -> Decision | None:
     passed = [item for item in decisions if item.passed]
     if not passed:
         return None
-    best = passed[0]
+    effects = [item for item in passed if item.candidate.settings is not None]
     if not court.is_noise(court.first_gap):
-        for item in passed:
-            if item.candidate.settings is not None and court.is_closed(item.candidate.refit.model):
+        for item in effects:
+            if court.is_closed(item.candidate.refit.model):
                 return item
+    bent = [item for item in passed if is_law(item.candidate.name)]
+    passed = [item for item in passed if item not in bent] or bent
+    effects = [item for item in passed if item.candidate.settings is not None]
     changes = [item for item in passed if item.candidate.settings is None]
+    most = court.criteria.min_z_score
+    best = next((item for item in effects if apart(item, passed[0]) > most), passed[0])
     if is_like_contact(best.candidate.name) and changes:
         best = changes[0]
     if best.candidate.settings is None:
-        for item in passed:
-            if item.candidate.settings is None or is_like_contact(item.candidate.name):
-                continue
-            apart = improvement(item.evidence.all, best.evidence.all).z_score
-            if item.candidate.parameter_count < best.candidate.parameter_count and apart < court.criteria.min_z_score:
+        waiting = [item for item in effects if is_like_contact(item.candidate.name)]
+        for item in effects:
+            is_simpler = item.candidate.parameter_count < best.candidate.parameter_count
+            is_beaten = any(apart(other, item) > most for other in (best, *waiting))
+            if item not in waiting and is_simpler and not is_beaten:
                 return item
     return best
 

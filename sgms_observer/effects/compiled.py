@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from sgms_observer.effects import kernels
 from sgms_observer.effects.catalogue import effect, is_built_in
-from sgms_observer.effects.effect import Effect, Place
+from sgms_observer.effects.effect import Effect, EffectSettings, Place
 from sgms_observer.effects.user_kernels import compile_user_effects
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 

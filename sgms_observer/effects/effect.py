@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.effects import flat_values, named_values
 
 INPUTS = ("q", "v", "a", "t", "u", "h", "level", "v2", "a2")
 """Names a formula may ask for: position [m], velocity [m/s], acceleration [m/s^2], time since the first sample [s],
@@ -41,6 +40,14 @@ class Place(Enum):
     EFFORT_PATH = "the way of the effort to the mass"
     MEASURED_POSITION = "the measured position"
     PLANT = "the moving masses"
+
+
+@dataclass(frozen=True)
+class EffectSettings:
+    """One effect of the catalogue (or of the user's own) with its parameter values, in the catalogue's order."""
+
+    name: str
+    values: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -239,3 +246,44 @@ class Effect:
         if self.list_faults is not None:
             faults += self.list_faults({item.name: named[item.name] for item in self.lists}, f"{where}.{self.name}")
         return faults
+
+
+def flat_values(entry: Effect, named: Mapping[str, Any]) -> tuple[float, ...]:
+    """Return an effect's values as its formula takes them: the numbers, then each list as its length and its entries.
+
+    Args:
+        entry: the effect.
+        named: parameter's name to its value or entries; what is left out has its default.
+    """
+    flat = [float(named.get(parameter.name, parameter.default)) for parameter in entry.parameters]
+    for item in entry.lists:
+        entries = named.get(item.name, item.default)
+        flat.append(float(len(entries)))
+        flat.extend(float(item.choices.index(word) if item.choices else word) for word in entries)
+    return tuple(flat)
+
+
+def named_values(entry: Effect, values: Sequence[float]) -> dict[str, Any] | None:
+    """Return an effect's values by the names of its parameters: the reverse of ``flat_values``.
+
+    Args:
+        entry: the effect.
+        values: as ``flat_values`` returns them; empty for the defaults.
+
+    Returns:
+        Numbers and tuples by name; None for values that are not those of this effect.
+    """
+    if not values:
+        values = flat_values(entry, {})
+    place = len(entry.parameters)
+    if len(values) < place:
+        return None
+    named: dict[str, Any] = {p.name: values[i] for i, p in enumerate(entry.parameters)}
+    for item in entry.lists:
+        end = place + 1 + int(values[place]) if place < len(values) else len(values) + 1
+        if end > len(values):
+            return None
+        entries = tuple(values[place + 1 : end])
+        named[item.name] = tuple(item.choices[int(number)] for number in entries) if item.choices else entries
+        place = end
+    return named if place == len(values) else None

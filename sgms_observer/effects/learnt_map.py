@@ -11,12 +11,11 @@ from scipy import sparse
 
 from sgms_observer.effects import map_kernel
 from sgms_observer.effects.catalogue import effect
+from sgms_observer.effects.effect import EffectSettings, flat_values, named_values
 from sgms_observer.effects.map_entries import GRIDS, size_of
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.formulas.learnt_map import COORDINATES
 from sgms_observer.jit import njit
-from sgms_observer.settings.axis import EffectSettings
-from sgms_observer.settings.effects import flat_values, named_values
 
 Floats = NDArray[np.float64]
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from sgms_observer.effects.catalogue import BUILT_IN
 from sgms_observer.effects.effect import Effect, EffectList, EffectParameter, Place
-from sgms_observer.settings.faults import shown
 
 _MORE_MAPS = ("learnt_map_2", "learnt_map_3")  # as learnt_map, for more than one table
 
@@ -74,8 +73,8 @@ def _row(parameter: EffectParameter) -> str:
 def _list_row(item: EffectList) -> str:
     """Return the table's row of a parameter that is a list."""
     bounds = ", ".join(item.choices) if item.choices else f"{item.minimum:g} .. {item.maximum:g} each"
-    default = shown(item.default).replace("'", "")
-    return f"| `{item.name}` | {item.unit} | {default} | {bounds} | {item.description} (list) |"
+    default = ", ".join(entry if isinstance(entry, str) else f"{entry:.12g}" for entry in item.default)
+    return f"| `{item.name}` | {item.unit} | [{default}] | {bounds} | {item.description} (list) |"
 
 
 def _section(entry: Effect) -> str:

@@ -7,10 +7,12 @@ and contact leave it; where it breaks loose it rings. A recording shows that mot
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.formulas.friction import stribeck_level
 from sgms_observer.jit import njit
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.friction import FrictionSettings
@@ -19,6 +21,8 @@ Floats = NDArray[np.float64]
 
 _STEP = 0.15  # of an integration step times the largest natural frequency: symplectic Euler is stable below 2
 _MOST_STEPS = 200  # in one sample
+
+_stribeck_level: Callable[..., float] = njit(stribeck_level)
 
 
 @njit
@@ -46,7 +50,7 @@ def _follow(
             effort = stiff * (aim - place) + damp * (aim_speed - speed) + ahead * change
             speed += step * (effort - total - viscous * speed) / mass
             place += step * speed
-            level = coulomb + (static - coulomb) * math.exp(-((speed / v_s) ** 2))
+            level = _stribeck_level(speed, static, coulomb, v_s)
             for i in range(n_z):
                 limit = share[i] * level
                 force[i] = min(max(force[i] + kappa[i] * step * speed, -limit), limit)

@@ -54,3 +54,32 @@ CAUTIOUS_LIMITS = {
     PRISMATIC: ExcitationLimits(0.02, 0.05, 1.0, 1.0e-7, Units(PRISMATIC)),
     REVOLUTE: ExcitationLimits(0.5, 0.5, 2.0, 1.0e-5, Units(REVOLUTE)),
 }
+
+
+def limits_of(
+    joint_type: str,
+    stroke: float | None = None,
+    speed: float | None = None,
+    acceleration: float | None = None,
+    smallest: float | None = None,
+) -> ExcitationLimits:
+    """Return the limits that are given, and cautious ones for the rest.
+
+    Args:
+        joint_type: of the axis.
+        stroke: full width of the motion [m].
+        speed: largest speed [m/s].
+        acceleration: largest acceleration [m/s^2].
+        smallest: smallest reversal [m].
+
+    Raises:
+        ConfigurationError: one of them makes no sense.
+    """
+    cautious = CAUTIOUS_LIMITS[joint_type]
+    return ExcitationLimits(
+        cautious.stroke if stroke is None else stroke,
+        cautious.speed if speed is None else speed,
+        cautious.acceleration if acceleration is None else acceleration,
+        cautious.smallest if smallest is None else smallest,
+        cautious.units,
+    )

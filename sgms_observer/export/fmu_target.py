@@ -21,8 +21,7 @@ from sgms_observer import __version__
 from sgms_observer.effects.compiled import SCRATCH
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.export.axis_program import Memory, constant_text, user_value
-from sgms_observer.export.fmu_units import base_exponents
-from sgms_observer.export.fmu_variables import Variable, stage_variables
+from sgms_observer.export.fmu_variables import Variable, base_exponents, stage_variables
 from sgms_observer.export.lines import wrapped
 from sgms_observer.export.pieces import body_text, functions_text, struct_text
 from sgms_observer.export.render import fill

@@ -56,8 +56,6 @@ Statement = Line | Branch | Loop
 Declare = Callable[[str, bool], str]
 """Takes a variable's name and whether it is assigned but once, returns its declaration without a semicolon."""
 
-HOISTED = "at the top"
-
 
 def blocks_of(statement: Statement) -> list[list[Statement]]:
     """Return the blocks inside a statement."""

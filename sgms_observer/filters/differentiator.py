@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.filters import layout, lowpass, polynomial, tracking
 from sgms_observer.filters.kernel import filter_block
+from sgms_observer.filters.layout import Floats
 from sgms_observer.filters.motion import Motion, row_width
-from sgms_observer.observer.samples import Floats
 from sgms_observer.settings.observer import FilterSettings
 
 _KINDS = {"lowpass": layout.LOWPASS, "savgol": layout.SAVGOL, "kalman": layout.KALMAN}

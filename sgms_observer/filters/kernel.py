@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.filters import layout, motion
+from sgms_observer.filters.layout import Floats
 from sgms_observer.filters.lowpass import lowpass_sample
 from sgms_observer.filters.polynomial import polynomial_sample
 from sgms_observer.filters.tracking import tracking_sample
 from sgms_observer.jit import njit
-from sgms_observer.observer.samples import Floats
 
 _LARGEST = 1.0e9
 """A larger position [m] or effort [N] is no measurement, and would stay in a recursive filter's memory for long."""

@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from sgms_observer.filters import layout, motion
+from sgms_observer.filters.layout import Floats
 from sgms_observer.jit import njit
-from sgms_observer.observer.samples import Floats
 
 # own part of config
 ANGULAR_CUTOFF = layout.OWN

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.observer.samples import Floats
+from sgms_observer.filters.layout import Floats
 
 PERIOD = 0
 POSITION = 1

@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from sgms_observer.filters import layout, motion
+from sgms_observer.filters.layout import Floats
 from sgms_observer.jit import njit
-from sgms_observer.observer.samples import Floats
 
 # own part of config
 NOISE_VARIANCE = layout.OWN

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sgms_observer.cli.main import SHOW_TRACEBACK
 from sgms_observer.errors import SgmsError
+from sgms_observer.outcome import SHOW_TRACEBACK
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def run_job(job: ReplayJob | DiagnoseJob) -> Outcome:
 
 def _replay(job: ReplayJob) -> dict[str, Any]:
     """Replay a recording and return its figures."""
-    from sgms_observer.cli.replay import replay_bag
+    from sgms_observer.application.replay import replay_bag
 
     done = replay_bag(
         job.bag, job.config, job.out, job.storage, job.topics, lambda share: None, is_overwriting=job.is_overwriting

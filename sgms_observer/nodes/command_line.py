@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from sgms_observer import __version__
-from sgms_observer.cli.main import EXIT_INTERRUPTED, SentenceParser
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import silent_interrupts
 from sgms_observer.nodes.spin import MISSING_ROS, fail, leave_if_working, run_node
+from sgms_observer.outcome import EXIT_INTERRUPTED, SentenceParser
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -24,18 +26,13 @@ _EPILOG = (
 )
 
 
-def start(
-    name: str,
-    description: str,
-    make_node: Callable[[Executor], ManagedNode],
-    arguments: Sequence[str] | None = None,
-) -> int:
+def start(name: str, description: str, kind: str, arguments: Sequence[str] | None = None) -> int:
     """Read the command line, check the parameters in it, and run the node.
 
     Args:
         name: name of node and executable.
         description: one sentence for ``--help``.
-        make_node: makes the node once ROS runs.
+        kind: module of this folder and class of the node; imported only here, so that ``--help`` needs no ROS.
         arguments: what follows the program's name; by default the process's own.
 
     Returns:
@@ -53,12 +50,12 @@ def start(
             ros = ["--ros-args", "--params-file", options.config, "--", *ros]
         if importlib.util.find_spec("rclpy") is None:
             return fail(MISSING_ROS)
-        return leave_if_working(_run_checked(name, make_node, ros))
+        return leave_if_working(_run_checked(name, kind, ros))
     except KeyboardInterrupt:  # before ROS took over the signals
         return EXIT_INTERRUPTED
 
 
-def _run_checked(name: str, make_node: Callable[[Executor], ManagedNode], ros: Sequence[str]) -> int:
+def _run_checked(name: str, kind: str, ros: Sequence[str]) -> int:
     """Check the parameters in the ROS arguments and run the node with them."""
     with silent_interrupts():
         from sgms_observer.settings.arguments import refuse_incomplete, rewrite_arguments
@@ -69,11 +66,18 @@ def _run_checked(name: str, make_node: Callable[[Executor], ManagedNode], ros: S
         return fail(str(error))
     try:
         refuse_incomplete(rewritten, name)
-        return run_node(make_node, rewritten)
+        return run_node(partial(_make_node, name, kind), rewritten)
     except SgmsError as error:
         return fail(str(error))
     finally:
         rewritten.discard()
+
+
+def _make_node(name: str, kind: str, executor: Executor) -> ManagedNode:
+    """Return the node that this executor will spin."""
+    module, _, of_class = kind.partition(".")
+    node: ManagedNode = getattr(importlib.import_module(f"sgms_observer.nodes.{module}"), of_class)(name, executor)
+    return node
 
 
 def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:

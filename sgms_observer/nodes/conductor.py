@@ -24,7 +24,7 @@ from rclpy.task import Future
 from sgms_observer.application.kernels import compile_ahead
 from sgms_observer.errors import DataError
 from sgms_observer.nodes.domain import claim_domain
-from sgms_observer.nodes.transport import use_shipped_transport
+from sgms_observer.nodes.transport import prepare_transport
 
 _PATIENCE = 180.0  # s; a first start compiles every kernel
 _NO_ROOM = 100_000  # bytes; with fewer, not even a log can be written
@@ -50,7 +50,7 @@ def prepare_graph() -> int:
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     if "ROS_DOMAIN_ID" not in os.environ:
         os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
-    use_shipped_transport()
+    prepare_transport()
     compile_ahead()  # two processes that each compile the same kernels would share the cores that they need
     return int(os.environ["ROS_DOMAIN_ID"])
 

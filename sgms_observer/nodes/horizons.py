@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from sgms_observer.bags.cdr import Buffer
+from sgms_observer.bags.cdr_bytes import Buffer
 from sgms_observer.bags.trajectory_cdr import decode_trajectory, encode_trajectory
 from sgms_observer.compensation.horizon import Horizon, KnownMotion
 from sgms_observer.errors import DataError

@@ -22,7 +22,7 @@ from sgms_observer.nodes.due_forces import DueForces
 from sgms_observer.nodes.horizons import BEFORE, EVERY, decode_horizons, encode_reference
 from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.pace import AGE_SENTENCE, LONGEST_CATCH_UP, LONGEST_LAG_OF_FOLLOWER, Pace
-from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe, subscribe_horizon
+from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe
 from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, REFERENCE_HORIZON, OutgoingBlock
 from sgms_observer.observer.samples import Samples
 from sim_plant.record import StageRecord
@@ -116,7 +116,7 @@ class StageNode(ManagedNode):
         self._told_ns = 0
         self._inputs = [
             subscribe(self, COMPENSATION, self.guarded(self._on_compensation)),
-            subscribe_horizon(self, HORIZON, self.guarded(self._on_horizon)),
+            subscribe(self, HORIZON, self.guarded(self._on_horizon), JointTrajectory, HORIZON_QOS),
         ]
         if any(followed):
             self._inputs.append(subscribe(self, REFERENCE, self.guarded(self._on_reference)))

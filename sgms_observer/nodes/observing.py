@@ -17,16 +17,15 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.application.kernels import OF_OBSERVER
-from sgms_observer.bags.diagnostics_cdr import encode_diagnostics
+from sgms_observer.bags.diagnostics_cdr import encode_diagnostics, parameter_entry
 from sgms_observer.errors import SgmsError
 from sgms_observer.nodes.commands import CommandTopic
-from sgms_observer.nodes.engine import Engine
+from sgms_observer.nodes.engine import Engine, save_learnt
 from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.neighbours import Neighbours
-from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, parameter_entry, scale_sentences
-from sgms_observer.nodes.saving import save_learnt
+from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, scale_sentences
 from sgms_observer.nodes.statistics import Growth, Sentences
-from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe, subscribe_horizon
+from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe
 from sgms_observer.nodes.watchdog import SHORTEST_PERIOD, Watchdog
 from sgms_observer.observer.outgoing import (
     COMPENSATION,
@@ -112,7 +111,7 @@ class ObserverNode(ManagedNode):
             subscribe(self, topic, self.guarded(callback)) for topic, callback in inputs.items()
         ]
         self._subscriptions_of_inputs.append(
-            subscribe_horizon(self, REFERENCE_HORIZON, self.guarded(self._on_reference_horizon))
+            subscribe(self, REFERENCE_HORIZON, self.guarded(self._on_reference_horizon), JointTrajectory, HORIZON_QOS)
         )
         self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
 

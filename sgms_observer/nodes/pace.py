@@ -51,20 +51,15 @@ class Pace:
         return count
 
     @property
-    def first_stamp_ns(self) -> int:
-        """Return the clock's time of sample 0 [ns]; it moves when the clock leaps or goes back."""
-        return self._start_ns
-
-    @property
     def done(self) -> int:
-        """Return the number of samples since ``first_stamp_ns``."""
+        """Return the number of samples so far."""
         return self._done
 
     def stamp_ns(self, number: int) -> int:
         """Return the stamp of a sample [ns].
 
         Args:
-            number: counted from ``first_stamp_ns``.
+            number: counted from the first.
         """
         return self._start_ns + round(number * self._period_ns)
 

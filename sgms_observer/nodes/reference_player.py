@@ -77,7 +77,9 @@ def play_reference(
 
     from sgms_observer.bags.cdr import JointStateEncoder
     from sgms_observer.nodes.topics import SAMPLE_QOS
+    from sgms_observer.nodes.transport import prepare_transport
 
+    prepare_transport()
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

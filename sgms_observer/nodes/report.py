@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from sgms_observer.bags.diagnostics_cdr import DiagnosticStatus
+from sgms_observer.bags.diagnostics_cdr import ERROR, OK, WARN, DiagnosticStatus
 from sgms_observer.nodes.intake import IntakeCounts
 from sgms_observer.nodes.statistics import AxisStatistics, StepTimes
-from sgms_observer.observer.outgoing import ParameterReport
 from sgms_observer.observer.pairing import PairingCounts
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.status import Status
-
-OK, WARN, ERROR = range(3)  # stale is what an aggregator says of a node that reports nothing
 
 HIGH_NIS = "innovations are larger than the model expects; raise measurement_std or identify the model anew"
 NO_SAMPLES = "no samples arrive; check that position and control_effort are published and remapped"
@@ -145,16 +142,3 @@ def node_entry(
     level = ERROR if faults else WARN if sentences else OK
     sentence = sentences[0] if sentences else f"the node is {state}"
     return DiagnosticStatus(level, name, sentence, "", tuple(values.items()))
-
-
-def parameter_entry(report: ParameterReport) -> DiagnosticStatus:
-    """Return what ``friction_parameters`` say of one axis.
-
-    Args:
-        report: values and standard deviations.
-    """
-    values: list[tuple[str, str]] = []
-    for name, value, std in zip(report.names, report.values, report.std, strict=True):
-        values += [(name, repr(value)), (f"{name}_std", repr(std))]
-    sentence = "estimated parameters in SI units; kappa as a share of the nominal stiffness"
-    return DiagnosticStatus(OK, report.axis, sentence, report.axis, tuple(values))

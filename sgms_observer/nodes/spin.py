@@ -8,12 +8,10 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.main import SHOW_TRACEBACK
-from sgms_observer.cli.outcome import EXIT_FAILED
 from sgms_observer.errors import SgmsError
-from sgms_observer.interrupts import silent_interrupts
-from sgms_observer.nodes.stopping import ignore_signals, is_told, note_signals
-from sgms_observer.nodes.transport import use_shipped_transport
+from sgms_observer.interrupts import ignore_signals, is_told, note_signals, silent_interrupts
+from sgms_observer.nodes.transport import prepare_transport
+from sgms_observer.outcome import EXIT_FAILED, SHOW_TRACEBACK
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -66,7 +64,7 @@ def run_node(make_node: Callable[[Executor], ManagedNode], arguments: RewrittenA
 
     executor = node = None
     try:
-        use_shipped_transport()
+        prepare_transport()
         note_signals()
         rclpy.init(args=arguments.argv, signal_handler_options=SignalHandlerOptions.NO)
         if is_told():

@@ -4,27 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from sgms_observer.interrupts import silent_interrupts
 
-if TYPE_CHECKING:
-    from rclpy.executors import Executor
-
-    from sgms_observer.nodes.lifecycle import ManagedNode
-
 NAME = "stage_node"
-
-
-def make_node(executor: Executor) -> ManagedNode:
-    """Return the node; ROS is imported only here, so that ``--help`` needs none.
-
-    Args:
-        executor: the executor that will spin it.
-    """
-    from sgms_observer.nodes.moving import StageNode
-
-    return StageNode(NAME, executor)
+HELP = "Simulate positioning axes with friction and publish what a real stage would."
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -38,9 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     with silent_interrupts():
         from sgms_observer.nodes.command_line import start
-    return start(
-        NAME, "Simulate positioning axes with friction and publish what a real stage would.", make_node, arguments
-    )
+    return start(NAME, HELP, "moving.StageNode", arguments)
 
 
 if __name__ == "__main__":

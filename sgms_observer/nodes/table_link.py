@@ -35,7 +35,7 @@ from sgms_observer.nodes.horizons import BEFORE, EVERY
 from sgms_observer.nodes.reference_player import braking
 from sgms_observer.nodes.spin import leave_graph, make_executor
 from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
-from sgms_observer.nodes.transport import use_shipped_transport
+from sgms_observer.nodes.transport import prepare_transport
 from sgms_observer.observer.outgoing import REFERENCE_HORIZON
 from sgms_observer.settings.axis import AxisSettings
 
@@ -81,7 +81,7 @@ class TableLink:
 
     def __enter__(self) -> TableLink:
         """Join the graph."""
-        use_shipped_transport()
+        prepare_transport()
         compile_ahead()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._conductor.__enter__()

@@ -35,30 +35,24 @@ HORIZON_QOS = QoSProfile(
 LAST_WORDS = Duration(seconds=0.2)
 
 
-def subscribe(node: Node, topic: str, callback: Callable[[bytes], None]) -> Subscription:
+def subscribe(
+    node: Node,
+    topic: str,
+    callback: Callable[[bytes], None],
+    kind: type[JointState] | type[JointTrajectory] = JointState,
+    qos: QoSProfile = SAMPLE_QOS,
+) -> Subscription:
     """Subscribe to a topic's messages as bytes; users override the QoS with ``qos_overrides`` parameters.
 
     Args:
         node: the node.
         topic: relative name.
         callback: takes one message.
+        kind: of the messages.
+        qos: of the subscription.
     """
     options = QoSOverridingOptions(policy_kinds=(QoSPolicyKind.RELIABILITY, QoSPolicyKind.DEPTH))
-    return node.create_subscription(JointState, topic, callback, SAMPLE_QOS, raw=True, qos_overriding_options=options)
-
-
-def subscribe_horizon(node: Node, topic: str, callback: Callable[[bytes], None]) -> Subscription:
-    """Subscribe to a topic of horizons, likewise.
-
-    Args:
-        node: the node.
-        topic: relative name.
-        callback: takes one message.
-    """
-    options = QoSOverridingOptions(policy_kinds=(QoSPolicyKind.RELIABILITY, QoSPolicyKind.DEPTH))
-    return node.create_subscription(
-        JointTrajectory, topic, callback, HORIZON_QOS, raw=True, qos_overriding_options=options
-    )
+    return node.create_subscription(kind, topic, callback, qos, raw=True, qos_overriding_options=options)
 
 
 class JointStateTopics:

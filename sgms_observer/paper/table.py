@@ -31,7 +31,6 @@ from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.observer import FilterSettings
 
 PERIOD = 2  # the first one holds the start from rest
-LITERAL_Q = "1e-2 nu, in metres"
 
 Cells = dict[str, dict[str, dict[str, float]]]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, sheet
 from sgms_observer.report.page import Picture
 from sgms_observer.settings.units import Units
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Floats = NDArray[np.float64]
 Curve = tuple[Floats, Floats]
@@ -75,9 +79,7 @@ def over_velocity(
     none = "" if len(velocity) else " It never slides so far and so long one way that a row counts."
     with sheet(name, caption + none) as drawn:
         axes = drawn.axes[0]
-        axes.plot(factor * thinned(velocity, _MOST_DOTS), thinned(friction, _MOST_DOTS), ".", color=REFERENCE, ms=1.5,
-                  alpha=0.5, rasterized=True)  # fmt: skip
-        axes.plot([], [], ".", color=REFERENCE, label="rows")
+        _draw_rows(axes, factor * velocity, friction, REFERENCE, 1.5, 0.5, "rows")
         centre, mean, deviation = stribeck_points(velocity, friction)
         axes.errorbar(factor * centre, mean, deviation, fmt="o", color=MEASURED, ms=4, lw=1.0, label="measured, mean")
         for number, (line, level) in enumerate(model):
@@ -124,9 +126,7 @@ def measured_against_modelled(
     """
     with sheet(name, caption) as drawn:
         axes = drawn.axes[0]
-        axes.plot(thinned(modelled, _MOST_DOTS), thinned(measured, _MOST_DOTS), ".", color=MEASURED, ms=2.0, alpha=0.6,
-                  rasterized=True)  # fmt: skip
-        axes.plot([], [], ".", color=MEASURED, label=f"rows, fit {fit:.1f} %")
+        _draw_rows(axes, modelled, measured, MEASURED, 2.0, 0.6, f"rows, fit {fit:.1f} %")
         ends = [float(np.min(measured)), float(np.max(measured))]
         axes.plot(ends, ends, color=ESTIMATE, label="measured = modelled")
         axes.set_xlabel(f"modelled {units.effort_word} [{units.effort}]")
@@ -212,6 +212,13 @@ def binned(position: Floats, values: Floats, edges: Floats) -> tuple[Floats, Flo
     mean = np.bincount(place, values, size) / enough
     square = np.bincount(place, values**2, size) / enough
     return mean, np.sqrt(np.maximum(square - mean**2, 0.0) / enough)
+
+
+def _draw_rows(axes: Axes, x: Floats, y: Floats, colour: str, size: float, alpha: float, label: str) -> None:
+    """Draw a dot for each row, thinned; the legend's dot is opaque."""
+    x, y = thinned(x, _MOST_DOTS), thinned(y, _MOST_DOTS)
+    axes.plot(x, y, ".", color=colour, ms=size, alpha=alpha, rasterized=True)
+    axes.plot([], [], ".", color=colour, label=label)
 
 
 def _prefixed(position: Floats, units: Units) -> tuple[float, str]:

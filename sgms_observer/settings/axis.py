@@ -6,22 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from sgms_observer.settings.field import section, setting
+from sgms_observer.effects.effect import EffectSettings
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.settings.declaration import section, setting
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings, FilterSettings
 from sgms_observer.settings.stage import StageSettings
 from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC, Scales, Units
 
+__all__ = ["SAVE_FILE", "AxisSettings", "EffectSettings", "Settings", "coupled_number"]
+
 #: Where ~/save_parameters writes unless the parameter file says otherwise.
 SAVE_FILE = "learnt.yaml"
-
-
-@dataclass(frozen=True)
-class EffectSettings:
-    """One effect of the catalogue (or of the user's own) with its parameter values, in the catalogue's order."""
-
-    name: str
-    values: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -103,6 +99,22 @@ class Settings:
     def scales(self) -> dict[str, Scales]:
         """Return each axis's name with its factors from topics and bags to SI."""
         return {axis.name: axis.scales for axis in self.axes}
+
+    def wanted_axes(self, names: Sequence[str], source: str) -> tuple[AxisSettings, ...]:
+        """Return the axes with these names, in their order; all of them where no name is given.
+
+        Args:
+            names: what ``--axis`` gave.
+            source: the parameter file, for the error.
+
+        Raises:
+            ConfigurationError: an axis is not there.
+        """
+        known = {axis.name: axis for axis in self.axes}
+        strange = [name for name in names if name not in known]
+        if strange:
+            raise ConfigurationError([f"--axis {strange[0]} is not in {source}; it has {', '.join(known)}"])
+        return tuple(known[name] for name in dict.fromkeys(names)) or self.axes
 
 
 def coupled_number(axes: Sequence[AxisSettings], number: int) -> int | None:

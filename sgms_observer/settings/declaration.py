@@ -1,12 +1,61 @@
-"""What the settings dataclasses declare, read once: base of the check, the ROS parameters and the reference page."""
+"""Fields of the settings dataclasses with unit, range and meaning: base of check, ROS parameters and reference page."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any, get_type_hints
 
 from sgms_observer.settings.units import Units, physical_range
+
+
+def setting(
+    default: Any,
+    description: str,
+    unit: str = "-",
+    *,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    above: float | None = None,
+    choices: tuple[str, ...] | None = None,
+    is_nonzero: bool = False,
+) -> Any:
+    """Declare a dataclass field as a user's setting.
+
+    Args:
+        default: value when the YAML is silent; its type is the setting's type (a tuple means a list).
+        description: one sentence for people.
+        unit: SI unit, or ``-``; that of a prismatic axis.
+        minimum: smallest allowed value (each entry of a list).
+        maximum: largest allowed value (each entry of a list).
+        above: the value must be strictly greater.
+        choices: the allowed words.
+        is_nonzero: the value must not be zero.
+
+    Returns:
+        A ``dataclasses.field`` carrying the declaration in its metadata.
+    """
+    metadata = {
+        "description": description,
+        "unit": unit,
+        "minimum": minimum,
+        "maximum": maximum,
+        "above": above,
+        "choices": choices,
+        "is_nonzero": is_nonzero,
+    }
+    return field(default=default, metadata=metadata)
+
+
+def section(kind: type, description: str) -> Any:
+    """Declare a dataclass field as a group of settings of its own.
+
+    Args:
+        kind: the group's dataclass; its defaults are the group's.
+        description: one sentence for people.
+    """
+    return field(default_factory=kind, metadata={"description": description, "section": True})
+
 
 #: YAML types of a setting, under ROS's names for them.
 DOUBLE, INTEGER, BOOL, STRING = "double", "integer", "bool", "string"

@@ -3,66 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
-from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.effects.effect import Effect, EffectList, EffectParameter, EffectSettings, flat_values
 from sgms_observer.settings.check import checked_value
 from sgms_observer.settings.declaration import DOUBLE, DOUBLES, STRINGS, Declared
 from sgms_observer.settings.faults import Faults, alternatives, closest, shown
 from sgms_observer.settings.units import PRISMATIC, Units
 
-
-class EffectParameter(Protocol):
-    """What the settings need to know of one parameter of an effect."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def default(self) -> float: ...
-    @property
-    def prismatic_default(self) -> float | None: ...
-    @property
-    def minimum(self) -> float: ...
-    @property
-    def maximum(self) -> float: ...
-    @property
-    def description(self) -> str: ...
-
-
-class EffectList(Protocol):
-    """What the settings need to know of a parameter that is a list; ``choices`` is empty for a list of numbers."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def default(self) -> tuple[Any, ...]: ...
-    @property
-    def minimum(self) -> float: ...
-    @property
-    def maximum(self) -> float: ...
-    @property
-    def description(self) -> str: ...
-    @property
-    def choices(self) -> tuple[str, ...]: ...
-
-
-class CatalogueEffect(Protocol):
-    """What the settings need to know of an effect."""
-
-    @property
-    def parameters(self) -> Sequence[EffectParameter]: ...
-    @property
-    def lists(self) -> Sequence[EffectList]: ...
-    @property
-    def list_faults(self) -> Callable[[Mapping[str, tuple[Any, ...]], str], list[str]] | None: ...
-
-
 #: The catalogue as the settings see it: effect by its name.
-Catalogue = Mapping[str, CatalogueEffect]
+Catalogue = Mapping[str, Effect]
 #: Gives the catalogue extended by the effects in the user's own files.
 CatalogueSource = Callable[[Sequence[str]], Catalogue]
 
@@ -106,7 +56,7 @@ def declared_list(item: EffectList, joint_type: str = PRISMATIC) -> Declared:
     )
 
 
-def declared_values(entry: CatalogueEffect, joint_type: str = PRISMATIC) -> dict[str, Declared]:
+def declared_values(entry: Effect, joint_type: str = PRISMATIC) -> dict[str, Declared]:
     """Return every parameter of an effect as a setting, by its name.
 
     Args:
@@ -117,47 +67,6 @@ def declared_values(entry: CatalogueEffect, joint_type: str = PRISMATIC) -> dict
         **{parameter.name: declared_parameter(parameter, joint_type) for parameter in entry.parameters},
         **{item.name: declared_list(item, joint_type) for item in entry.lists},
     }
-
-
-def flat_values(entry: CatalogueEffect, named: Mapping[str, Any]) -> tuple[float, ...]:
-    """Return an effect's values as its formula takes them: the numbers, then each list as its length and its entries.
-
-    Args:
-        entry: the effect.
-        named: parameter's name to its value or entries; what is left out has its default.
-    """
-    flat = [float(named.get(parameter.name, parameter.default)) for parameter in entry.parameters]
-    for item in entry.lists:
-        entries = named.get(item.name, item.default)
-        flat.append(float(len(entries)))
-        flat.extend(float(item.choices.index(word) if item.choices else word) for word in entries)
-    return tuple(flat)
-
-
-def named_values(entry: CatalogueEffect, values: Sequence[float]) -> dict[str, Any] | None:
-    """Return an effect's values by the names of its parameters: the reverse of ``flat_values``.
-
-    Args:
-        entry: the effect.
-        values: as ``flat_values`` returns them; empty for the defaults.
-
-    Returns:
-        Numbers and tuples by name; None for values that are not those of this effect.
-    """
-    if not values:
-        values = flat_values(entry, {})
-    place = len(entry.parameters)
-    if len(values) < place:
-        return None
-    named: dict[str, Any] = {p.name: values[i] for i, p in enumerate(entry.parameters)}
-    for item in entry.lists:
-        end = place + 1 + int(values[place]) if place < len(values) else len(values) + 1
-        if end > len(values):
-            return None
-        entries = tuple(values[place + 1 : end])
-        named[item.name] = tuple(item.choices[int(number)] for number in entries) if item.choices else entries
-        place = end
-    return named if place == len(values) else None
 
 
 def checked_effects(
@@ -216,7 +125,7 @@ def _unknown_effect(path: str, name: str, catalogue: Catalogue, faults: Faults) 
 
 
 def _checked_effect(
-    path: str, name: str, tree: Any, entry: CatalogueEffect, joint_type: str, faults: Faults
+    path: str, name: str, tree: Any, entry: Effect, joint_type: str, faults: Faults
 ) -> EffectSettings:
     """Return one effect with the given values over the catalogue's defaults."""
     declared = declared_values(entry, joint_type)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from sgms_observer.effects import catalogue as effects
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.axis_check import checked_axis, elsewhere_in, resolved
@@ -46,10 +47,8 @@ def installed_catalogue(effect_files: Sequence[str]) -> Catalogue:
     Raises:
         ConfigurationError: a file or plug-in cannot be used.
     """
-    from sgms_observer.effects import catalogue  # here, because effects are built on these settings
-
-    catalogue.load_user_effects(effect_files)
-    return {name: catalogue.effect(name) for name in catalogue.names()}
+    effects.load_user_effects(effect_files)
+    return {name: effects.effect(name) for name in effects.names()}
 
 
 def load_settings(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sgms_observer.settings.field import setting
+from sgms_observer.settings.declaration import setting
 
 FILTERS = ("lowpass", "savgol", "kalman")
 ESTIMATORS = ("ekf", "mhe")

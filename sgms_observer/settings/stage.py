@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sgms_observer.settings.field import section, setting
+from sgms_observer.settings.declaration import section, setting
 
 REFERENCES = ("sine", "multi_sine", "point_to_point", "file", "topic")
 INTERPOLATIONS = ("linear", "cubic")

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+from sgms_observer.effects.effect import named_values
 from sgms_observer.settings.axis import EffectSettings, Settings
 from sgms_observer.settings.declaration import declared_sections, declared_settings
-from sgms_observer.settings.effects import NO_EFFECT, Catalogue, CatalogueSource, named_values
+from sgms_observer.settings.effects import NO_EFFECT, Catalogue, CatalogueSource
 from sgms_observer.settings.load import installed_catalogue
 from sgms_observer.settings.parameter_file import expanded, our_sections, sections
 

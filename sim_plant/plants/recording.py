@@ -1,4 +1,4 @@
-"""One recording of a machine, with what is hidden in it."""
+"""One recording of a machine, with what is hidden in it, and its rosbag2 with the topics that the diagnosis reads."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter, sosfiltfilt
 
+from sgms_observer.bags.writer import BagWriter
 from sim_plant.plants import kernel
 from sim_plant.plants.contact import LAWS, rested_state
 from sim_plant.plants.effects import Hidden, Reach, draw_hidden, outside_force
@@ -204,3 +206,22 @@ def coloured(count: int, corner: float, rate: float, rng: Generator) -> Floats:
         return np.asarray(white)
     keep = np.exp(-2.0 * np.pi * corner / rate)
     return np.asarray(lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], white))
+
+
+START_NS = 1_700_000_000_000_000_000
+
+
+def write_bag(path: Path, recording: Recording) -> None:
+    """Write position, control_effort and reference; nothing of the truth.
+
+    Args:
+        path: folder of the bag; must not exist.
+        recording: what was logged.
+    """
+    stamps = START_NS + np.rint(recording.time * 1.0e9).astype(np.int64)
+    with BagWriter(path) as bag:
+        bag.write_joint_states("position", stamps, ["x"], position=recording.position)
+        bag.write_joint_states("control_effort", stamps, ["x"], effort=recording.effort)
+        bag.write_joint_states(
+            "reference", stamps, ["x"], position=recording.reference, velocity=recording.reference_velocity
+        )

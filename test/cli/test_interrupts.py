@@ -12,8 +12,9 @@ import pytest
 
 from sgms_observer import interrupts
 from sgms_observer.cli import registry
-from sgms_observer.cli.main import EXIT_INTERRUPTED, EXIT_TERMINATED, main
+from sgms_observer.cli.main import main
 from sgms_observer.interrupts import noted_interrupts, silent_interrupts
+from sgms_observer.outcome import EXIT_INTERRUPTED, EXIT_TERMINATED
 
 
 def interrupt_lost() -> None:

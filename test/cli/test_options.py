@@ -16,7 +16,7 @@ from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.cli import main as command_line
 from sgms_observer.cli import registry
 from sgms_observer.cli.main import main
-from sgms_observer.cli.outcome import EXIT_NOT_USABLE, Outcome, json_value
+from sgms_observer.outcome import EXIT_NOT_USABLE, Outcome, json_value
 
 WRITING = (
     "commission",

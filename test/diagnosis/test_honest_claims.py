@@ -9,8 +9,9 @@ from workflow_case import AXIS, PERIOD, court_of, record
 
 from sgms_observer.diagnosis.candidates import Candidate, fitted, to_the_end
 from sgms_observer.diagnosis.decision import CHANGED, Court, Decision, decide, evidence_of
-from sgms_observer.diagnosis.evidence import force_residuals, improvement
+from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_with, refit
+from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.level import told_start
 from sgms_observer.diagnosis.model import COULOMB, STATIC, Model, predict
 from sgms_observer.diagnosis.motion import HELD, Motion, motion_of
@@ -40,7 +41,7 @@ def test_the_contact_is_read_off_the_recording_with_what_was_found_in_the_model(
 
 def gained(before: Model, after: Model, motion: Motion) -> float:
     """Return the z-score of what the later model predicts better."""
-    return improvement(*(force_residuals(model, (motion,), 0.5) for model in (before, after))).z_score
+    return improvement(*(in_blocks(residuals(model, (motion,)), (motion,), 0.5) for model in (before, after))).z_score
 
 
 def test_an_effect_at_few_moments_is_sure_and_a_change_that_means_nothing_is_not() -> None:

@@ -18,11 +18,11 @@ from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.diagnosis.result import result_of, write_augmented
 from sgms_observer.diagnosis.workflow import Options, diagnose
 from sgms_observer.effects.catalogue import effect
+from sgms_observer.effects.effect import named_values
 from sgms_observer.effects.learnt_map import LearntMap
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
-from sgms_observer.settings.effects import named_values
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.write import write_settings
 

@@ -10,6 +10,7 @@ import pytest
 
 from sgms_observer.application.predicted_tracking import predict_tracking
 from sgms_observer.diagnosis.closing import closing
+from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.tracking import MAX_RATIO, PredictedTracking, TrackingError
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.offline.recording import Recording
@@ -23,6 +24,7 @@ CONFIG = Path(__file__).parents[2] / "config" / "compensation.yaml"
 PERIOD = 1.0e-3
 COUNT = 4000
 BAND = 100.0
+BLOCK = Criteria().block
 COGGING = EffectSettings("cogging", (1.0, 2.0e-4, 0.3, 0.0, 0.0))
 
 
@@ -111,8 +113,8 @@ def test_the_feedforward_figure_counts_the_reference_while_it_moves() -> None:
         whole = np.concatenate([record.effort, effort])
         return replace(record, position=position, effort=whole, reference_position=reference)
 
-    alone, calm, pushed = (closing(one, given, PERIOD, BAND) for one in (record, resting(0.0), resting(3.0)))
+    alone, calm, pushed = (closing(one, given, BAND, BLOCK) for one in (record, resting(0.0), resting(3.0)))
     assert alone.has_reference and alone.share > 0.95
     assert calm.share == pushed.share == pytest.approx(0.47, abs=0.05)
     assert pushed.compensation == pytest.approx(calm.compensation, rel=1.0e-3)
-    assert not closing(replace(record, reference_position=None), given, PERIOD, BAND).has_reference
+    assert not closing(replace(record, reference_position=None), given, BAND, BLOCK).has_reference

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from rooms import cycle, drawn, rooms
+
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "design.md").read_text(encoding="utf-8")
 TABLE = re.findall(r"^\| (`[^|]+) \| [^|]+ \| ([^|]+) \|$", PAGE, re.MULTILINE)
 ALLOWED = {name: set(re.findall(r"\w+", imports)) for row, imports in TABLE for name in re.findall(r"`(\w+)/`", row)}
-EVERYONES = {"errors", "status", "jit", "shipped", "whole_file"}
+EVERYONES = {path.stem for path in (ROOT / "sgms_observer").glob("*.py")}
 IMPORT = re.compile(r"^\s*(?:from|import) (?:sgms_observer\.(\w+)|(sim_plant))", re.MULTILINE)
 WITH_ROS = re.compile(r"^\s*(?:from|import) (?:rclpy|\w+_msgs|std_srvs|rcl_interfaces)\b", re.MULTILINE)
 
@@ -34,13 +36,29 @@ def test_folders_import_what_the_table_says() -> None:
     assert wrong == []
 
 
+def test_no_rooms_import_each_other_in_a_circle() -> None:
+    assert cycle(rooms()) == []
+
+
+def test_a_circle_of_rooms_is_found_with_its_places() -> None:
+    there, back = "a/one.py:3 imports b.two", "b/two.py:5 imports a.one"
+    assert sorted(cycle({"a": {"b": [there]}, "b": {"a": [back]}, "c": {"a": ["c/three.py:1 imports a.one"]}})) == [
+        there, back
+    ]  # fmt: skip
+
+
+def test_the_rooms_are_drawn_as_the_source_has_them() -> None:
+    """Where this fails: ``python test/docs/rooms.py`` draws them anew."""
+    assert drawn() == PAGE
+
+
 def test_only_nodes_and_commands_import_ros() -> None:
     with_ros = {
         path.relative_to(ROOT / "sgms_observer").parts[0]
         for path in (ROOT / "sgms_observer").rglob("*.py")
         if WITH_ROS.search(path.read_text(encoding="utf-8"))
     }
-    assert with_ros == {"nodes", "cli"}
+    assert with_ros == {"nodes", "cli", "bench"}
     assert not any(WITH_ROS.search(path.read_text(encoding="utf-8")) for path in (ROOT / "sim_plant").rglob("*.py"))
 
 

@@ -28,6 +28,18 @@ def test_every_page_is_in_the_navigation_once() -> None:
     assert sorted(nav) == pages, "add the page to nav in mkdocs.yml"
 
 
+def test_pages_are_of_four_kinds() -> None:
+    nav = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]
+    assert [kind for entry in nav for kind in entry] == ["Start", "Tutorial", "How-to", "Reference", "Explanation"]
+    assert nav[0] == {"Start": "index.md"}
+
+
+def test_first_page_leads_to_every_other() -> None:
+    door = (DOCS / "index.md").read_text(encoding="utf-8")
+    linked = set(re.findall(r"\]\((\w+\.md)", door))
+    assert linked == {path.name for path in DOCS.glob("*.md")} - {"index.md"}
+
+
 def test_pages_build_without_a_warning(site: Path) -> None:
     for page in DOCS.rglob("*.md"):
         assert (site / page.relative_to(DOCS).with_suffix(".html")).exists()

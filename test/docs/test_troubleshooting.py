@@ -1,12 +1,14 @@
-"""The page on troubleshooting explains every sentence that a node can say, and none that no node says."""
+"""The page on troubleshooting explains every sentence that nodes and commands can say, and no other."""
 
 from __future__ import annotations
 
 import re
 
+from command_sentences import beginning, command_sentences
 from node_sentences import HOLE, ROOT, sentences
 
 PAGE = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+ROWS = re.findall(r"^\| `([^`]+)` \| (.+) \|$", PAGE.split("## Errors and warnings of commands")[1], re.MULTILINE)
 HEADINGS = re.compile(r"^\*\*(.+)\*\*$", re.MULTILINE)
 
 NOT_MESSAGES = {
@@ -49,3 +51,30 @@ def test_sentences_of_diagnostics_are_found_by_the_scan() -> None:
     pattern = "|".join(re.escape(text).replace(re.escape(HOLE), ".+") for text in sentences())
     for sentence in spoken:
         assert re.fullmatch(rf"(7 )?({pattern})", sentence), sentence
+
+
+def test_every_error_and_warning_of_a_command_has_its_row() -> None:
+    said = command_sentences()
+    assert len(said) > 150
+    listed = [message for message, _ in ROWS]
+    assert {message: file for message, file in said.items() if message not in listed} == {}
+    assert len(listed) == len(set(listed))
+
+
+def test_no_row_explains_what_no_command_says() -> None:
+    said = command_sentences()
+    assert [message for message, _ in ROWS if message not in said] == []
+
+
+def test_each_row_says_what_to_do() -> None:
+    for message, advice in ROWS:
+        assert len(advice.split()) > 2 and advice.endswith("."), message
+
+
+def test_beginning_of_a_sentence_is_what_a_reader_can_look_up() -> None:
+    assert beginning("Warning: x: the fit did not converge; record longer") == "x"
+    assert beginning(f"Warning: {HOLE}: the fit did not converge; record longer") == "the fit did not converge"
+    assert beginning(f"{HOLE} in {HOLE} is {HOLE}; {HOLE} is needed") == f"in {HOLE} is"
+    assert beginning(f"{HOLE} exists already and is not overwritten; give another name") == (
+        "exists already and is not overwritten"
+    )

@@ -36,7 +36,7 @@ def run(effects: CompiledEffects, m: dict[str, np.ndarray], state: np.ndarray | 
 def symbolic_effect(entry: Effect) -> Any:
     """Return an effect's formulas over CasADi symbols."""
     pytest.importorskip("casadi", reason="CasADi is not installed")
-    from sgms_observer.effects.symbolic import symbolic_effect
+    from symbolic_effects import symbolic_effect
 
     return symbolic_effect(entry)
 

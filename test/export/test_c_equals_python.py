@@ -11,9 +11,8 @@ import pytest
 from c_build import COMPILERS, SANITIZED, STRICT, assert_equal, can_sanitize, exported, run_vector
 
 from sgms_observer.effects.catalogue import BUILT_IN, effect
-from sgms_observer.effects.effect import Effect, EffectParameter
+from sgms_observer.effects.effect import Effect, EffectParameter, flat_values
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
-from sgms_observer.settings.effects import flat_values
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.observer import ESTIMABLE, CompensationSettings, EstimatorSettings, FilterSettings

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from sgms_observer.export.fmu_target import write_fmu
-from sgms_observer.export.fmu_units import base_exponents
+from sgms_observer.export.fmu_variables import base_exponents
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.stage import EncoderSettings, ReferenceSettings, StageSettings

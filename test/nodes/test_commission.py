@@ -17,7 +17,6 @@ from program import PATIENCE
 from ros_fixtures import Start
 from ros_graph import Graph, NodeProcess, wait_until
 
-from sgms_observer.application.commission.learn import write_motion
 from sgms_observer.application.commission.ledger import DONE, Ledger
 from sgms_observer.application.commission.motion import representative_motion
 from sgms_observer.application.commission.session import Plan, Request
@@ -108,7 +107,7 @@ def learnt_before(folder: Path) -> None:
     plan = Plan.of(request)
     out.mkdir()
     own = representative_motion(plan.limits, plan.settings.sample_period)
-    write_motion(own, out / "motion.csv")
+    own.write(out / "motion.csv")
     model = START.replace("compensation: {limit: 10.0}", "compensation: {limit: 10.0, look_ahead: 2.0e-3}")
     (out / "candidate.yaml").write_text(model + f"      {HIDDEN}\n")
     ledger = Ledger(out, request.as_json())

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.bags.diagnostics_cdr import ERROR, WARN
 from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.intake import Intake
 from sgms_observer.nodes.pace import LONGEST_CATCH_UP, Pace
-from sgms_observer.nodes.report import ERROR, NO_SAMPLES, WARN, axis_entry
+from sgms_observer.nodes.report import NO_SAMPLES, axis_entry
 from sgms_observer.nodes.statistics import AxisStatistics, Growth, Sentences, StepClock
 from sgms_observer.observer.learnt import learnt_changes
 from sgms_observer.observer.outgoing import ELEMENTS, ESTIMATE, Outgoing

@@ -10,9 +10,9 @@ from stages import paper_axis, stored_energy, under_open_loop, with_reference, w
 
 from sgms_observer.effects.catalogue import effect, names
 from sgms_observer.effects.compiled import CompiledEffects
+from sgms_observer.effects.effect import flat_values
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
-from sgms_observer.settings.effects import flat_values
 from sim_plant.record import StageRecord
 from sim_plant.stage import SimulatedStage
 

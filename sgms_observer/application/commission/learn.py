@@ -38,7 +38,6 @@ from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import read_recordings
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.load import load_settings
-from sgms_observer.whole_file import write_text
 
 LONGEST_RECORD, RECORD_SHARE = 25.0, 0.08
 """Length of the recording to learn from [s], and at most this share of the time for everything."""
@@ -64,8 +63,8 @@ def excite(session: Session) -> Found:
         own, own_name = representative_motion(limits, period), "the motion that stands for your own"
     checked(learn, limits, session.origin, "the excitation")
     checked(own, limits, session.origin, own_name)
-    write_motion(learn, session.path(EXCITATION))
-    write_motion(own, session.path(OWN_MOTION))
+    learn.write(session.path(EXCITATION))
+    own.write(session.path(OWN_MOTION))
     readable = axis.units.readable
     return (
         f"excitation of {learn.duration:.1f} s over {readable(float(np.ptp(learn.position)))}, at up to"
@@ -169,20 +168,8 @@ def unexplained(bag: str, axis: AxisSettings) -> float:
     return rms(residuals(Model.of(axis), motions)) / effort_rms(motions)
 
 
-def write_motion(motion: Motion, path: Path) -> None:
-    """Write a motion as CSV, as ``sgms excite`` does, relative to the middle of the stroke.
-
-    Args:
-        motion: the motion.
-        path: the file.
-    """
-    rows = zip(motion.period * np.arange(len(motion.position)), motion.position, motion.velocity, strict=True)
-    lines = [f"{at:.9g},{position:.12f},{velocity:.9g}" for at, position, velocity in rows]
-    write_text("\n".join(["time,position,velocity", *lines]) + "\n", path)
-
-
 def load_motion(session: Session, name: str) -> Motion:
-    """Return a motion that ``write_motion`` wrote.
+    """Return a motion that an earlier step wrote.
 
     Args:
         session: the session.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.track import Track
+from sim_plant.reference_file import write_reference_file
 
 Floats = NDArray[np.float64]
 
@@ -73,6 +74,15 @@ class Motion:
     def after(self, other: Motion) -> Motion:
         """Return this motion behind another one that ends where it starts."""
         return Motion(self.period, np.concatenate([other.position, self.position[1:]]))
+
+    def write(self, path: Path) -> None:
+        """Write it as CSV, as ``sgms excite`` does, relative to the middle of the stroke.
+
+        Args:
+            path: the file.
+        """
+        time = np.asarray(self.period * np.arange(len(self.position)), np.float64)
+        write_reference_file(path, time, self.position, self.velocity)
 
 
 class _Path(Track):

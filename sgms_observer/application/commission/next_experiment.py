@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sgms_observer.application.commission.learn import Found, diagnose_bags_of, write_motion
+from sgms_observer.application.commission.learn import Found, diagnose_bags_of
 from sgms_observer.application.commission.motion import Motion, checked
 from sgms_observer.application.commission.session import LEARN_BAG, Session
 from sgms_observer.excitation.limits import ExcitationLimits
@@ -74,7 +74,7 @@ def next_experiment(session: Session) -> Found:
         motion = experiment(pair, axis, plan.limits, session.origin, period, EXPERIMENT_SECONDS)
         checked(motion, plan.limits, session.origin, "the experiment")
         bag, out = f"recordings/experiment_{number}", f"diagnosis_{number}"
-        write_motion(motion, session.path(f"experiment_{number}.csv"))
+        motion.write(session.path(f"experiment_{number}.csv"))
         session.confirm_motion(motion, f"experiment {number}, to tell {', '.join(pair)} apart")
         session.record(motion, bag)
         bags.append(bag)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,8 @@ from sgms_observer.application.commission.ledger import Ledger
 from sgms_observer.application.commission.motion import Motion
 from sgms_observer.application.commission.table import Heard, HeldUp, Table, Watch
 from sgms_observer.application.commission.tracking import Tracker
-from sgms_observer.errors import ConfigurationError, DataError
-from sgms_observer.excitation.limits import CAUTIOUS_LIMITS, ExcitationLimits
+from sgms_observer.errors import DataError
+from sgms_observer.excitation.limits import ExcitationLimits, limits_of
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.load import load_settings
 
@@ -90,14 +90,9 @@ class Plan:
             ConfigurationError: file, axis or limits cannot be used.
         """
         settings = load_settings(request.config)
-        names = [axis.name for axis in settings.axes]
-        name = request.axis or names[0]
-        if name not in names:
-            raise ConfigurationError([f"--axis {name} is not in {request.config}; it has {', '.join(names)}"])
-        axis = settings.axes[names.index(name)]
-        given = {key: getattr(request, key) for key in ("stroke", "speed", "acceleration")}
-        known = {key: value for key, value in given.items() if value is not None}
-        return cls(request, settings, axis, replace(CAUTIOUS_LIMITS[axis.joint_type], **known))
+        axis = settings.wanted_axes([request.axis] if request.axis else (), request.config)[0]
+        limits = limits_of(axis.joint_type, request.stroke, request.speed, request.acceleration)
+        return cls(request, settings, axis, limits)
 
 
 class Session:

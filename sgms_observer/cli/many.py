@@ -1,4 +1,7 @@
-"""Commands over many recordings: jobs, a progress bar, the summary, and what the terminal says."""
+"""Commands over many recordings: options, jobs, a progress bar, the summary, and what the terminal says.
+
+Imports nothing heavy at its top: ``sgms --help`` reads this.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,35 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sgms_observer.cli.options import axis_from
 from sgms_observer.cli.progress import Progress
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.fleet.jobs import DiagnoseJob, ReplayJob, job_names
-from sgms_observer.fleet.run import Job, run_jobs
-from sgms_observer.fleet.summary import verdict, write_summary
-from sgms_observer.settings.load import load_settings
+
+if TYPE_CHECKING:
+    from sgms_observer.fleet.run import Job
+
+
+def add_fleet_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare where the jobs of many recordings run.
+
+    Args:
+        parser: the command's own parser.
+    """
+    parser.add_argument(
+        "--workers",
+        type=int,
+        default=0,
+        metavar="N",
+        help="jobs at a time on this machine; the result does not depend on it (default: cores)",
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="run the jobs of several bags on the Dask cluster at this address, such as tcp://host:8786, whose workers"
+        " see the same folders; needs the extra 'fleet'",
+    )
 
 
 def replay_many(args: argparse.Namespace, topics: Mapping[str, str]) -> int:
@@ -26,6 +50,8 @@ def replay_many(args: argparse.Namespace, topics: Mapping[str, str]) -> int:
     Returns:
         The exit code, 0 only if every recording gave a result.
     """
+    from sgms_observer.fleet.jobs import ReplayJob, job_names
+
     out = Path(args.out).resolve()
     config = str(Path(args.config).resolve())
     jobs = [
@@ -52,6 +78,8 @@ def diagnose_each(args: argparse.Namespace) -> int:
     Returns:
         The exit code, 0 only if every recording gave a result.
     """
+    from sgms_observer.fleet.jobs import DiagnoseJob, job_names
+
     out = Path(args.out).resolve()
     config = str(Path(args.config).resolve())
     axis = axis_from(args.axis, "diagnose")
@@ -65,6 +93,10 @@ def diagnose_each(args: argparse.Namespace) -> int:
 
 def _do(label: str, title: str, jobs: Sequence[Job], args: argparse.Namespace, out: Path) -> int:
     """Run the jobs, write the summary and say what is in it."""
+    from sgms_observer.fleet.run import run_jobs
+    from sgms_observer.fleet.summary import verdict, write_summary
+    from sgms_observer.settings.load import load_settings
+
     load_settings(args.config)  # what is wrong with it is told once, not once per recording
     if out.exists() and not out.is_dir():
         raise ConfigurationError([f"--out {args.out} is a file; several recordings need a folder"])

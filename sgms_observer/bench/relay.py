@@ -10,7 +10,7 @@ from sensor_msgs.msg import JointState
 
 from sgms_observer.nodes.spin import spin_until_interrupted
 from sgms_observer.nodes.topics import SAMPLE_QOS, subscribe
-from sgms_observer.nodes.transport import use_shipped_transport
+from sgms_observer.nodes.transport import prepare_transport
 
 _STAMP = slice(4, 12)  # seconds and nanoseconds in a message that begins with a header
 
@@ -21,7 +21,7 @@ def relay(topic: str) -> None:
     Args:
         topic: where to.
     """
-    use_shipped_transport()
+    prepare_transport()
     rclpy.init(args=[])
     node = rclpy.create_node("bench_relay")
     publish = node.create_publisher(JointState, topic, SAMPLE_QOS).publish

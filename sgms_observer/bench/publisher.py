@@ -22,7 +22,7 @@ from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bench.problem import AMPLITUDE, FREQUENCY, PERIOD, make_problem
 from sgms_observer.bench.scene import axis_names
 from sgms_observer.nodes.topics import SAMPLE_QOS
-from sgms_observer.nodes.transport import use_shipped_transport
+from sgms_observer.nodes.transport import prepare_transport
 
 _LONGEST_STAY = 60.0  # s
 _MATCHING = 2.0  # s for the observer to find who listens to it
@@ -44,7 +44,7 @@ def publish(count: int, rate: int, axes: int, listeners: int, out: Path) -> None
     effort = make_problem(windows=samples // 10).effort[samples : 2 * samples].tolist()
     position = (AMPLITUDE * np.sin(2.0 * np.pi * np.arange(samples) / samples)).tolist()
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job is started to ignore it
-    use_shipped_transport()
+    prepare_transport()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("bench_publisher")
     publishers = [node.create_publisher(JointState, topic, SAMPLE_QOS) for topic in ("position", "control_effort")]

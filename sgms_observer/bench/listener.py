@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.nodes.spin import spin_until_interrupted
 from sgms_observer.nodes.topics import subscribe
-from sgms_observer.nodes.transport import use_shipped_transport
+from sgms_observer.nodes.transport import prepare_transport
 
 _STAMP = slice(4, 12)  # seconds and nanoseconds in a message that begins with a header
 _LAST = slice(-8, None)  # the last number of the message: the effort of the last axis
@@ -53,7 +53,7 @@ def listen(topics: list[str], out: Path) -> None:
         topics: what to listen to.
         out: the file (.npz).
     """
-    use_shipped_transport()
+    prepare_transport()
     rclpy.init(args=[])
     node = rclpy.create_node("bench_listener")
     heard = {topic: _Heard() for topic in topics}

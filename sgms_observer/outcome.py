@@ -1,11 +1,12 @@
-"""What a command hands back: its exit code, and its result for ``--json``."""
+"""How a process of this package ends: its exit code, its result for ``--json``, one sentence about a wrong call."""
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NoReturn
 
 EXIT_DONE = 0
 EXIT_FAILED = 1
@@ -13,6 +14,24 @@ EXIT_FAILED = 1
 EXIT_USAGE = 2
 EXIT_NOT_USABLE = 3
 """The work is done, but its result must not be used as it is; a warning says why."""
+EXIT_INTERRUPTED = 130
+EXIT_BROKEN_PIPE = 141
+EXIT_TERMINATED = 143
+
+SHOW_TRACEBACK = "SGMS_OBSERVER_TRACEBACK"
+"""Environment variable that has a fault of this package raised, with where it is."""
+
+
+class SentenceParser(argparse.ArgumentParser):
+    """An argument parser that answers a wrong command line with one sentence."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong and where to read more, and exit with code 2.
+
+        Args:
+            message: what is wrong.
+        """
+        self.exit(EXIT_USAGE, f"{self.prog}: {message}; see '{self.prog} --help'\n")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,35 @@
+"""Find what the model lacks, from a recording to learn from and one to judge on.
+
+python examples/diagnose_a_bag.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import recordings
+
+from sgms_observer.cli.main import main as sgms
+
+
+def main() -> None:
+    """Do the job of the example."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("out/diagnose"), help="folder of all files")
+    parser.add_argument("--seconds", type=float, default=30.0, help="length of each recording [s]")
+    args = parser.parse_args()
+    data = recordings.make(args.out, args.seconds)
+    words = ["diagnose", data.learn, "--config", data.config, "--holdout", data.judge, "--out", args.out / "diagnosis"]
+    code = sgms([*(str(word) for word in words), "--overwrite"])
+    if code not in (0, 3):
+        sys.exit(code)
+    result = json.loads((args.out / "diagnosis" / "result.json").read_text(encoding="utf-8"))
+    print(f"found: {', '.join(effect['name'] for effect in result['effects']) or 'nothing'} (truth: cogging)")
+    print(f"open {args.out / 'diagnosis' / 'report.html'}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,257 @@
+"""The observer over a recording: reading, estimating and writing beside one another, and what is said at the end."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from sgms_observer.bags.writer import BagWriter
+    from sgms_observer.observer.outgoing import Outgoing
+    from sgms_observer.observer.samples import Estimates, Samples
+
+Given = TypeVar("Given")
+_READ_AHEAD = 64  # blocks that are read before they are asked for, some 7 MB: reading begins while kernels are fetched
+_WAITING = 2  # blocks of estimates that wait to be written
+_LOOK = 0.01  # s between two looks at a thread that is to end
+_TURN = 5e-4  # s that a thread may keep Python's lock while another one wants it
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """What became of a replayed bag.
+
+    Attributes:
+        tallies: name of each axis to what is said of it.
+        warnings: sentences about the recording.
+        messages: messages written.
+        duration: time from the first message of the recording to the last [s].
+    """
+
+    tallies: dict[str, Tally]
+    warnings: tuple[str, ...]
+    messages: int
+    duration: float
+
+    def as_json(self, bag: str) -> dict[str, object]:
+        """Return the result that ``--json`` prints.
+
+        Args:
+            bag: the new bag.
+        """
+        axes = {name: tally.figures() for name, tally in self.tallies.items()}
+        return {
+            "schema": 1,
+            "bag": bag,
+            "messages": self.messages,
+            "duration_s": self.duration,
+            "axes": axes,
+            "warnings": list(self.warnings),
+        }
+
+
+def replay_bag(
+    bag: str,
+    config: str,
+    out: str,
+    storage: str,
+    topics: Mapping[str, str],
+    show: Callable[[float], None],
+    *,
+    axes: Sequence[str] | None = None,
+    is_overwriting: bool = False,
+) -> Replayed:
+    """Run the observer over a recording and write what the node would publish.
+
+    Args:
+        bag: the recording.
+        config: parameter file.
+        out: folder of the new bag.
+        storage: ``mcap`` or ``sqlite3``.
+        topics: names of the input topics where they differ.
+        show: told how much is done, from 0 to 1.
+        axes: axes of the file to observe; None for all.
+        is_overwriting: replace a bag that is there.
+
+    Raises:
+        SgmsError: something cannot be read, written or made sense of.
+    """
+    from dataclasses import replace
+
+    from sgms_observer.bags.reader import BagSamples
+    from sgms_observer.bags.replacement import refuse_existing_bag
+    from sgms_observer.bags.writer import BagWriter
+    from sgms_observer.settings.load import load_settings
+
+    refuse_existing_bag(out, is_overwriting)
+    settings = load_settings(config)
+    wanted = settings.wanted_axes(axes or (), config)
+    settings = replace(settings, axes=tuple(axis for axis in settings.axes if axis in wanted))
+    names = [axis.name for axis in settings.axes]
+    source = BagSamples(bag, settings.scales, settings.sample_period, topics=topics)
+    first, last = source.span_ns
+    tallies = {axis.name: Tally(axis.units.effort) for axis in settings.axes}
+    with _short_turns(), beside(_blocks_of_all_axes(source, names), _READ_AHEAD) as samples:
+        from sgms_observer.observer.all_axes import AllAxes
+        from sgms_observer.observer.outgoing import Outgoing
+
+        observers = AllAxes(settings.axes, settings.sample_period)
+        outgoing = Outgoing(settings)
+        observed = (dict(observers.step(block)) for block in samples)
+        with BagWriter(out, storage, is_overwriting=is_overwriting) as written, beside(observed, _WAITING) as blocks:
+            for estimates in blocks:
+                for number, estimate in estimates.items():
+                    tallies[names[number]].add(estimate)
+                _write(written, outgoing, estimates)
+                latest = max(int(estimate.stamp_ns[-1]) for estimate in estimates.values())
+                show((latest - first) / max(1, last - first))
+    return Replayed(tallies, tuple(source.warnings), sum(written.counts.values()), (last - first) * 1e-9)
+
+
+def _blocks_of_all_axes(source: Iterable[tuple[str, Samples]], names: Sequence[str]) -> Iterator[dict[int, Samples]]:
+    """Gather blocks of the axes that came together, so that axes with the same stamps share their messages."""
+    gathered: dict[int, Samples] = {}
+    for name, samples in source:
+        number = names.index(name)
+        if number in gathered:
+            yield gathered
+            gathered = {}
+        gathered[number] = samples
+    if gathered:
+        yield gathered
+
+
+@contextmanager
+def _short_turns() -> Iterator[None]:
+    """Let threads change places sooner than after Python's own 5 ms: what lies between two kernels takes less."""
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(_TURN)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(usual)
+
+
+@contextmanager
+def beside(given: Iterable[Given], most: int) -> Iterator[Iterator[Given]]:
+    """Yield the items, in order, each made in a thread of its own that begins at once and ends with the block.
+
+    The kernels, numpy and the files leave Python's lock alone, so that reading, estimating and writing share the cores.
+    Memory stays as it is however long the bag. What goes wrong in the thread is raised where its items are taken.
+
+    Args:
+        given: makes the items.
+        most: items that wait at most.
+    """
+    from queue import Queue
+    from threading import Event, Thread
+
+    waiting: Queue[tuple[Given | None, BaseException | None]] = Queue(most)
+    is_over = Event()
+
+    def make() -> None:
+        try:
+            for item in given:
+                waiting.put((item, None))
+                if is_over.is_set():
+                    return
+        except BaseException as error:
+            waiting.put((None, error))
+        else:
+            waiting.put((None, None))
+
+    def made() -> Iterator[Given]:
+        while True:
+            item, error = waiting.get()
+            if error is not None:
+                raise error
+            if item is None:
+                return
+            yield item
+
+    thread = Thread(target=make, name="replay", daemon=True)
+    thread.start()
+    try:
+        yield made()
+    finally:
+        is_over.set()
+        while thread.is_alive():
+            while not waiting.empty():
+                waiting.get()
+            thread.join(_LOOK)
+
+
+def _write(bag: BagWriter, outgoing: Outgoing, estimates: dict[int, Estimates]) -> None:
+    """Write what the node would publish."""
+    from sgms_observer.bags.diagnostics_cdr import encode_diagnostics, parameter_entry
+    from sgms_observer.observer.outgoing import PARAMETERS
+
+    for block in outgoing.blocks(estimates):
+        position, velocity, effort = (block.values.get(field) for field in ("position", "velocity", "effort"))
+        bag.write_joint_states(
+            block.topic, block.stamp_ns, block.names, position=position, velocity=velocity, effort=effort
+        )
+    for report in outgoing.reports(estimates):
+        message = encode_diagnostics(report.stamp_ns, [parameter_entry(report)])
+        bag.write(PARAMETERS, "diagnostic_msgs/msg/DiagnosticArray", report.stamp_ns, message)
+
+
+class Tally:
+    """What is said of one axis at the end: innovations and statuses.
+
+    Args:
+        unit: of the axis's effort.
+    """
+
+    def __init__(self, unit: str) -> None:
+        self.unit = unit
+        self._samples = 0
+        self._corrections = 0
+        self._squares = 0.0
+        self._nis = 0.0
+        self._statuses: dict[int, int] = {}
+
+    def add(self, estimates: Estimates) -> None:
+        """Count a block of estimates."""
+        import numpy as np
+
+        taken = np.isfinite(estimates.innovation)
+        innovation = estimates.innovation[taken]
+        self._samples += len(taken)
+        self._corrections += len(innovation)
+        self._squares += float(np.sum(innovation**2))
+        self._nis += float(np.sum((innovation / estimates.innovation_std[taken]) ** 2))
+        for status, count in zip(*np.unique(estimates.status, return_counts=True), strict=True):
+            self._statuses[int(status)] = self._statuses.get(int(status), 0) + int(count)
+
+    def figures(self) -> dict[str, float]:
+        """Return samples, corrections, innovation (rms, in ``unit``), NIS and the samples in trouble."""
+        from sgms_observer.status import Status
+
+        corrections = max(self._corrections, 1)
+        return {
+            "samples": self._samples,
+            "corrections": self._corrections,
+            "innovation": (self._squares / corrections) ** 0.5,
+            "nis": self._nis / corrections,
+            "in_trouble": sum(
+                count for code, count in self._statuses.items() if code not in (Status.RUNNING, Status.STARTING)
+            ),
+        }
+
+    def sentence(self) -> str:
+        """Return the axis's sentence."""
+        from sgms_observer.status import Status
+
+        figures = self.figures()
+        parts = [
+            f"{figures['samples']} samples, {figures['corrections']} corrections, innovation"
+            f" {figures['innovation']:.4g} {self.unit} rms, NIS {figures['nis']:.3g}"
+        ]
+        for status in Status:
+            if status not in (Status.RUNNING, Status.STARTING) and self._statuses.get(status):
+                parts.append(f"{self._statuses[status]} samples: {status.sentence}")
+        return "; ".join(parts)
