@@ -308,7 +308,8 @@ def _search(
     for number in range(most):
         share = 0.1 + 0.7 * number / most
         report(f"first look at {len(names)} effects", share)
-        refits, current = state.refits, state.current
+        refits, current = state.refits, to_the_end(state.refits, state.current)  # as many steps as the hypotheses get
+        state = replace(state, current=current)
         court = state.court(options, first)
         if rounds and court.is_closed(current.model):
             break
