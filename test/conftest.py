@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 from browser import NAMES, Browser, executable
 from hypothesis import HealthCheck, settings
-from quick import QUICK
+from selection import LIVE, QUICK
 
 from sgms_observer.nodes.domain import claim_domain
 
@@ -23,12 +23,14 @@ settings.register_profile(
 settings.register_profile("search", settings.get_profile("repeat"), derandomize=False)
 settings.load_profile("repeat")
 
-# Before anything imports rclpy. The domain is this run's own: two jobs on one machine must not hear each other,
-# and no test may ever speak to a machine that is really there.
+# Before anything imports rclpy. The domain is this process's own, also where pytest-xdist runs several: two of them on
+# one machine must not hear each other, and no test may ever speak to a machine that is really there.
 os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
-os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "sgms_observer_test_logs")
+os.environ["ROS_LOG_DIR"] = str(
+    Path(tempfile.gettempdir()) / "sgms_observer_test_logs" / os.environ["ROS_DOMAIN_ID"]
+)
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job; our processes would inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -43,15 +45,35 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--whole", action="store_true", help="run all tests, also under colcon")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Declare the marker of the tests that must have the cores for themselves."""
+    config.addinivalue_line("markers", "live: starts nodes or looks at the clock; runs alone, one after the other")
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Keep the quick tests where they are asked for, or where colcon runs pytest, which it shows by its prefix."""
-    is_of_colcon = config.option.junitprefix == PACKAGE
-    if config.option.whole or not (config.option.quick or is_of_colcon):
-        return
-    folder = Path(__file__).parent
-    quick = [item for item in items if any(item.path.is_relative_to(folder / name) for name in QUICK)]
-    config.hook.pytest_deselected(items=[item for item in items if item not in set(quick)])
-    items[:] = quick
+    """Mark the live tests; keep the quick ones where only these are asked for."""
+    for item in items:
+        if _is_in(item.path, LIVE) or "ros" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.live)
+    if _is_quick(config):
+        config.hook.pytest_deselected(items=[item for item in items if not _is_in(item.path, QUICK)])
+        items[:] = [item for item in items if _is_in(item.path, QUICK)]
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave files that are not quick unread: importing all of them takes longer than many a quick test."""
+    return True if _is_quick(config) and collection_path.is_file() and not _is_in(collection_path, QUICK) else None
+
+
+def _is_quick(config: pytest.Config) -> bool:
+    """Return whether the quick tests are asked for, or colcon runs pytest, which it shows by its prefix."""
+    return not config.option.whole and (config.option.quick or config.option.junitprefix == PACKAGE)
+
+
+def _is_in(path: Path, names: Sequence[str]) -> bool:
+    """Return whether a file is one of these, or in one of these folders."""
+    return any(path.is_relative_to(Path(__file__).parent / name) for name in names)
 
 
 @pytest.fixture(scope="session")

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.whole_file import write_bytes
 
@@ -70,7 +68,7 @@ def export(config: str | Path, out: str | Path, options: ExportOptions) -> Expor
         RecordingError: the files cannot be written.
     """
     settings = load_settings(config)
-    axes = chosen_axes(settings.axes, options.axes)
+    axes = settings.wanted_axes(options.axes, str(config))
     path = Path(out)
     _refuse_existing(path, options)
     if options.target == "fmu":
@@ -91,23 +89,6 @@ def export(config: str | Path, out: str | Path, options: ExportOptions) -> Expor
     for name, text in files.items():
         write_bytes(text.encode(), path / name)
     return Exported(str(path), tuple(axis.name for axis in axes), tuple(files), tuple(warnings))
-
-
-def chosen_axes(known: Sequence[AxisSettings], names: Sequence[str]) -> tuple[AxisSettings, ...]:
-    """Return the named axes, or all of them.
-
-    Args:
-        known: the axes of the YAML.
-        names: of the wanted ones, or none.
-
-    Raises:
-        ConfigurationError: for a name that the YAML does not have.
-    """
-    by_name = {axis.name: axis for axis in known}
-    for name in names:
-        if name not in by_name:
-            raise ConfigurationError([f"--axis {name} is not in the parameter file; it has {', '.join(by_name)}"])
-    return tuple(by_name[name] for name in dict.fromkeys(names)) or tuple(known)
 
 
 def _refuse_existing(path: Path, options: ExportOptions) -> None:

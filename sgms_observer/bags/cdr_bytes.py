@@ -54,12 +54,20 @@ class Cursor:
         self.at = HEADER + 8
 
     def pad(self, size: int) -> int:
-        """Move to a multiple of ``size``; return how many bytes were skipped."""
+        """Move on to the next alignment; return how many bytes were skipped.
+
+        Args:
+            size: alignment [bytes].
+        """
         start, self.at = self.at, aligned(self.at, size)
         return self.at - start
 
     def skip(self, size: int) -> None:
-        """Move on by ``size`` bytes."""
+        """Move on.
+
+        Args:
+            size: by how much [bytes].
+        """
         self.at += size
         if self.at > len(self._message):
             raise DataError(f"a {self._kind} of {len(self._message)} bytes is cut off; it was not used")
@@ -70,7 +78,11 @@ class Cursor:
         return int(self._message[self.at - 1])
 
     def length(self, item_size: int) -> int:
-        """Read the length of an array or string whose items need ``item_size`` bytes at least."""
+        """Read the length of an array or string.
+
+        Args:
+            item_size: what one of its items takes at least [bytes].
+        """
         start = aligned(self.at, 4)
         self.at = start
         self.skip(4)

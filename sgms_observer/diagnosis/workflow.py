@@ -184,7 +184,7 @@ class Diagnosis:
         warnings: what must not be overlooked.
         is_poor: whether the recordings cannot show anything.
         tests: tests of the whole model.
-        is_closed: whether everything that was accepted leaves nothing above the floor.
+        explains_all: whether what was accepted leaves no share of the gap that would count as predictable.
     """
 
     nominal: Model
@@ -201,23 +201,23 @@ class Diagnosis:
     warnings: tuple[str, ...] = field(default=())
     is_poor: bool = False
     tests: tuple[Test, ...] = field(default=())
-    is_closed: bool = True
+    explains_all: bool = True
 
     @property
     def accepted(self) -> list[Round]:
         """Return the rounds that added an effect that is named.
 
-        One that says nothing but how the contact law differs is a name only where nothing is left above the floor;
-        else it is a changed value of the file.
+        One that says nothing but how the contact law differs is a name only where all is explained with it; else it is
+        a changed value of the file.
         """
         added = [item for item in self.rounds if item.accepted and item.accepted.candidate.settings is not None]
-        return [item for item in added if self.is_closed or not is_law(item.accepted.candidate.name)]  # type: ignore[union-attr]
+        return [item for item in added if self.explains_all or not is_law(item.accepted.candidate.name)]  # type: ignore[union-attr]
 
     @property
     def bent(self) -> frozenset[str]:
         """Return the effects that were added and are not named."""
         added = {item.accepted.candidate.name for item in self.rounds if item.accepted}
-        return frozenset(name for name in added if is_law(name) and not self.is_closed)
+        return frozenset(name for name in added if is_law(name) and not self.explains_all)
 
 
 def diagnose(
@@ -270,7 +270,8 @@ def diagnose(
     court = state.court(options)
     return Diagnosis(
         nominal, own, found, state, before, after, after_refits, tuple(rounds), court, audited.resolution,
-        audited.notes, tuple(warnings), audited.is_poor, is_closed=court.is_closed(state.current.model),
+        audited.notes, tuple(warnings), audited.is_poor,
+        explains_all=court.explains_all(state.current.model, found.current.model),
     )  # fmt: skip
 
 
@@ -278,7 +279,8 @@ def narrowed(state: State, options: Options) -> State:
     """Return the state with elements as near to the file as its other values, unless those further off predict better.
 
     Few elements stand for a continuous contact, and may have to lie elsewhere than a test bench has put them. Or they
-    move because another law leaves them something to fit, and predict worse.
+    move because another law leaves them something to fit, and predict worse, be it only at rest, where samples weigh
+    little and the gap is reported all the same.
 
     Args:
         state: with elements that may move further.
@@ -289,7 +291,9 @@ def narrowed(state: State, options: Options) -> State:
     court = narrow.court(options)
     earlier, later = evidence_of(narrow.current, court), evidence_of(state.current, court)
     pair = (earlier.held, later.held) if court.has_held_out else (earlier.all, later.all)
-    return state if improvement(*pair).z_score > options.criteria.min_z_score else narrow
+    is_sure = improvement(*pair).z_score > options.criteria.min_z_score
+    wide_gap, narrow_gap = (rms(residuals(one.current.model, court.judge)) for one in (state, narrow))
+    return state if is_sure and wide_gap <= narrow_gap else narrow
 
 
 def _search(
@@ -304,7 +308,8 @@ def _search(
     for number in range(most):
         share = 0.1 + 0.7 * number / most
         report(f"first look at {len(names)} effects", share)
-        refits, current = state.refits, state.current
+        refits, current = state.refits, to_the_end(state.refits, state.current)  # as many steps as the hypotheses get
+        state = replace(state, current=current)
         court = state.court(options, first)
         if rounds and court.is_closed(current.model):
             break
@@ -315,7 +320,7 @@ def _search(
         listed += [changed_candidate(refits, current, name) for name in changed if is_possible(refits, name)]
         decisions = [decide(item, current, earlier, court) for item in listed if item.refit.cost < current.cost]
         decisions.sort(key=lambda item: -item.improvement.fall)
-        best = chosen(decisions, court)
+        best = chosen(decisions, court, [item.name for item in own])
         if best is None or sum(item.accepted is not None for item in rounds) >= most:
             rounds.append(Round(screen.looks, tuple(decisions), None, ()))
             break
@@ -335,40 +340,61 @@ def _search(
     return state, tuple(rounds)
 
 
-def chosen(decisions: Sequence[Decision], court: Court) -> Decision | None:
-    """Return the hypothesis to add: what predicts best of those that pass every test.
+def chosen(decisions: Sequence[Decision], court: Court, listed: Sequence[str] = ()) -> Decision | None:
+    """Return the hypothesis to add, or None where none passes every test.
 
-    An effect that leaves nothing above the floor explains all there is with its few values. Else no file has the
-    contact exactly right: an effect that a contact may look like waits until no change of the contact passes any more,
-    and has to predict better than the changed contact does. Any other effect goes before a change of the contact that
-    moves more values and does not surely predict better, unless an effect that waits does. An effect that says nothing
-    but how the contact law differs comes last.
+    Of effects that the data do not tell apart it is one that the file lists: that a known value moved is the simplest.
 
     Args:
         decisions: the best predicting first.
         court: recordings that evidence was taken from.
+        listed: effects of the file.
     """
     passed = [item for item in decisions if item.passed]
     if not passed:
         return None
-    effects = [item for item in passed if item.candidate.settings is not None]
+    best = _preferred(passed, court)
+    known = [item for item in passed if item.candidate.name in listed and item.candidate.settings is not None]
+    if best.candidate.settings is None:
+        return best
+    return next((item for item in known if apart(best, item) <= court.criteria.min_z_score), best)
+
+
+def _preferred(passed: Sequence[Decision], court: Court) -> Decision:
+    """Return the hypothesis that predicts best, in the order in which names may be believed.
+
+    An effect that leaves nothing above the floor explains all there is with its few values. Else no file has the
+    contact exactly right: an effect that a contact may look like waits until it surely predicts better than every
+    change of the contact that passes, or until none passes any more. Any other effect goes before a change of the
+    contact that moves more values and does not surely predict better, unless another effect does. An effect that says
+    nothing but how the contact law differs comes last.
+
+    Args:
+        passed: hypotheses that passed every test, the best predicting first.
+        court: recordings that evidence was taken from.
+    """
+    most = court.criteria.min_z_score
+    bent = [item for item in passed if is_law(item.candidate.name)]
+    others = [item for item in passed if item not in bent]
+    effects = [item for item in others if item.candidate.settings is not None]
     if not court.is_noise(court.first_gap):
-        for item in effects:
+        for item in (*effects, *bent):
             if court.is_closed(item.candidate.refit.model):
                 return item
-    bent = [item for item in passed if is_law(item.candidate.name)]
-    passed = [item for item in passed if item not in bent] or bent
-    effects = [item for item in passed if item.candidate.settings is not None]
-    changes = [item for item in passed if item.candidate.settings is None]
-    most = court.criteria.min_z_score
-    best = next((item for item in effects if apart(item, passed[0]) > most), passed[0])
-    if is_like_contact(best.candidate.name) and changes:
+    if not others:
+        return bent[0]
+    changes = [item for item in others if item.candidate.settings is None]
+    waiting = [
+        item for item in effects
+        if is_like_contact(item.candidate.name) and any(apart(item, change) <= most for change in changes)
+    ]  # fmt: skip
+    best = next((item for item in effects if apart(item, others[0]) > most), others[0])
+    if best in waiting:
         best = changes[0]
     if best.candidate.settings is None:
-        waiting = [item for item in effects if is_like_contact(item.candidate.name)]
         for item in effects:
             is_simpler = item.candidate.parameter_count < best.candidate.parameter_count
-            is_beaten = any(apart(other, item) > most for other in (best, *waiting))
+            is_beaten = any(apart(other, item) > most for other in (best, *effects))
             if item not in waiting and is_simpler and not is_beaten:
                 return item
     return best

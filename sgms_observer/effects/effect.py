@@ -44,7 +44,12 @@ class Place(Enum):
 
 @dataclass(frozen=True)
 class EffectSettings:
-    """One effect of the catalogue (or of the user's own) with its parameter values, in the catalogue's order."""
+    """One effect of the catalogue (or of the user's own) with the values of its parameters.
+
+    Attributes:
+        name: of the effect.
+        values: in the catalogue's order, each in its parameter's unit [SI]; empty for the defaults.
+    """
 
     name: str
     values: tuple[float, ...] = ()
@@ -268,7 +273,7 @@ def named_values(entry: Effect, values: Sequence[float]) -> dict[str, Any] | Non
 
     Args:
         entry: the effect.
-        values: as ``flat_values`` returns them; empty for the defaults.
+        values: as ``flat_values`` returns them [SI]; empty for the defaults.
 
     Returns:
         Numbers and tuples by name; None for values that are not those of this effect.

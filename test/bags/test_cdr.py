@@ -5,6 +5,8 @@ from __future__ import annotations
 import array
 import contextlib
 import math
+from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -57,6 +59,13 @@ def ros_bytes(
     return bytes(serialize_message(message))
 
 
+@cache
+def typestore() -> Any:
+    """Return rosbags' message types; making them takes 10 ms."""
+    rosbags = pytest.importorskip("rosbags.typesys")
+    return rosbags.get_typestore(rosbags.Stores.ROS2_JAZZY)
+
+
 @settings(max_examples=1000, deadline=None)
 @given(joint_states())
 def test_reads_what_ros_serializes(state: tuple) -> None:
@@ -66,10 +75,8 @@ def test_reads_what_ros_serializes(state: tuple) -> None:
 def test_reads_the_uninitialised_tail_of_fast_dds() -> None:
     message = ros_bytes(7, ("x",), (1.5,), (), (), "")
     assert len(message) > 52, "Fast DDS no longer appends a tail; this test has lost its point"
-    rosbags = pytest.importorskip("rosbags.typesys")
-    store = rosbags.get_typestore(rosbags.Stores.ROS2_JAZZY)
     with pytest.raises(Exception, match="mismatch"):
-        store.deserialize_cdr(message, JOINT_STATE)
+        typestore().deserialize_cdr(message, JOINT_STATE)
     assert decode_joint_state(message) == (7, ("x",), (1.5,), (), ())
 
 
@@ -108,8 +115,7 @@ def test_padding_and_tail_are_never_looked_at(state: tuple, noise: bytes, tail: 
 @settings(max_examples=300, deadline=None)
 @given(joint_states())
 def test_agrees_with_rosbags_both_ways(state: tuple) -> None:
-    rosbags = pytest.importorskip("rosbags.typesys")
-    store = rosbags.get_typestore(rosbags.Stores.ROS2_JAZZY)
+    store = typestore()
     kinds = store.types
     stamp, names, position, velocity, effort, frame = state
     header = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9)), frame)
@@ -159,15 +165,28 @@ def test_diagnostics_round_trip(stamp: int, entries: list) -> None:
     assert decode_diagnostics(encode_diagnostics(stamp, statuses)) == (stamp, statuses)
 
 
-@settings(max_examples=10_000, deadline=None)
-@given(st.binary(max_size=120))
-def test_any_bytes_give_a_joint_state_or_a_data_error(data: bytes) -> None:
+def decode_or_refuse(data: bytes) -> None:
+    """Decode bytes behind each head; what is refused is one sentence."""
     for head in (b"", b"\x00\x01\x00\x00", b"\x00\x00\x00\x00"):
         for decode in (decode_joint_state, decode_diagnostics):
             try:
                 decode(head + data)
             except DataError as error:
                 assert str(error).count("\n") == 0
+
+
+@settings(max_examples=1000, deadline=None)
+@given(st.binary(max_size=120))
+def test_any_bytes_give_a_joint_state_or_a_data_error(data: bytes) -> None:
+    decode_or_refuse(data)
+
+
+def test_ten_thousand_random_messages_give_a_joint_state_or_a_data_error() -> None:
+    """What takes long in the test above is the drawing of examples, so most are drawn here."""
+    random = np.random.default_rng(2)
+    print("seed 2")
+    for _ in range(10_000):
+        decode_or_refuse(random.bytes(random.integers(0, 121)))
 
 
 def test_damaged_messages_give_a_joint_state_or_a_data_error() -> None:

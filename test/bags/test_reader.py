@@ -188,7 +188,9 @@ def test_sqlite_truncated_at_any_byte(tmp_path: Path) -> None:
     for size in range(len(whole)):
         file.unlink()  # cutting it to nothing would put it on the disk
         file.write_bytes(whole[:size])
-        attempt(path)
+        attempt(file)
+        if size % 64 == 0:
+            attempt(path)  # most of this is the reading of metadata.yaml, which only names the file
     file.write_bytes(whole)
     assert attempt(path) == 40
 

@@ -12,6 +12,7 @@ import pytest
 
 pytest.importorskip("casadi", reason="CasADi is not installed")
 
+from sgms_observer.bench import timing
 from sgms_observer.bench.accuracy import accuracy, converged, newest_force
 from sgms_observer.bench.live import time_live
 from sgms_observer.bench.peers import time_casadi, time_peers
@@ -25,7 +26,10 @@ from sgms_observer.estimators import stages
 WINDOWS = 30
 
 
-def test_json_has_the_promised_shape(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_has_the_promised_shape(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(timing, "_GROWTH_WINDOWS", 12)
     file = tmp_path / "bench.json"
     parts = ["speed", "accuracy", "growth"]
     arguments = ["bench", "--windows", "12", "--json", str(file), "--out", str(tmp_path / "pictures"), "--only", *parts]

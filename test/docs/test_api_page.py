@@ -10,8 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+import sgms_observer
+
 ROOT = Path(__file__).resolve().parents[2]
-BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "api.md").read_text(encoding="utf-8"), re.DOTALL)
+PAGE = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 
 
 def test_the_example_runs_and_estimates(tmp_path: Path) -> None:
@@ -55,3 +58,20 @@ def test_the_effect_of_your_own_is_one(tmp_path: Path) -> None:
     force, factor = effects.evaluate(position, rest, rest, rest, rest, period, level, effects.initial_state())
     assert np.allclose(force, 2.0 * np.tanh(position / 0.01))
     assert np.all(factor == 1.0)
+
+
+def test_the_page_shows_every_public_name() -> None:
+    section = PAGE.split("## What can be imported")[1].split("\n## ")[0]
+    table = re.findall(r"^\| [a-z ]+ \| (`.*) \|$", section, re.MULTILINE)
+    assert sorted(re.findall(r"`(\w+)`", " ".join(table))) == sorted(set(sgms_observer.__all__) - {"__version__"})
+
+
+def test_every_public_name_is_there_and_the_package_loads_nothing_before() -> None:
+    code = (
+        "import sys, sgms_observer; print('numpy' in sys.modules);"
+        "print([name for name in sgms_observer.__all__ if getattr(sgms_observer, name) is None])"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.splitlines() == ["False", "[]"]
+    assert not hasattr(sgms_observer, "no_such_name")

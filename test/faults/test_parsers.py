@@ -14,6 +14,7 @@ import struct
 import types
 import zlib
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -275,6 +276,7 @@ def test_any_input(cases: Callable[[Path], Iterator[Case]], tmp_path: Path, monk
     if cases is command_lines:
         real = {name: registry.load(name) for name in registry.COMMANDS}
         monkeypatch.setattr(registry, "load", lambda name: _idle(real[name]))
+        monkeypatch.setattr(command_line, "build_parser", cache(command_line.build_parser))  # else the most of the time
     answers = 0
     for number, case in enumerate(cases(tmp_path)):
         try:

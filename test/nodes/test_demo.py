@@ -125,11 +125,13 @@ def test_beside_burning_processes_it_is_not_worse(tmp_path: Path) -> None:
     ]
     try:
         demo = _sgms("demo", "--out", str(tmp_path / "demo"), "--duration", "8")
-        said, _ = demo.communicate(timeout=3 * PATIENCE)
+        bag = tmp_path / "demo" / "bag"  # has this name once nothing runs live any more
+        wait_until(lambda: bag.exists() or demo.poll() is not None, "the end of the recording", 3 * PATIENCE)
     finally:
         for process in burning:
             process.kill()
             process.wait()
+    said, _ = demo.communicate(timeout=3 * PATIENCE)
     assert demo.returncode == 0, said
     tracking = json.loads((tmp_path / "demo" / "result.json").read_text())["axes"]["x"]["tracking"]
     assert tracking["peak_after"] <= SHARPER * tracking["peak_before"], said

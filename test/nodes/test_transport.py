@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -34,3 +37,45 @@ def test_a_port_that_is_being_made_is_waited_for(tmp_path: Path) -> None:
 
 def test_no_shared_memory_is_no_fault(tmp_path: Path) -> None:
     remove_half_made_ports(tmp_path / "missing")
+
+
+_TALKER = """
+import rclpy
+from sgms_observer.nodes.transport import prepare_transport
+from std_msgs.msg import Empty
+prepare_transport()
+rclpy.init()
+node = rclpy.create_node("to_be_killed")
+publisher = node.create_publisher(Empty, "last_words", 1)
+print("up", flush=True)
+rclpy.spin(node)
+"""
+
+
+def test_a_killed_node_is_forgotten_long_before_the_middleware_would() -> None:
+    """Fast DDS keeps a dead participant for 20 s; whoever has our profile promises to be heard of within 5 s."""
+    rclpy = pytest.importorskip("rclpy", reason="ROS is not installed")
+    root = Path(__file__).resolve().parents[2]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")])}
+    command = [sys.executable, "-c", _TALKER]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True) as talker:
+        context = rclpy.context.Context()
+        rclpy.init(context=context)
+        try:
+            node = rclpy.create_node("watcher", context=context)
+            assert talker.stdout is not None and talker.stdout.readline() == "up\n"
+            assert _becomes(1, node, 30.0)
+            talker.kill()
+            assert _becomes(0, node, 15.0)
+            node.destroy_node()
+        finally:
+            talker.kill()
+            rclpy.try_shutdown(context=context)
+
+
+def _becomes(count: int, node: Any, most: float) -> bool:
+    """Return whether that many publish before the time [s] is over."""
+    end = time.monotonic() + most
+    while node.count_publishers("last_words") != count and time.monotonic() < end:
+        time.sleep(0.1)
+    return bool(node.count_publishers("last_words") == count)

@@ -8,7 +8,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from quick import QUICK
+from selection import LIVE, QUICK
 
 import sgms_observer
 
@@ -36,6 +36,16 @@ def _setup_py(field: str) -> list[str]:
 
 def test_versions_agree() -> None:
     assert MANIFEST.findtext("version") == sgms_observer.__version__
+
+
+def test_who_wrote_it_is_said_once_and_alike() -> None:
+    """A release team looks for author, maintainer, licence and the owner of the copyright."""
+    who = _setup_py("get_author().splitlines()")
+    assert [element.text for element in MANIFEST.iter("author")] == who == _setup_py("get_maintainer().splitlines()")
+    assert [element.text for element in MANIFEST.iter("maintainer")] == who
+    licence = MANIFEST.find("license")
+    assert licence is not None and licence.text == "Apache-2.0" and (ROOT / licence.attrib["file"]).is_file()
+    assert re.search(rf"^Copyright \d{{4}} the {who[0]}$", (ROOT / "NOTICE").read_text(encoding="utf-8"), re.MULTILINE)
 
 
 def test_every_requirement_has_its_rosdep_key() -> None:
@@ -79,5 +89,11 @@ def test_manifest_names_every_ros_package_that_is_imported() -> None:
     assert imported & known <= declared
 
 
-def test_every_quick_test_exists() -> None:
-    assert not [name for name in QUICK if not (ROOT / "test" / name).exists()]
+def test_every_quick_and_every_live_test_exists() -> None:
+    assert not [name for name in (*QUICK, *LIVE) if not (ROOT / "test" / name).exists()]
+
+
+def test_every_test_file_has_a_name_of_its_own() -> None:
+    """Test folders are no packages, so pytest refuses a second file of one name in any folder when it runs all."""
+    names = [path.name for path in (ROOT / "test").rglob("*.py") if path.name != "conftest.py"]
+    assert sorted(set(names)) == sorted(names)
