@@ -1,4 +1,4 @@
-# make setup | demo | check | test | lint | docs. Where ROS 2 is sourced it is used; elsewhere its wheels from PyPI go into .venv.
+# make setup | demo | check | test | coverage | lint | docs. Where ROS 2 is sourced it is used; elsewhere its wheels from PyPI go into .venv.
 SHELL := bash
 .DELETE_ON_ERROR:
 PYTHON ?= python3
@@ -8,7 +8,7 @@ OUT ?= out/demo
 # nproc would take OMP_NUM_THREADS for the number of cores.
 JOBS ?= $(shell env -u OMP_NUM_THREADS nproc)
 
-.PHONY: setup demo check test lint docs pictures clean
+.PHONY: setup demo check test coverage lint docs pictures clean
 
 setup: $(VENV)/.complete
 
@@ -26,6 +26,15 @@ check: lint
 
 test: setup
 	@tools/run_tests $(VENV)/bin/python $(JOBS) $(PYTEST_ARGS)
+
+# Every Python that the tests start counts its lines. Tests of time may fail: counting costs time.
+coverage: setup
+	@rm -rf out/coverage && mkdir -p out/coverage
+	-COVERAGE_PROCESS_START=$(CURDIR)/pyproject.toml COVERAGE_FILE=$(CURDIR)/out/coverage/data \
+	  tools/run_tests $(VENV)/bin/python $(JOBS) $(PYTEST_ARGS)
+	cd out/coverage && ../../$(VENV)/bin/python -m coverage combine -q --rcfile ../../pyproject.toml --data-file data
+	$(VENV)/bin/python -m coverage html -q --data-file out/coverage/data --directory out/coverage/html
+	$(VENV)/bin/python -m coverage report --data-file out/coverage/data
 
 lint: setup
 	$(VENV)/bin/python -m ruff check .

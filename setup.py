@@ -48,6 +48,7 @@ DEVELOPMENT = [
     *SYMBOLIC,
     *TEST,
     "colcon-common-extensions>=0.3,<1",
+    "coverage[toml]>=7.17,<8",
     "fmpy>=0.3.20,<0.4",
     "mypy>=1.10,<3",
     "pytest-xdist>=3.7,<4",

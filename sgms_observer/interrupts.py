@@ -1,6 +1,6 @@
 """SIGINT and SIGTERM: silent while modules load, not lost while a command works, noted while a node does.
 
-A node's signals are noted, not obeyed at once: it is still whole when it takes leave of its listeners. rclpy's own
+A node's signals are noted, not obeyed at once: it is still whole when it leaves its listeners. rclpy's own
 handlers end the context first. Nothing can be published after that, and whoever holds the last force of a compensation
 would hold it for ever.
 """

@@ -1,4 +1,4 @@
-"""What an observer can say of itself; the values are the sentences a user reads."""
+"""What an observer reports about itself; the values are the sentences that a user reads."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _SENTENCES = {
     Status.RUNNING: "the estimator runs on good samples",
     Status.STARTING: "the filters are filling; estimates follow shortly",
     Status.PREDICTING: "no usable effort: the friction is predicted from the motion alone; check control_effort",
-    Status.SAMPLE_REJECTED: "a sample was absurd or disagreed with the model beyond outlier_nis, and was not used",
-    Status.FALLBACK_NOT_CONVERGED: "the moving horizon estimator found no descent; the EKF took this correction",
-    Status.FALLBACK_NOT_FINITE: "a result was not finite; the EKF took over from the last good estimate",
-    Status.FALLBACK_DEADLINE: "the last correction took longer than estimator.deadline; the EKF took this one",
+    Status.SAMPLE_REJECTED: "a sample was rejected: it was impossible or disagreed with the model beyond outlier_nis",
+    Status.FALLBACK_NOT_CONVERGED: "the MHE step failed; the EKF estimate was used",
+    Status.FALLBACK_NOT_FINITE: "a result was not finite; the EKF went on from the last good estimate",
+    Status.FALLBACK_DEADLINE: "the last correction took longer than estimator.deadline; the EKF estimate was used",
     Status.RESTARTED_AFTER_GAP: (
         "samples paused for longer than filter.maximum_gap, or their clock was set back;"
         " filters and estimator restarted"

@@ -7,7 +7,7 @@ from __future__ import annotations
 QUICK = (
     "bags/test_cdr.py", "bags/test_pairing.py", "bags/test_writer.py", "compensation/test_effects_ahead.py",
     "compensation/test_feedforward.py", "compensation/test_horizon.py", "compensation/test_motion_ahead.py",
-    "compensation/test_never_worse.py", "compensation/test_safety.py", "compensation/test_worth.py",
+    "compensation/test_safety.py", "compensation/test_worth.py",
     "docs/test_design.py", "docs/test_docstrings.py", "docs/test_troubleshooting.py", "docs/test_words.py",
     "estimation/test_interval.py", "filters", "friction/test_latched.py", "nodes/test_parts.py",
     "observer/test_all_axes.py", "observer/test_axis_observer.py", "observer/test_core.py", "package/test_launch.py",

@@ -37,7 +37,7 @@ HIGHEST_LEAST_SQUARES_CUTOFF = 100.0
 """Highest corner of the inverse dynamic model [Hz]: rigid bodies end there."""
 COUPLING = "cross_axis_coupling"
 _PROVENANCE = "Identified by sgms identify"
-_STALE = ("(95 %)", "not shown")
+_STALE = ("(95 %)", "not identifiable")
 
 
 @dataclass(frozen=True)

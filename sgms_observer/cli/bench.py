@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sgms_observer.cli.progress import Progress
 
 NAME = "bench"
-HELP = "time the estimators, with peers side by side, and live runs beside a bare relay"
+HELP = "measure run times of the estimators, beside other solvers, and of live runs, beside a bare relay"
 
 PARTS = ("speed", "accuracy", "peers", "growth", "start", "replay", "live")
 _NEED_CASADI = ("accuracy", "peers")

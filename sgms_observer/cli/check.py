@@ -9,7 +9,7 @@ from sgms_observer.cli.options import add_bag_options, add_output_options
 from sgms_observer.outcome import EXIT_DONE, EXIT_FAILED, Outcome
 
 NAME = "check"
-HELP = "tell whether a parameter file is right, and fits a recording: all faults at once"
+HELP = "check a parameter file, and whether it fits a recording; print all faults at once"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from sgms_observer.cli.options import (
+    ONE_AXIS,
     add_axis_option,
     add_limit_options,
     add_output_options,
@@ -17,16 +18,16 @@ from sgms_observer.cli.options import (
 from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 NAME = "commission"
-HELP = "the whole way on the live graph: check, excite, record, identify, diagnose, observe, compensate, compare"
+HELP = "lead a machine to its compensation: check, excite, record, identify, diagnose, observe, compensate, compare"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments, as ``registry.Command``."""
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file to start from")
     parser.add_argument(
-        "--out", required=True, metavar="DIR", help="folder of everything; a rerun goes on where the last one ended"
+        "--out", required=True, metavar="DIR", help="folder of all files; a rerun goes on where the last one ended"
     )
-    add_axis_option(parser, "the first of the file")
+    add_axis_option(parser, ONE_AXIS)
     parser.add_argument("--yes", action="store_true", help="move without asking; the motions stay inside the limits")
     parser.add_argument(
         "--time", type=float, default=1800.0, metavar="S", help="begin no step after this time [s] (default: 1800)"

@@ -1,4 +1,4 @@
-"""``sgms compile``: the numerical kernels into the cache, so that the first start of a node is as quick as any."""
+"""``sgms compile``: compile the numerical kernels into the cache, so that no first start waits for that."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import time
 from sgms_observer.cli.options import add_output_options
 
 NAME = "compile"
-HELP = "compile the numerical kernels ahead, so that the first start of a node or command is as quick as any"
+HELP = "compile the numerical kernels now, so that no node or command waits for that at its first start"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

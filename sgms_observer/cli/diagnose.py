@@ -1,4 +1,4 @@
-"""``sgms diagnose``: find what the model misses, name it, add it, show the gap shrink."""
+"""``sgms diagnose``: find what the model lacks, name it, add it, and show how far the gap falls."""
 
 from __future__ import annotations
 
@@ -9,14 +9,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sgms_observer.cli.many import add_fleet_arguments
-from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option, axis_from, topics_from
+from sgms_observer.cli.options import (
+    ONE_AXIS,
+    add_bag_options,
+    add_output_options,
+    add_overwrite_option,
+    axis_from,
+    topics_from,
+)
 from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 if TYPE_CHECKING:
     from sgms_observer.application.diagnose import DiagnoseResult
 
 NAME = "diagnose"
-HELP = "find the effect that the model misses, name it, add it to the model, and show the gap shrink"
+HELP = "find the effects that the model lacks, name them, add them to the model, and show how far the gap falls"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BAG",
         help="recordings to judge on, never fitted to",
     )
-    add_bag_options(parser, "the first of the file")
+    add_bag_options(parser, ONE_AXIS)
     parser.add_argument(
         "--tolerance",
         type=float,
@@ -42,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SHARE",
         help="how far the YAML's mass and friction may be off (default: 0.05)",
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all chance (default: 1)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of all random numbers (default: 1)")
     parser.add_argument(
         "--cutoff",
         type=float,
@@ -64,6 +71,7 @@ def run(args: argparse.Namespace) -> int | Outcome:
     """Do the job, as ``registry.Command``."""
     from sgms_observer.application.diagnose import FILES, DiagnoseRequest, diagnose_bags
     from sgms_observer.cli.progress import Progress
+    from sgms_observer.effects.catalogue import effect
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.whole_file import refuse_existing_files
 
@@ -93,22 +101,26 @@ def run(args: argparse.Namespace) -> int | Outcome:
         print(f"note: {note}")
     print(f"verdict: {answer.verdict} (seed {args.seed})")
     for item in answer.effects:
-        values = ", ".join(f"{value:.4g}" for value in item.settings.values)
-        others = f"; could also be {', '.join(item.alternatives)}" if item.alternatives else ""
-        print(f"  {item.settings.name}: {values} (confidence {item.confidence:.2f}{others})")
+        entry = effect(item.settings.name)
+        values = ", ".join(
+            f"{parameter.name} {value:.4g} {done.units.of(parameter.unit)}".removesuffix(" -")
+            for parameter, value in zip(entry.parameters, item.settings.values, strict=True)
+        )
+        others = f", may also be {' or '.join(item.alternatives)}" if item.alternatives else ""
+        print(f"  {entry.name}, confidence {item.confidence:.2f}{others}: {values}")
     for learnt in answer.learnt:
         print(f"  learnt: {learnt.sentence}")
     for changed in answer.changed:
         print(f"  changed: {changed.name}: {_shown(changed.before)} -> {_shown(changed.after)}")
     print(
-        f"gap on {gap.held_out} data below {gap.band:.4g} Hz: {gap.before:.3g} -> {gap.after:.3g} % of rms effort"
-        f" (as the file was given {gap.given:.3g} %, not predictable {gap.floor:.3g} %)"
+        f"gap on {gap.held_out} data below {gap.band:.4g} Hz, in % of the rms effort: {gap.given:.3g} with the file as"
+        f" given, {gap.before:.3g} refitted, {gap.after:.3g} with what was found ({gap.floor:.3g} is not predictable)"
     )
     print(f"observer innovation: {done.closings[0].innovation:.4g} -> {done.closings[1].innovation:.4g} {unit} rms")
     before, after = done.closings
     print(
         f"friction not cancelled by the feedforward: {before.compensation:.4g} -> {after.compensation:.4g} {unit} rms"
-        f" along {after.along}, counted while it follows the motion ({100.0 * after.share:.0f} % of the time)"
+        f" along {after.along} (while it moves, {100.0 * after.share:.0f} % of the time)"
     )
     for line in _tracking(done):
         print(line)
@@ -120,11 +132,11 @@ def run(args: argparse.Namespace) -> int | Outcome:
 
 
 def _tracking(done: DiagnoseResult) -> list[str]:
-    """Return lines about the tracking error that the model promises."""
+    """Return lines about the tracking error that the model predicts."""
     if done.tracking is None:
         return ["predicted tracking error: none, the simulated loop does not stay finite with stage.controller"]
     caution = done.tracking.caution(done.units)
-    return [done.tracking.sentence(done.units), *([f"caution: {caution}"] if caution else [])]
+    return [done.tracking.sentence(done.units), *([f"Warning: {caution}."] if caution else [])]
 
 
 def _shown(value: float | str) -> str:

@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from sgms_observer.cli.options import (
+    ONE_AXIS,
     add_axis_option,
     add_limit_options,
     add_output_options,
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from sgms_observer.excitation.reference import Excitation, Floats
 
 NAME = "excite"
-HELP = "write (or publish) the reference that tells most about what is asked for, within the table's limits"
+HELP = "design the motion that shows most of what is asked for, within the machine's limits; write or publish it"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where the table stands, and the reference starts and ends [m; rad] (default: the middle; the position"
         " that the table publishes when publishing)",
     )
-    add_axis_option(parser, "the first of the file")
+    add_axis_option(parser, ONE_AXIS)
     add_limit_options(parser)
     parser.add_argument("--smallest", type=float, metavar="D", help="smallest reversal (default: 1e-7 m; 1e-5 rad)")
     parser.add_argument(
@@ -57,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="middle of the stroke [m; rad] (default: where the table stands; 0 in a file without --from)",
     )
     parser.add_argument(
-        "--publish", action="store_true", help="publish it in real time as reference (sensor_msgs/JointState)"
+        "--publish", action="store_true", help="publish it in real time as reference; this moves the machine"
     )
     add_overwrite_option(parser)
     add_output_options(parser)

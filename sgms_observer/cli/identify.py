@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0,
         choices=range(1, 9),
         metavar="N",
-        help="elements; held-out error chooses if not given",
+        help="number of elements (default: chosen by the held-out error)",
     )
     parser.add_argument(
         "--cutoff",

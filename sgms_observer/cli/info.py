@@ -9,7 +9,7 @@ from sgms_observer.cli.options import add_bag_options, add_output_options
 from sgms_observer.outcome import Outcome
 
 NAME = "info"
-HELP = "tell what is in a bag: topics, joints, rates, gaps, encoder step, signs, and what it can be used for"
+HELP = "show what a bag holds (topics, joints, rates, gaps, encoder step, signs) and what it can be used for"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -92,7 +92,7 @@ def _run(given: list[str], interrupts: Sequence[int]) -> int:
         if os.environ.get(SHOW_TRACEBACK):
             raise
         return _fail(
-            f"sgms {wanted} met a fault of its own, {type(error).__name__}: {error};"
+            f"Internal error in sgms {wanted}, {type(error).__name__}: {error};"
             f" set {SHOW_TRACEBACK}=1 to see where, and report it"
         )
 

@@ -8,9 +8,12 @@ from collections.abc import Sequence
 
 from sgms_observer.errors import ConfigurationError, DataError
 
+ONE_AXIS = "the first of the file"
+"""Default of a command that takes one axis."""
+
 
 def add_output_options(parser: argparse.ArgumentParser, *, has_result: bool = True) -> None:
-    """Declare how the command tells what it found.
+    """Declare how the command prints its result.
 
     Args:
         parser: the command's own parser.
@@ -29,7 +32,7 @@ def add_overwrite_option(parser: argparse.ArgumentParser) -> None:
     Args:
         parser: the command's own parser.
     """
-    parser.add_argument("--overwrite", action="store_true", help="replace what is there under the name of the output")
+    parser.add_argument("--overwrite", action="store_true", help="replace the output if it exists")
 
 
 def add_bag_options(parser: argparse.ArgumentParser, axes: str) -> None:
@@ -54,7 +57,7 @@ def add_topic_option(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KEY=NAME",
-        help="where a topic of the bag is called otherwise, KEY being position, control_effort or reference, such as"
+        help="name of a topic in the bag where it differs: KEY is position, control_effort or reference, such as"
         " position=/joint_states; may be repeated",
     )
 
@@ -66,8 +69,9 @@ def add_axis_option(parser: argparse.ArgumentParser, axes: str) -> None:
         parser: the command's own parser.
         axes: which axes it takes if none is named, for the help text.
     """
+    repeated = "" if axes.startswith(ONE_AXIS) else "; may be repeated"
     parser.add_argument(
-        "--axis", action="append", metavar="NAME", help=f"take this axis only; may be repeated (default: {axes})"
+        "--axis", action="append", metavar="NAME", help=f"use this axis only{repeated} (default: {axes})"
     )
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sgms_observer.cli.progress import Progress
 
 NAME = "play"
-HELP = "play a bag into the live graph, where `ros2 bag` is not installed"
+HELP = "play a bag into the live graph where `ros2 bag` is not installed; moves a machine that follows reference"
 
 _DEPTH = 10_000  # messages, a second at 10 kHz
 _ACK_TIME = 2.0  # s for the last messages to arrive

@@ -22,7 +22,7 @@ from sgms_observer.diagnosis.evidence import (
     left_out_residuals,
 )
 from sgms_observer.diagnosis.fit import Judged, Refit, Refits
-from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
+from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.ranges import believable
@@ -94,11 +94,8 @@ class Court:
         return (self.first_gap**2 - (0.0 if self.is_noise(self.first_gap) else self.floor**2)) * count
 
     def is_closed(self, model: Model) -> bool:
-        """Return whether a model leaves nothing above the floor on ``judge``, at rest neither."""
-        if not self.is_noise(self.rms(model)):
-            return False
-        floor = noise_floor(self.judge, model, self.judged.noise, self.seed)
-        return rms(residuals(model, self.judge)) <= self.criteria.min_gap_over_floor * floor
+        """Return whether a model leaves nothing above the floor on ``judge``."""
+        return self.is_noise(self.rms(model))
 
     def explains_all(self, model: Model, first: Model) -> bool:
         """Return whether a model leaves no share of the squared gap of the first one that would count as predictable.
@@ -107,8 +104,7 @@ class Court:
             model: what was found.
             first: the file refitted within its tolerance.
         """
-        floor = noise_floor(self.judge, model, self.judged.noise, self.seed)
-        left, closable = (rms(residuals(one, self.judge)) ** 2 - floor**2 for one in (model, first))
+        left, closable = (self.rms(one) ** 2 - self.floor**2 for one in (model, first))
         return left <= self.criteria.min_predictable_share * closable
 
     def is_noise(self, residual: float) -> bool:

@@ -112,7 +112,7 @@ def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
     ]
     caution = tracking.caution(units)
     if caution:
-        text.append(f"Caution: {caution}.")
+        text.append(f"Warning: {caution}.")
     plots = [tracking_plot(tracking, units)] if tracking.errors else []
     return Section(heading, text, [Table(("tracking error", "rms", "peak"), rows)], plots=plots)
 

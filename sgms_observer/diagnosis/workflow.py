@@ -308,7 +308,8 @@ def _search(
     for number in range(most):
         share = 0.1 + 0.7 * number / most
         report(f"first look at {len(names)} effects", share)
-        refits, current = state.refits, state.current
+        refits, current = state.refits, to_the_end(state.refits, state.current)  # as many steps as the hypotheses get
+        state = replace(state, current=current)
         court = state.court(options, first)
         if rounds and court.is_closed(current.model):
             break
@@ -363,33 +364,37 @@ def _preferred(passed: Sequence[Decision], court: Court) -> Decision:
     """Return the hypothesis that predicts best, in the order in which names may be believed.
 
     An effect that leaves nothing above the floor explains all there is with its few values. Else no file has the
-    contact exactly right: an effect that a contact may look like waits until no change of the contact passes any more,
-    and has to predict better than the changed contact does. Any other effect goes before a change of the contact that
-    moves more values and does not surely predict better, unless an effect that waits does. An effect that says nothing
-    but how the contact law differs comes last.
+    contact exactly right: an effect that a contact may look like waits until it surely predicts better than every
+    change of the contact that passes, or until none passes any more. Any other effect goes before a change of the
+    contact that moves more values and does not surely predict better, unless another effect does. An effect that says
+    nothing but how the contact law differs comes last.
 
     Args:
         passed: hypotheses that passed every test, the best predicting first.
         court: recordings that evidence was taken from.
     """
-    effects = [item for item in passed if item.candidate.settings is not None]
+    most = court.criteria.min_z_score
+    bent = [item for item in passed if is_law(item.candidate.name)]
+    others = [item for item in passed if item not in bent]
+    effects = [item for item in others if item.candidate.settings is not None]
     if not court.is_noise(court.first_gap):
-        for item in effects:
+        for item in (*effects, *bent):
             if court.is_closed(item.candidate.refit.model):
                 return item
-    bent = [item for item in passed if is_law(item.candidate.name)]
-    passed = [item for item in passed if item not in bent] or bent
-    effects = [item for item in passed if item.candidate.settings is not None]
-    changes = [item for item in passed if item.candidate.settings is None]
-    most = court.criteria.min_z_score
-    best = next((item for item in effects if apart(item, passed[0]) > most), passed[0])
-    if is_like_contact(best.candidate.name) and changes:
+    if not others:
+        return bent[0]
+    changes = [item for item in others if item.candidate.settings is None]
+    waiting = [
+        item for item in effects
+        if is_like_contact(item.candidate.name) and any(apart(item, change) <= most for change in changes)
+    ]  # fmt: skip
+    best = next((item for item in effects if apart(item, others[0]) > most), others[0])
+    if best in waiting:
         best = changes[0]
     if best.candidate.settings is None:
-        waiting = [item for item in effects if is_like_contact(item.candidate.name)]
         for item in effects:
             is_simpler = item.candidate.parameter_count < best.candidate.parameter_count
-            is_beaten = any(apart(other, item) > most for other in (best, *waiting))
+            is_beaten = any(apart(other, item) > most for other in (best, *effects))
             if item not in waiting and is_simpler and not is_beaten:
                 return item
     return best

@@ -49,7 +49,7 @@ class DiagnoseJob:
         out: folder of result.json, augmented.yaml and report.html.
         axis: axis to diagnose; the first of the YAML if None.
         tolerance: how far the YAML's mass and friction may be off, as a share.
-        seed: of the null twins.
+        seed: of every random number.
     """
 
     name: str

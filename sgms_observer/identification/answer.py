@@ -21,6 +21,7 @@ _DIGITS = 7
 _NEAR_ZERO = ("effects.offset.force",)  # values whose sign is open need no warning
 _OFFSET_EFFECT = "offset"
 _DAMPING = "friction.element_damping"
+_UNKNOWN = "not identifiable from this recording"
 
 
 @dataclass(frozen=True)
@@ -45,13 +46,13 @@ class Row:
 
     @property
     def remark(self) -> str:
-        """One remark: unit, interval, and whether it was shown."""
+        """Return unit, interval, and whether the recordings identify the value."""
         if math.isnan(self.half_width):
-            known = "not shown: start value" if self.value else "not shown: none"
+            known = f"{_UNKNOWN}: start value" if self.value else _UNKNOWN
         elif math.isinf(self.half_width):
-            known = "not shown: an estimate without interval"
+            known = f"{_UNKNOWN}: an estimate without interval"
         else:
-            known = f"+- {self.half_width:.2g} (95 %)" + ("" if self.is_shown else ", not shown to 5 %")
+            known = f"+- {self.half_width:.2g} (95 %)" + ("" if self.is_shown else ", wider than 5 %")
         note = f"; {self.note}" if self.note and not self.is_shown else ""
         return f"{self.unit}; {known}{note}"
 
@@ -404,7 +405,7 @@ def _remarks(rows: Sequence[Row], result: Identification) -> dict[str, str]:
         own = [row for row in rows if row.name.startswith(f"{name}[")]
         widths = ", ".join(f"{100.0 * row.half_width / abs(row.value):.2g}" for row in own)
         blind = ", ".join(row.name.split("[")[1][:-1] for row in own if not row.is_shown)
-        remarks[name] = f"{own[0].unit}; +- {widths} % (95 %)" + (f"; not shown to 5 %: {blind}" if blind else "")
+        remarks[name] = f"{own[0].unit}; +- {widths} % (95 %)" + (f"; wider than 5 %: {blind}" if blind else "")
     if DELAY not in result.frozen:
         delay = next(row for row in rows if row.name == "delay")
         remarks["compensation.look_ahead"] = (

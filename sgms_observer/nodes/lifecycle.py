@@ -246,7 +246,7 @@ class ManagedNode(LifecycleNode):
         if errors:
             raise errors[0]
         if thread.is_alive():
-            raise SgmsError("the node was told to stop while it got ready")
+            raise SgmsError("the node received a stop signal during its start")
 
     def _stop(self) -> None:
         if self.is_active:

@@ -88,7 +88,7 @@ def play_reference(
     try:
         position, velocity = reference_from(_standing_at(node, axis, stop))
         publisher = node.create_publisher(JointState, "reference", SAMPLE_QOS)
-        _await(lambda: publisher.get_subscription_count() > 0, stop, "nobody subscribes to reference; start the table")
+        _await(lambda: publisher.get_subscription_count() > 0, stop, "no node subscribes to reference; start the table")
         encoder = JointStateEncoder((axis.name,), ("position", "velocity"))
         scale = axis.position_scale
         clock = node.get_clock()

@@ -170,4 +170,4 @@ def _own_fault(error: Exception) -> str:
     text = " ".join(str(error).split())
     if "rcl" in type(error).__name__.lower() or "arguments" in type(error).__name__.lower():
         return f"ROS 2 refused to start the node: {text}"
-    return f"the node met a fault of its own, {type(error).__name__}: {text}; set {SHOW_TRACEBACK}=1 to see where"
+    return f"Internal error in the node, {type(error).__name__}: {text}; set {SHOW_TRACEBACK}=1 to see where"

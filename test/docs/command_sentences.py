@@ -14,6 +14,9 @@ PREFIX = "Warning: "
 ELSEWHERE = ("settings", "nodes", "export", "effects", "formulas")
 """Folders whose sentences are of one kind each, which the page explains as one, or that `node_sentences` reads."""
 
+AXES = "sgms_observer/settings/axis.py"
+"""Where every command looks up the names of --axis."""
+
 _HEAD = re.compile(r"^(.*?)(?:[;:(]| - |$)")
 _FEWEST_LETTERS = 12
 
@@ -23,7 +26,7 @@ def command_sentences() -> dict[str, str]:
     found: dict[str, str] = {}
     for path in sorted(ROOT.glob("sgms_observer/**/*.py")):
         file = path.relative_to(ROOT)
-        if file.parts[1] in ELSEWHERE:
+        if file.parts[1] in ELSEWHERE and file.as_posix() != AXES:
             continue
         for sentence in _sentences(path):
             head = beginning(sentence)

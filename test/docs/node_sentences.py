@@ -7,7 +7,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-PLACES = ("sgms_observer/status.py", "sgms_observer/observer/pairing.py", "sgms_observer/nodes/*.py")
+PLACES = (
+    "sgms_observer/status.py",
+    "sgms_observer/observer/pairing.py",
+    "sgms_observer/bags/diagnostics_cdr.py",
+    "sgms_observer/nodes/*.py",
+)
 HOLE = "…"  # stands for what is filled in
 
 _FEWEST_WORDS = 4

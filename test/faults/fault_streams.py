@@ -235,7 +235,9 @@ FAULTS = (
     Fault("position is NaN", _each(_as_position(NAN)), NAN_TOLD, "dropped", is_slow=True),
     Fault("position is infinite", _each(_as_position(-INF)), NAN_TOLD, "dropped", is_slow=True),
     Fault("position is infinite now and then", _now_and_then(_as_position(INF)), NAN_TOLD, "dropped", False),
-    Fault("position is huge now and then", _now_and_then(_as_position(HUGE)), "a sample was absurd", "rejected", False),
+    Fault(
+        "position is huge now and then", _now_and_then(_as_position(HUGE)), "a sample was rejected", "rejected", False
+    ),
     Fault("position is far off now and then", _now_and_then(_as_position(1e6)), JUMPED, "samples restarted_after_jump"),
     Fault("effort is NaN", _each(_as_effort(NAN)), NAN_TOLD, "dropped"),
     Fault("effort is infinite now and then", _now_and_then(_as_effort(INF)), NAN_TOLD, "dropped", False),

@@ -251,7 +251,7 @@ def _parse(arguments: tuple[str, ...]) -> None:
     assert code in (0, 1, 2), code
     assert (code == 0) == (told == ""), told
     assert code != 2 or (told.endswith("--help'\n") and "Traceback" not in told), told
-    assert "fault of its own" not in told, told
+    assert "Internal error" not in told, told
 
 
 PARSERS = (

@@ -1,4 +1,4 @@
-"""The observer node with a fault of its own: its engine raises once a compensation has gone out."""
+"""The observer node with an internal error: its engine raises once a compensation has gone out."""
 
 from __future__ import annotations
 

@@ -318,5 +318,5 @@ def test_a_fault_of_the_node_leaves_no_compensation(graph: Graph, tmp_path: Path
     wait_until(lambda: _last_compensation(graph) == 0.0, "zero at the end")
     wait_until(lambda: listener.commands[-1] == 0.0, "zero at the end of the commands")
     assert max(abs(command) for command in listener.commands) > 0.1
-    (said,) = [line for line in node.text().splitlines() if "fault of its own" in line]
+    (said,) = [line for line in node.text().splitlines() if "Internal error" in line]
     assert "ZeroDivisionError: a fault made for a test" in said and "Traceback" not in node.text()

@@ -91,3 +91,9 @@ def test_manifest_names_every_ros_package_that_is_imported() -> None:
 
 def test_every_quick_and_every_live_test_exists() -> None:
     assert not [name for name in (*QUICK, *LIVE) if not (ROOT / "test" / name).exists()]
+
+
+def test_every_test_file_has_a_name_of_its_own() -> None:
+    """Test folders are no packages, so pytest refuses a second file of one name in any folder when it runs all."""
+    names = [path.name for path in (ROOT / "test").rglob("*.py") if path.name != "conftest.py"]
+    assert sorted(set(names)) == sorted(names)

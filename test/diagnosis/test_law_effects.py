@@ -1,0 +1,95 @@
+"""Effects that only say how the contact law differs, drags that give energy, and evidence that contradicts itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from workflow_case import AXIS, record
+
+from sgms_observer.diagnosis import workflow
+from sgms_observer.diagnosis.answer import Answer, answer_of
+from sgms_observer.diagnosis.coordinates import is_law
+from sgms_observer.diagnosis.criteria import Criteria, Test
+from sgms_observer.diagnosis.decision import Decision, Evidence, alternatives, apart
+from sgms_observer.diagnosis.evidence import Improvement
+from sgms_observer.diagnosis.workflow import Options, diagnose
+from sgms_observer.effects.catalogue import names as catalogue_names
+from sgms_observer.offline.recording import Recording
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
+
+PERIOD = 1.0 / 250.0
+OPTIONS = Options(workers=1, band=25.0)
+FALL = EffectSettings("stribeck", (0.25, 0.02))
+PERIODIC = EffectSettings("periodic_disturbance", (0.8, 3.0, 0.4))
+
+
+@pytest.fixture(autouse=True)
+def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Look for a few effects, so that a run takes seconds; a force that is periodic in time is not among them."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("stribeck", "quadratic_drag", "spring"))
+
+
+def made(effects: tuple[EffectSettings, ...], seed: int) -> Recording:
+    return record(effects, seed=seed, duration=12.0, period=PERIOD)
+
+
+def answered(*effects: EffectSettings, axis: AxisSettings = AXIS) -> Answer:
+    found = diagnose([made(effects, 1)], [made(effects, 2)], axis, OPTIONS)
+    return answer_of(found, axis, OPTIONS)
+
+
+def test_law_effects_are_of_the_catalogue() -> None:
+    assert sum(is_law(name) for name in catalogue_names()) == 7
+
+
+def test_a_law_effect_that_explains_all_is_a_name() -> None:
+    answer = answered(FALL)
+    assert [item.settings.name for item in answer.effects] == ["stribeck"]
+    assert not any(item.name.startswith("effects.stribeck") for item in answer.changed)
+
+
+def test_beside_what_nothing_explains_it_is_a_changed_value() -> None:
+    answer = answered(FALL, PERIODIC)
+    assert [item.settings.name for item in answer.effects] == []
+    changed = {item.name: item for item in answer.changed}
+    share = changed["effects.stribeck.share"]
+    assert share.before == 0.0 and share.after > 0.0 and share.std_error > 0.0
+    assert "stribeck" in [item.name for item in answer.model.effects]
+
+
+def test_a_drag_that_gives_energy_has_no_name() -> None:
+    top = float(np.max(np.abs(np.gradient(made((), 1).position, PERIOD))))
+    gives = answered(EffectSettings("quadratic_drag", (-1.5 / top**2,)))
+    takes = answered(EffectSettings("quadratic_drag", (1.5 / top**2,)))
+    assert "quadratic_drag" not in [item.settings.name for item in gives.effects]
+    assert [item.settings.name for item in takes.effects] == ["quadratic_drag"]
+
+
+def test_elements_leave_the_file_where_recordings_show_them_elsewhere() -> None:
+    learn, judge = ([record(seed=seed, duration=8.0)] for seed in (1, 2))
+    right = diagnose([made((), 1)], [made((), 2)], AXIS, OPTIONS)
+    friction = replace(AXIS.friction, element_stiffness=tuple(0.6 * x for x in AXIS.friction.element_stiffness))
+    wrong = diagnose(learn, judge, replace(AXIS, friction=friction), replace(OPTIONS, band=100.0))
+    assert right.found.refits.freedom.is_narrow
+    assert not wrong.found.refits.freedom.is_narrow
+
+
+def decision(learn: float, held: float) -> Decision:
+    """Return a decision whose residual has these sizes in 40 blocks each, with the same scatter."""
+    rng = np.random.default_rng(3)
+    noise = [rng.standard_normal(50) for _ in range(80)]
+    blocks = [size * (1.0 + 0.01 * one) for size, one in zip([learn] * 40 + [held] * 40, noise, strict=True)]
+    evidence = Evidence(blocks[:40], blocks[40:], [])
+    candidate: Any = type("Named", (), {"name": f"{learn}, {held}", "settings": FALL})()
+    nothing = Improvement(0.0, 0.0, 1.0)
+    return Decision(candidate, evidence, nothing, nothing, (Test("x", "x", 1.0, 0.0, True),))
+
+
+def test_held_out_recordings_may_contradict() -> None:
+    first, second, worse = decision(1.0, 2.1), decision(1.5, 2.0), decision(1.5, 2.5)
+    assert apart(first, worse) > 3.0  # both kinds of recordings agree
+    assert apart(first, second) < 0.0 < apart(second, first)  # the held-out ones alone decide
+    assert alternatives(first, [first, second, worse], Criteria()) == (second.candidate.name,)

@@ -1,0 +1,93 @@
+"""Pages, messages, help texts and docstrings use one term for each thing, and no word that only insiders understand."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", ROOT / "examples" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+SOURCES = sorted([*ROOT.glob("sgms_observer/**/*.py"), *ROOT.glob("sim_plant/**/*.py"), *ROOT.glob("examples/*.py")])
+
+PREFERRED = {
+    r"sureness": "z_score",
+    r"\btwins\b": "bootstrap replicates",
+    r"left to the controller after compensation": "friction not cancelled by the feedforward",
+    r"nobody subscribes": "no node subscribes",
+    r"found no descent": "the MHE step failed; the EKF estimate was used",
+    r"a fault of its own": "Internal error",
+    r"was absurd|were absurd": "a sample was rejected",
+    r"search stopped before it converged": "the fit did not converge",
+    r"acts at its stamp, not until the next": "the effort is not held between samples",
+    r"told (?:as|to be) (?:not )?shown": "(not) identifiable from this recording",
+    r"is told(?:,| of)": "is reported",
+    r"grain of salt": "what follows from it",
+    r"has no say": "has no effect",
+    r"nobody (?:told|knows of)": "the subject that does not know",
+    r"\d(?:\.\d)? times smaller and \d(?:\.\d)? times larger": "rms 4.6x smaller, peak 1.4x larger",
+    r"takes? leave of": "leaves",
+    r"seed of all chance": "seed of all random numbers",
+}
+"""What is not written (a regular expression), and what is."""
+
+TERMS = {
+    r"\b[Ss]et ?points?\b": "set-point",
+    r"\b[Hh]old-out\b": "held-out",
+    r"\b[Ff]eed-forward\b": "feedforward",
+    r"\bset-value\b|\bsetting value\b": "set-point, or setting",
+    r"\b[Tt]ime ?stamps? of arrival\b": "arrival time",
+    r"\bco-efficient\b": "coefficient",
+    r"\b[Pp]re-sliding\b": "presliding",
+}
+"""One spelling for each term."""
+
+_MACHINE_TEXT = re.compile(r"^[\w./:<>{}%*#-]+$")
+
+
+def _texts(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield every string of a source that a reader may see: messages, help texts, docstrings."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and not _MACHINE_TEXT.match(node.value):
+            yield node.lineno, " ".join(node.value.split())
+
+
+def _found(text: str) -> list[str]:
+    return [
+        f"write {better!r} in place of {hit.group(0)!r}"
+        for words in (PREFERRED, TERMS)
+        for pattern, better in words.items()
+        for hit in [re.search(pattern, text, re.IGNORECASE if words is PREFERRED else 0)]
+        if hit
+    ]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_pages_use_the_preferred_terms(page: Path) -> None:
+    text = " ".join(page.read_text(encoding="utf-8").split())
+    assert _found(text) == []
+
+
+def test_sentences_of_the_source_use_the_preferred_terms() -> None:
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {fault}"
+        for path in SOURCES
+        for line, text in _texts(path)
+        for fault in _found(text)
+    ]
+    assert found == []
+
+
+def test_warnings_begin_alike() -> None:
+    for path in SOURCES:
+        for line, text in _texts(path):
+            assert not re.match(r"(?:WARNING|warning|caution|Caution|CAUTION):", text), f"{path.name}:{line}"
+
+
+def test_scan_finds_what_it_forbids() -> None:
+    assert _found("Nobody subscribes to reference")
+    assert _found("the node met a fault of its own")
+    assert not _found("No node subscribes to `reference`.")
