@@ -10,6 +10,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor
@@ -26,6 +27,7 @@ from sgms_observer.nodes.spin import LONG_WORK
 from sgms_observer.outcome import SHOW_TRACEBACK
 from sgms_observer.settings.axis import Settings
 
+ChangesState = Callable[[ChangeState.Request, ChangeState.Response], ChangeState.Response]
 _PROGRESS_PERIOD = 10.0  # s
 _WATCH = 0.1  # s
 
@@ -63,6 +65,9 @@ class ManagedNode(LifecycleNode):
         self._failure: Exception | None = None
         self._compilation: Compilation | None = None
         self._progress_due = 0.0
+        for service in self.services:
+            if service.srv_type is ChangeState:
+                service.callback = self._refusing(service.callback)
         self.add_on_set_parameters_callback(self._judge_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
 
@@ -216,6 +221,22 @@ class ManagedNode(LifecycleNode):
         self.guarded(self._stop)()
         self.fault = fault or self.fault
         super().destroy_node()
+
+    def _refusing(self, change: ChangesState) -> ChangesState:
+        """Return the service of transitions so that it refuses one that the state does not have.
+
+        rclpy's own raises into the executor, and one wrong request ends the node.
+        """
+
+        def refuse_or_change(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
+            try:
+                return change(request, response)
+            except RuntimeError as error:
+                self.get_logger().warning(f"a transition was asked for that this state does not have: {error}")
+                response.success = False
+                return response
+
+        return refuse_or_change
 
     def _wait_for_kernels(self) -> None:
         """Wait where somebody configures the node before its kernels are compiled; say what cannot be helped."""

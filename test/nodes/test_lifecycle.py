@@ -43,6 +43,17 @@ def test_every_transition_twice(name: str, graph: Graph, start: Start) -> None:
 
 
 @pytest.mark.parametrize("name", NODES)
+def test_a_transition_that_the_state_does_not_have_is_refused(name: str, graph: Graph, start: Start) -> None:
+    """rclpy's own service raises into the executor, and the node would end."""
+    node = start(name, ONE_AXIS)
+    assert not graph.change(name, ACTIVATE)
+    assert not graph.change(name, CONFIGURE)
+    assert graph.state(name) == "active"
+    assert node.stop() == 0, node.text()
+    assert node.text().count("this state does not have") == 2
+
+
+@pytest.mark.parametrize("name", NODES)
 @pytest.mark.parametrize("signals", [(signal.SIGINT,), (signal.SIGTERM,), (signal.SIGINT, signal.SIGINT)])
 def test_signals_end_an_active_node_cleanly(name: str, signals: tuple[int, ...], start: Start) -> None:
     process = start(name, ONE_AXIS)
