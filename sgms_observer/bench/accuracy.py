@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sgms_observer.bench import stages
 from sgms_observer.bench.problem import Floats, Problem
-from sgms_observer.estimators import stages
 from sgms_observer.estimators.descent import IMPROVED
 from sgms_observer.estimators.memory import COUNT, TOLERANCE, views
 from sgms_observer.estimators.reference import WindowProgramme

@@ -7,12 +7,12 @@ from time import perf_counter
 
 import numpy as np
 
+from sgms_observer.bench import stages
 from sgms_observer.bench.accuracy import converged, newest_force
 from sgms_observer.bench.do_mpc_peer import time_do_mpc
 from sgms_observer.bench.problem import Problem
 from sgms_observer.bench.programme import OPTIONS, ParametricWindow
 from sgms_observer.bench.timing import Timing, undisturbed
-from sgms_observer.estimators import stages
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.estimators import stages
+from sgms_observer.bench import stages
 from sgms_observer.estimators.block import restart
 from sgms_observer.estimators.estimator import Estimator
 from sgms_observer.filters.motion import known_motion

@@ -10,8 +10,8 @@ from time import perf_counter
 
 import numpy as np
 
+from sgms_observer.bench import stages
 from sgms_observer.bench.problem import PER_INTERVAL, PERIOD, Problem, make_problem
-from sgms_observer.estimators import stages
 
 _GROWTH_WINDOWS = 150
 

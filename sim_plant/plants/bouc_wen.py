@@ -24,12 +24,7 @@ DISTANCE, POWER, BETA = 0, 1, 2
 def draw(rng: Generator, curve: Floats, distance: float, mass: float, speed: float) -> Floats:
     """Return the distance D [m], the power n and the share beta.
 
-    Args:
-        rng: source of chance.
-        curve: sliding curve, see ``stribeck``; not used by this law.
-        distance: static force over stiffness [m].
-        mass: moving mass [kg]; not used by this law.
-        speed: top speed of the machine [m/s]; not used by this law.
+    Arguments as of ``contact.draw_law``.
     """
     return np.array([distance, rng.uniform(1.2, 2.5), rng.uniform(0.55, 0.95), 0.0, 0.0])
 
@@ -38,13 +33,7 @@ def draw(rng: Generator, curve: Floats, distance: float, mass: float, speed: flo
 def step(velocity: float, duration: float, scale: float, curve: Floats, law: Floats, state: Floats) -> float:
     """Advance the hysteresis at constant velocity and return its force [N].
 
-    Args:
-        velocity: sliding velocity [m/s].
-        duration: of the step [s].
-        scale: factor on the sliding force.
-        curve: sliding curve, see ``stribeck``.
-        law: columns named above.
-        state: zeta [-] in its first place; changed.
+    Arguments as of ``contact.advance``; the state: zeta [-] in its first place; changed.
     """
     zeta = state[0]
     pace = abs(velocity) / law[DISTANCE]

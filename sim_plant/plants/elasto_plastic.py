@@ -27,12 +27,7 @@ STIFFNESS, DAMPING, BREAKAWAY = 0, 1, 2
 def draw(rng: Generator, curve: Floats, distance: float, mass: float, speed: float) -> Floats:
     """Return stiffness sigma_0 [N/m], damping sigma_1 [N s/m] and the breakaway deflection [m].
 
-    Args:
-        rng: source of chance.
-        curve: sliding curve, see ``stribeck``.
-        distance: static force over stiffness [m].
-        mass: moving mass [kg].
-        speed: top speed of the machine [m/s]; not used by this law.
+    Arguments as of ``contact.draw_law``.
     """
     stiffness = curve[STATIC] / distance
     damping = 2.0 * rng.uniform(0.02, 0.1) * math.sqrt(stiffness * mass)
@@ -63,13 +58,8 @@ def plastic_share(deflection: float, velocity: float, breakaway: float, steady: 
 def step(velocity: float, duration: float, scale: float, curve: Floats, law: Floats, state: Floats) -> float:
     """Advance the bristle at constant velocity and return its force [N].
 
-    Args:
-        velocity: sliding velocity [m/s].
-        duration: of the step [s].
-        scale: factor on the sliding force and on the breakaway deflection.
-        curve: sliding curve, see ``stribeck``.
-        law: columns named above.
-        state: deflection z [m] in its first place; changed.
+    Arguments as of ``contact.advance``; the state: deflection z [m] in its first place; changed.
+    The scale is a factor on the sliding force and on the breakaway deflection.
     """
     steady = scale * sliding_force(velocity, curve) / law[STIFFNESS]
     before = state[0]

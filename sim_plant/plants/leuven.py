@@ -32,12 +32,7 @@ MOST_OPEN = 30
 def draw(rng: Generator, curve: Floats, distance: float, mass: float, speed: float) -> Floats:
     """Return the largest hysteresis force F_y [N], its distance D [m] and the power n.
 
-    Args:
-        rng: source of chance.
-        curve: sliding curve, see ``stribeck``.
-        distance: static force over stiffness [m].
-        mass: moving mass [kg]; not used by this law.
-        speed: top speed of the machine [m/s]; not used by this law.
+    Arguments as of ``contact.draw_law``.
     """
     largest = curve[STATIC] * rng.uniform(1.5, 2.0)
     return np.array([largest, distance * largest / curve[STATIC], rng.uniform(4.0, 10.0), 0.0, 0.0])
@@ -89,13 +84,7 @@ def turn(force: float, state: Floats) -> None:
 def step(velocity: float, duration: float, scale: float, curve: Floats, law: Floats, state: Floats) -> float:
     """Advance the hysteresis at constant velocity (backward Euler in the deflection) and return its force [N].
 
-    Args:
-        velocity: sliding velocity [m/s].
-        duration: of the step [s].
-        scale: factor on the sliding force.
-        curve: sliding curve, see ``stribeck``.
-        law: columns named above.
-        state: places named above; changed.
+    Arguments as of ``contact.advance``; the state: places named above; changed.
     """
     z = state[DEFLECTION]
     if state[SIDE] == 0.0:

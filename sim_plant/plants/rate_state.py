@@ -29,12 +29,7 @@ def draw(rng: Generator, curve: Floats, distance: float, mass: float, speed: flo
 
     The Coulomb force holds at the top speed, the static force at a tenth of the curve's knee.
 
-    Args:
-        rng: source of chance.
-        curve: sliding curve, see ``stribeck``.
-        distance: static force over stiffness [m].
-        mass: moving mass [kg]; not used by this law.
-        speed: top speed of the machine [m/s].
+    Arguments as of ``contact.draw_law``.
     """
     direct = rng.uniform(0.008, 0.02) * curve[COULOMB]
     fall = (curve[STATIC] - curve[COULOMB]) / math.log(10.0 * speed / curve[KNEE])
@@ -74,13 +69,7 @@ def slip_speed(load: float, stress: float, v_0: float) -> float:
 def step(velocity: float, duration: float, scale: float, curve: Floats, law: Floats, state: Floats) -> float:
     """Advance the contact at constant velocity (backward Euler in the deflection) and return its force [N].
 
-    Args:
-        velocity: sliding velocity [m/s].
-        duration: of the step [s].
-        scale: factor on the sliding force.
-        curve: sliding curve, see ``stribeck``.
-        law: columns named above.
-        state: deflection z [m] and age theta [s]; changed.
+    Arguments as of ``contact.advance``; the state: deflection z [m] and age theta [s]; changed.
     """
     v_0, length = law[REFERENCE_VELOCITY], law[LENGTH]
     unit = scale * law[DIRECT]

@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("casadi", reason="CasADi is not installed")
 
-from sgms_observer.bench import timing
+from sgms_observer.bench import stages, timing
 from sgms_observer.bench.accuracy import accuracy, converged, newest_force
 from sgms_observer.bench.live import time_live
 from sgms_observer.bench.peers import time_casadi, time_peers
@@ -21,7 +21,6 @@ from sgms_observer.bench.process import run_python, seconds_used
 from sgms_observer.bench.timing import Timing, slope, time_estimator
 from sgms_observer.cli.main import main
 from sgms_observer.errors import DataError
-from sgms_observer.estimators import stages
 
 WINDOWS = 30
 

@@ -1,4 +1,4 @@
-"""The stages of one correction as calls of their own: for timing them, and for schedules other than the block loop.
+"""The stages of one correction as calls of their own, for timing them.
 
 Each takes the estimator's flat memory, ``Estimator.flat``.
 """
