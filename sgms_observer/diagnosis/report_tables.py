@@ -70,7 +70,7 @@ def test_tables(answer: Answer) -> list[Table]:
             if step.accepted is not None and name == step.accepted.candidate.name:
                 outcome = "added"
             elif name in step.alternatives:
-                outcome = "not told from the added one"
+                outcome = "not distinguishable from the added one"
             else:
                 outcome = "not added"
             for test in item.tests:

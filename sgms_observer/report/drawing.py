@@ -92,6 +92,7 @@ def sheet(
                     axes.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2,
                                 ncols=min(4, len(labels)), handlelength=1.4, columnspacing=1.0)  # fmt: skip
             figure.tight_layout(pad=0.5)
+            figure.tight_layout(pad=0.5)  # the first one may change the ticks, and with them the width of their labels
             png, svg = io.BytesIO(), io.StringIO()
             figure.savefig(png, format="png", dpi=_PNG_DPI)
             figure.savefig(svg, format="svg", transparent=True, metadata={"Date": None, "Creator": None})

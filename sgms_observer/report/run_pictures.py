@@ -110,7 +110,7 @@ def tracking_picture(run: Run, before: tuple[float, float], after: tuple[float, 
     with sheet(name, caption, rows=2, height=1.9, sharey=True) as drawn:
         for axes, part, error, word in zip(drawn.axes, parts, errors, ("without", "with"), strict=True):
             _line(axes, part.time, factor * error, MEASURED)
-            axes.set(ylabel=f"tracking error [{unit}]", title=f"{word} compensation")
+            axes.set(ylabel=f"error [{unit}]", title=f"tracking error {word} compensation")
         drawn.axes[1].set_xlabel("time [s]")
     return drawn.picture
 
