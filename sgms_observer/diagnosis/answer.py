@@ -198,13 +198,14 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     )  # fmt: skip
     tests += [whole, rest, near, misled, *([] if contradiction is None else [contradiction])]
     warnings = list(found.warnings)
-    warnings += unhomed([d.candidate.refit.model for item in found.rounds for d in item.decisions], found.court)
+    models = [decision.candidate.refit.model for item in found.rounds for decision in item.decisions]
+    warnings += unhomed(models, found.court, axis.units)
     if not whole.passed:
         warnings.append(
             f"unusable model: {gap.after:.0f} % of the effort is unexplained; identify the axis first, or record more"
             " motion"
         )
-    effects = _named(found, accepted, fit, motions, gap, percent, axis, options)
+    effects = _named(found, accepted, fit, motions, gap, percent)
     effects += _read_off(found)
     changed = changed_values(found, fit, options) if fit is not found.before else ()
     verdict = _verdict(found, effects, rest, bool(learnt), whole, (near, misled))
@@ -320,8 +321,6 @@ def _named(
     motions: Sequence[Motion],
     gap: Gap,
     percent: float,
-    axis: AxisSettings,
-    options: Options,
 ) -> list[Named]:
     """Return the effects that were accepted, in their order."""
     if not accepted:

@@ -13,6 +13,7 @@ from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.settings.units import Units
 
 PITCH = "pitch"
 PLACES = 60
@@ -66,12 +67,13 @@ def place_of(model: Model, motion: Motion, seconds: float | None = None) -> floa
     return float(places[int(np.argmin([error(place) for place in places]))])
 
 
-def unhomed(models: Sequence[Model], court: Court) -> list[str]:
+def unhomed(models: Sequence[Model], court: Court, units: Units) -> list[str]:
     """Return a sentence for each held-out recording that counts its position from elsewhere.
 
     Args:
         models: fits with an effect that may return with the position.
         court: the recordings.
+        units: of the axis.
     """
     rippled = [model for model in models if pitch_of(model.effects) is not None]
     if not rippled or not court.has_held_out:
@@ -87,7 +89,7 @@ def unhomed(models: Sequence[Model], court: Court) -> list[str]:
         closable = gain.before - court.floor**2 * len(here)
         if gain.z_score > criteria.z_score_of(PLACES) and gain.fall > CLOSES * closable > 0.0:
             said.append(
-                f"{motion.name} fits if it counts its position from {place:.4g} further along: home the axis"
-                " before each recording, or no effect that is bound to a place can be judged on it"
+                f"{motion.name} fits if it counts its position from {units.readable(place)} further along: home the"
+                " axis before each recording, or no effect that is bound to a place can be judged on it"
             )
     return said

@@ -68,7 +68,7 @@ def judge(
 
     Args:
         data: recordings as prepared for the estimate.
-        masks: rows of ``data`` that taught.
+        masks: rows of ``data`` that were fitted.
         others: the same recordings prepared in other ways, each with the rows to use.
         parameters: the estimate.
         shape: kind of model and its smoothing.

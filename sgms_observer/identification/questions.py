@@ -77,7 +77,7 @@ def _converged(part: Part, of_axis: str) -> Light:
 
 def _explained(part: Part, of_axis: str) -> list[Light]:
     """Ask whether the model explains the effort, and whether it may be used."""
-    share, where = unexplained_share(part.traces.learnt), "on what taught"
+    share, where = unexplained_share(part.traces.learnt), "on the fitted recordings"
     if part.traces.held_out:
         share, where = unexplained_share(part.traces.held_out), "on held-out recordings"
     elif part.unexplained is not None:

@@ -43,7 +43,7 @@ def identification_page(parts: Sequence[Part], yaml: str, learnt: Sequence[str],
     Args:
         parts: one for each axis.
         yaml: the parameter file that was written.
-        learnt: recordings that taught.
+        learnt: recordings that the model was fitted to.
         held_out: recordings that did not.
     """
     source = f"{Path(yaml).name} from {_listed(learnt)}"
@@ -72,13 +72,13 @@ def _percent(share: float) -> str:
 
 def _verdict(part: Part) -> str:
     """Return the fit of one axis in one sentence."""
-    fits = [f"{_percent(unexplained_share(part.traces.learnt))} on what taught"]
+    fits = [f"{_percent(unexplained_share(part.traces.learnt))} on the fitted recordings"]
     if part.unexplained is not None:
-        fits.append(f"{_percent(part.unexplained)} on chunks left out of it")
+        fits.append(f"{_percent(part.unexplained)} on chunks left out of the fit")
     if part.traces.held_out:
         fits.append(f"{_percent(unexplained_share(part.traces.held_out))} on held-out recordings")
     usable = "" if part.answer.is_usable else " The model must not be used as it is."
-    return f"{part.name}: fit {', '.join(fits)}.{usable}"
+    return f"The model of {part.name} explains of the {part.units.effort_word}: {', '.join(fits)}.{usable}"
 
 
 def _sections(part: Part, of_axis: str) -> list[Section]:
@@ -88,8 +88,8 @@ def _sections(part: Part, of_axis: str) -> list[Section]:
         f"Fit: 100 % minus the rms residual in % of the rms {word}, both below {part.band_hz:.4g} Hz. The residual is"
         f" the measured minus the modelled {word}."
     )
-    plots = [_over_time(part, part.traces.learnt, "learnt", "on what taught")]
-    pictures = [_beside_each_other(part, part.traces.learnt, "learnt", "on what taught")]
+    plots = [_over_time(part, part.traces.learnt, "learnt", "on the fitted recordings")]
+    pictures = [_beside_each_other(part, part.traces.learnt, "learnt", "on the fitted recordings")]
     if part.traces.held_out:
         plots.append(_over_time(part, part.traces.held_out, "held_out", "on held-out recordings"))
         pictures.append(_beside_each_other(part, part.traces.held_out, "held_out", "on held-out recordings"))
@@ -119,7 +119,7 @@ def _fits(part: Part) -> Table:
     """Return the fit of each piece."""
     unit = part.units.effort
     rows = []
-    for use, traces in (("taught", part.traces.learnt), ("held out", part.traces.held_out)):
+    for use, traces in (("fitted", part.traces.learnt), ("held out", part.traces.held_out)):
         for trace in traces:
             rms = float(np.sqrt(np.mean(trace.residual**2)))
             seconds = f"{trace.time[-1] - trace.time[0]:.4g}"
@@ -160,7 +160,7 @@ def _beside_each_other(part: Part, traces: Sequence[Trace], name: str, where: st
 
 
 def sliding_rows(traces: Traces) -> tuple[Floats, Floats]:
-    """Return velocity and measured friction of the rows that taught and where the axis slides.
+    """Return velocity and measured friction of the fitted rows where the axis slides.
 
     Args:
         traces: of the axis.
@@ -175,8 +175,8 @@ def _friction(part: Part) -> list[Picture]:
     top = max(float(np.max(np.abs(trace.velocity))) for trace in traces)
     lines = [sign * top * np.geomspace(SLOWEST, 1.0, 200) for sign in (-1.0, 1.0)]
     curves = [(line, part.traces.curve(line)) for line in lines]
-    sliding = f"Friction of {part.name} over velocity while sliding, on what taught."
-    loops = f"Friction of {part.name} over position, on what taught: the loops that it draws."
+    sliding = f"Friction of {part.name} over velocity while sliding, on the fitted recordings."
+    loops = f"Friction of {part.name} over position, on the fitted recordings."
     residual = f"Residual of {part.name} in even bins of the position, with its standard error, by direction."
     looped = [
         with_holes([getattr(one, key) for one in traces]) for key in ("position", "friction", "modelled_friction")

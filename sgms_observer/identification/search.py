@@ -50,7 +50,7 @@ class Fit:
 
     Attributes:
         parameters: where it ended.
-        cost: mean squared residual over the rows that taught [N^2].
+        cost: mean squared residual over the fitted rows [N^2].
         iterations: steps taken.
         is_converged: whether the last step was small enough.
     """

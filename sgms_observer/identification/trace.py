@@ -65,7 +65,7 @@ class Traces:
     """All pieces of one axis, and friction while sliding as the model has it.
 
     Attributes:
-        learnt: pieces that taught.
+        learnt: pieces that the model was fitted to.
         held_out: pieces of the held-out recordings.
         curve: friction while sliding [N or N m] at given velocities [m/s or rad/s].
     """
@@ -94,7 +94,7 @@ def traces_of(
     Args:
         result: from ``identify``.
         axis: the settings that it started from.
-        learnt: recordings that taught.
+        learnt: recordings that the model was fitted to.
         held_out: recordings that did not.
     """
     scalars = result.parameters.scalars
@@ -142,7 +142,7 @@ def least_squares_traces(
 
     Args:
         fit: from ``fit_inverse_model``, symmetric.
-        learnt: recordings that taught.
+        learnt: recordings that the model was fitted to.
         held_out: recordings that did not.
         is_opposed: whether the effort was reversed for the fit.
     """

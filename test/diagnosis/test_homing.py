@@ -10,12 +10,14 @@ from sgms_observer.diagnosis.homing import PLACES, pitch_of, place_of, unhomed
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.settings.units import Units
 
 PITCH = 0.01
 COGGING = EffectSettings("cogging", (0.6, PITCH, 0.3, 0.0, 0.0))
 OFFSET = EffectSettings("offset", (0.6,))
 RIPPLED = Model.of(AXIS).with_effects([COGGING])
 LACKS = 3.7e-3
+UNITS = Units()
 
 
 def court(lacks: float, is_unseen: bool = True) -> Court:
@@ -34,11 +36,11 @@ def test_the_ripple_tells_where_a_recording_counts_from() -> None:
 
 
 def test_a_recording_that_counts_from_elsewhere_is_told_and_a_homed_one_is_not() -> None:
-    (sentence,) = unhomed([RIPPLED], court(LACKS))
-    assert "0.003667 further along: home the axis" in sentence
-    assert unhomed([RIPPLED], court(0.0)) == []
-    assert unhomed([Model.of(AXIS).with_effects([OFFSET])], court(LACKS)) == []
-    assert unhomed([RIPPLED], court(LACKS, is_unseen=False)) == []
+    (sentence,) = unhomed([RIPPLED], court(LACKS), UNITS)
+    assert "3.67 mm further along: home the axis" in sentence
+    assert unhomed([RIPPLED], court(0.0), UNITS) == []
+    assert unhomed([Model.of(AXIS).with_effects([OFFSET])], court(LACKS), UNITS) == []
+    assert unhomed([RIPPLED], court(LACKS, is_unseen=False), UNITS) == []
 
 
 def test_the_longest_pitch_counts() -> None:

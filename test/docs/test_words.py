@@ -115,7 +115,8 @@ def test_settings_that_are_named_exist(page: Path) -> None:
     known = {part.name: {leaf.name for leaf in fields(type(getattr(AxisSettings(), part.name)))}
              for part in fields(AxisSettings) if part.name in GROUPS}  # fmt: skip
     for group, name in re.findall(rf"`(?:\w\.)?({'|'.join(GROUPS)})\.(\w+)", TEXTS[page]):
-        assert name in known[group], f"{group}.{name}"
+        is_module = (ROOT / "sgms_observer" / group / f"{name}.py").exists()
+        assert is_module or name in known[group], f"{group}.{name}"
 
 
 def test_changelog_is_current() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from sgms_observer.application.commission.learn import CLEARLY_BETTER, Found
 from sgms_observer.application.commission.session import AFTER_BAG, BEFORE_BAG, REPORT, Session
 from sgms_observer.application.commission.tracking import Tracking, recorded_tracking
+from sgms_observer.report.demonstration_result import change
 from sgms_observer.report.drawing import ESTIMATE, MEASURED, sheet
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Section, Table, write_page
 
@@ -36,20 +37,22 @@ def _lights(session: Session) -> tuple[Light, ...]:
         answer = (
             f"{gap['before']:.3g} % of the rms {session.axis.units.effort_word} before, {gap['after']:.3g} % after."
         )
-        lights.append(Light("model", "Does the model predict your own motion better than the file?", state, answer))
+        lights.append(Light("Model", "Does the model predict your own motion better than the file?", state, answer))
     for effect in ledger.effects:
         others = ", ".join(effect["alternatives"])
         answer = (
-            f"It could also be {others}." if others else f"Confidence {effect['confidence']:.2f}, no rival is left."
+            f"It may also be {others}."
+            if others
+            else f"Confidence {effect['confidence']:.2f}, no other effect explains the data as well."
         )
-        lights.append(Light("model", f"Is it {effect['name']}?", UNSURE if others else GOOD, answer))
+        lights.append(Light("Model", f"Is it {effect['name']}?", UNSURE if others else GOOD, answer))
     tracking = ledger.tracking
     if tracking:
         for key, word in (("rms", "rms"), ("peak", "largest")):
             before, after = (tracking[f"{key}_{when}"] for when in ("before", "after"))
             answer = f"{readable(before)} without compensation, {readable(after)} with it."
             state = GOOD if after < before else BAD
-            lights.append(Light("tracking", f"Is the {word} tracking error smaller?", state, answer))
+            lights.append(Light("Tracking", f"Is the {word} tracking error smaller?", state, answer))
     return tuple(lights)
 
 
@@ -63,12 +66,15 @@ def headline(session: Session) -> str:
     names = ", ".join(effect["name"] for effect in session.ledger.effects) or "no further effect"
     if not tracking:
         return f"Axis {axis.name}: {names} found; the compensation was not compared."
-    readable = axis.units.readable
-    verdict = "may be used as it is" if session.ledger.is_usable else "must not be used as it is"
+    units, verdict = axis.units, "may" if session.ledger.is_usable else "must not"
+    changes = [
+        f"{word} {change(before, after)} ({units.readable(before)} to {units.readable(after, largest=before)})"
+        for word in ("rms", "peak")
+        for before, after in [(tracking[f"{word}_before"], tracking[f"{word}_after"])]
+    ]
     return (
-        f"Axis {axis.name}: {names} found; tracking error {readable(tracking['rms_before'])} ->"
-        f" {readable(tracking['rms_after'])} rms, {readable(tracking['peak_before'])} ->"
-        f" {readable(tracking['peak_after'])} peak; {session.ledger.yaml} {verdict}."
+        f"Axis {axis.name}: {names} found. Tracking error with compensation: {', '.join(changes)}."
+        f" {session.ledger.yaml} {verdict} be used as it is."
     )
 
 
@@ -88,10 +94,10 @@ def _found_section(session: Session) -> Section:
     gap = ledger.facts.get("gap")
     if gap:
         text.append(
-            f"Gap between measured and predicted {unit} on the own motion: {gap['before']:.3g} % of its rms before,"
-            f" {gap['after']:.3g} % after; {gap['floor']:.3g} % is the floor that no model removes."
+            f"Gap between measured and predicted {unit} on your own motion: {gap['before']:.3g} % of its rms before,"
+            f" {gap['after']:.3g} % after. No model removes the last {gap['floor']:.3g} %."
         )
-    table = Table(("effect", "parameters", "confidence", "could also be"), rows, "Effects of the diagnosis.")
+    table = Table(("effect", "parameters", "confidence", "may also be"), rows, "Effects of the diagnosis.")
     return Section("What was found", text, (table,) if rows else ())
 
 
@@ -104,7 +110,7 @@ def _tracking_section(session: Session) -> Section:
         for word, key in (("rms", "rms"), ("largest", "peak"))
     ]  # fmt: skip
     table = Table(
-        ("tracking error", "without compensation", "with it", "times smaller"), rows, "Own motion, played twice."
+        ("tracking error", "without compensation", "with it", "times smaller"), rows, "Your own motion, played twice."
     )
     before, after = (
         recorded_tracking(session.path(bag), session.axis, session.delay) for bag in (BEFORE_BAG, AFTER_BAG)
@@ -128,6 +134,6 @@ def _pictures(session: Session, before: Tracking, after: Tracking) -> tuple[Pict
                     axes.plot(place * one.position, factor * one.error, ".", markersize=1.5, color=colour, label=label)
             axes.set_xlabel("time [s]" if key == "time" else f"position [{place_name}]")
             axes.set_ylabel(f"tracking error [{name}]")
-            axes.legend(loc="upper right", markerscale=6.0)
+            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, markerscale=6.0)
         pictures.append(drawn.picture)
     return tuple(pictures)
