@@ -27,6 +27,8 @@ MIN_SAMPLES = 200
 """Samples of a piece that is worth learning from."""
 MIN_RATE = 20.0
 """Lowest sample rate [Hz]; the interface promises 20 Hz to 20 kHz."""
+LONGEST_END = 0.1
+"""Longest end of a recording without set-points that is filled [s]; figures of tracking leave out the first 0.5 s."""
 _RATE_TOLERANCE = 0.98  # of MIN_RATE: a clock that runs slow
 _MAX_STRAY = 0.02  # share of the period by which a stamp may stray before the signals are interpolated
 _MAX_UNEVEN = 0.01  # share of the period by which a pause may differ from it in an even recording
@@ -80,9 +82,18 @@ class Recording:
 
     @property
     def whole_reference(self) -> Floats | None:
-        """Set-point at every sample [m or rad], or None where it is not known at every one."""
-        known = self.reference_position is not None and bool(np.all(np.isfinite(self.reference_position)))
-        return self.reference_position if known else None
+        """Set-point at every sample [m or rad], or None where samples between the first and the last one lack theirs.
+
+        A recording that starts between two messages lacks the set-points of its ends: at most ``LONGEST_END`` of each
+        is filled with the nearest one.
+        """
+        given = self.reference_position
+        known = np.flatnonzero(np.isfinite(given)) if given is not None else np.zeros(0, dtype=np.int64)
+        if given is None or len(known) == 0 or known[-1] - known[0] + 1 > len(known):
+            return None
+        if max(known[0], len(given) - 1 - known[-1]) * self.period > LONGEST_END:
+            return None
+        return np.asarray(given[np.clip(np.arange(len(given)), known[0], known[-1])], dtype=np.float64)
 
     def with_more_noise(self, seed: int) -> Recording:
         """Return the recording with as much noise again on its position.
