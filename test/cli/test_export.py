@@ -47,7 +47,7 @@ def test_axes_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert "sgms.h" in result["files"]
     assert "#define SGMS_FLOAT" in (tmp_path / "y" / "sgms.h").read_text(encoding="utf-8")
     assert main(["export", table, "--target", "c", "--out", str(tmp_path / "z"), "--axis", "z"]) == 1
-    assert "--axis z is not in the parameter file; it has x, y" in capsys.readouterr().err
+    assert f"--axis z is not in {table}; it has x, y" in capsys.readouterr().err
     both = ["--target", "fmu", "--out", str(tmp_path / "b.fmu"), "--axis", "x", "--axis", "y"]
     assert main(["export", table, *both]) == 1
     assert "an FMU holds one axis" in capsys.readouterr().err
