@@ -217,12 +217,12 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     remainder = "none" if rest.passed else "learnt" if learnt else "unknown"
     everywhere = locate(before, motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")
-    told = [item for item in everywhere if item.p_value < LOCATED_P_VALUE][:MAX_LOCATED] if is_alarm else []
+    significant = [item for item in everywhere if item.p_value < LOCATED_P_VALUE][:MAX_LOCATED] if is_alarm else []
     afterwards = {item.coordinate: item for item in locate(total, motions, options.seed)}
     return Answer(
-        verdict, gap, tuple(effects), learnt, tuple(changed), remainder, tuple(told), tuple(everywhere),
-        tuple(afterwards[item.coordinate] for item in told if item.coordinate in afterwards),
-        detectable(found, axis, options), next_experiment(verdict, effects, told, found), tuple(tests),
+        verdict, gap, tuple(effects), learnt, tuple(changed), remainder, tuple(significant), tuple(everywhere),
+        tuple(afterwards[item.coordinate] for item in significant if item.coordinate in afterwards),
+        detectable(found, axis, options), next_experiment(verdict, effects, significant, found), tuple(tests),
         whole.passed and not found.is_poor, tuple(warnings), final, found, motions, before, total,
     )  # fmt: skip
 

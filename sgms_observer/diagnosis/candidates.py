@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.fit import UNITS, Refit, Refits, units
-from sgms_observer.diagnosis.level import PARTS_OF_THE_LEVEL, told_start
+from sgms_observer.diagnosis.level import PARTS_OF_THE_LEVEL, measured_start
 from sgms_observer.diagnosis.model import KNEE
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.effects.catalogue import effect
@@ -94,7 +94,7 @@ def fitted(refits: Refits, before: Refit, start: EffectSettings, columns: Floats
     effects = with_effect(before.effects, start)
     place = [item.name for item in effects].index(start.name)
     fixed = [(place, j) for j in FIXED_SHAPES.get(start.name, ())] + units(before.effects)
-    found = refits.of(effects, told_start(before.logs, nominal, start), FIRST_STEPS, fixed, columns)
+    found = refits.of(effects, measured_start(before.logs, nominal, start), FIRST_STEPS, fixed, columns)
     if found.cost > before.cost:  # a column reaches only so far: start again near nothing
         weak = tuple(
             WEAK * value if parameter.is_strength else value
@@ -107,7 +107,7 @@ def fitted(refits: Refits, before: Refit, start: EffectSettings, columns: Floats
     if start.name in PARTS_OF_THE_LEVEL:  # the elements may have bent to stand in for it: start from the owner's
         home = before.logs.copy()
         home[KNEE + 1 :] = 0.0
-        again = refits.of(effects, told_start(home, nominal, start), LAST_STEPS, fixed)
+        again = refits.of(effects, measured_start(home, nominal, start), LAST_STEPS, fixed)
         found = again if again.cost < found.cost else found
     if start.name == "cogging":
         found = _with_second_harmonic(refits, found, place, columns)

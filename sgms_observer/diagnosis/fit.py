@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.level import PARTS_OF_THE_LEVEL, told
+from sgms_observer.diagnosis.level import PARTS_OF_THE_LEVEL, measured_level
 from sgms_observer.diagnosis.model import COULOMB, DAMPING, STATIC, Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.noise import Noise, fit_noise
@@ -109,7 +109,7 @@ def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -
     Args:
         model: the nominal model.
         tolerance: largest relative error its owner expects; elements may be off ``ELEMENT_SLACK`` times as far, because
-            few elements stand for a continuous contact, unless they are told to be narrow.
+            few elements stand for a continuous contact, unless the freedom is narrow.
         freedom: what is let go.
     """
     one = tolerance / np.sqrt(3.0)
@@ -235,7 +235,7 @@ def refit(
 
     def residual(z: Floats) -> Floats:
         model, moved = unpack(z)
-        return np.concatenate([judged.residual(model), told(z[:n], nominal, moved) / widths])
+        return np.concatenate([judged.residual(model), measured_level(z[:n], nominal, moved) / widths])
 
     here = residual(x)
     cost = 0.5 * float(here @ here)

@@ -18,7 +18,7 @@ PARTS_OF_THE_LEVEL = (MISSING_ELEMENT, LOAD_BEHIND_PLAY)
 """Effects whose force the owner's Coulomb and static force already contain."""
 
 
-def told(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Floats:
+def measured_level(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Floats:
     """Return the logarithms as their owner would see them: what a part of the level takes, he measured with it."""
     parts = [item for item in effects if item.name in PARTS_OF_THE_LEVEL]
     if not parts:
@@ -31,7 +31,7 @@ def told(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Flo
     return seen
 
 
-def told_start(logs: Floats, nominal: Model, start: EffectSettings) -> Floats:
+def measured_start(logs: Floats, nominal: Model, start: EffectSettings) -> Floats:
     """Return where a fit with one more effect starts: a part of the level leaves the level as it is."""
     moved = logs.copy()
     for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):

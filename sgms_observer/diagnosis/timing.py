@@ -15,7 +15,7 @@ SURE = 20.0
 """Squared residual, in units of the noise, that moving the effort has to take."""
 
 
-def timing(judged: Judged, found: Refit, lag: float, told: float) -> float:
+def timing(judged: Judged, found: Refit, lag: float, stated_lag: float) -> float:
     """Return how late the effort arrives, in samples, when it is what the settings say or earlier.
 
     An effort that acts earlier than one that is held can act is not held. A lag beyond that is left for the catalogue's
@@ -25,7 +25,7 @@ def timing(judged: Judged, found: Refit, lag: float, told: float) -> float:
         judged: recordings as read with ``lag``.
         found: refit of the nominal model.
         lag: the lag they were read with.
-        told: the lag that the settings say; an effort that was taken for earlier, and is not, goes back to it.
+        stated_lag: the lag of the settings; an effort that was taken to come earlier, and does not, goes back to it.
     """
     step = 0.1
     moved = []
@@ -43,8 +43,8 @@ def timing(judged: Judged, found: Refit, lag: float, told: float) -> float:
     late = -float(left @ found.residual) / size
     if late * late * size < SURE:
         return lag
-    if lag < NOT_HELD <= min(lag + late, told):
-        return told
+    if lag < NOT_HELD <= min(lag + late, stated_lag):
+        return stated_lag
     if lag >= NOT_HELD and lag + late < NOT_HELD:
         return 0.0
     return lag + late if abs(late) < NOBODYS else lag

@@ -77,14 +77,14 @@ class Recordings:
     Attributes:
         records: to learn from.
         holdouts: to judge on; may be empty.
-        told: how late the settings say the effort arrives, in samples.
+        stated_lag: how late the settings say the effort arrives, in samples.
         lag: how late it is taken to arrive, in samples.
         band: residuals are judged below this frequency [Hz].
     """
 
     records: tuple[Recording, ...]
     holdouts: tuple[Recording, ...]
-    told: float
+    stated_lag: float
     lag: float
     band: float
 
@@ -99,7 +99,7 @@ class Recordings:
 
 @dataclass(frozen=True)
 class State:
-    """What is believed of an axis and its recordings.
+    """Estimate of an axis and its recordings.
 
     Attributes:
         recordings: as they are read now.
@@ -124,7 +124,7 @@ class State:
         """Return the state with the effort at the time that the recordings show."""
         state = self
         for _ in range(2):
-            lag = timing(state.refits.judged, state.current, state.recordings.lag, state.recordings.told)
+            lag = timing(state.refits.judged, state.current, state.recordings.lag, state.recordings.stated_lag)
             if lag == state.recordings.lag:
                 break
             recordings = replace(state.recordings, lag=lag)
@@ -240,9 +240,9 @@ def diagnose(
         DataError: the recordings cannot be judged at all.
     """
     report("audit", 0.0)
-    told = HELD if axis.filter.effort_is_held else 0.0
+    stated_lag = HELD if axis.filter.effort_is_held else 0.0
     band = options.band or BAND
-    recordings = Recordings(tuple(records), tuple(holdouts), told, told, band)
+    recordings = Recordings(tuple(records), tuple(holdouts), stated_lag, stated_lag, band)
     learn, held = recordings.motions(), recordings.held_out()
     if not learn:
         raise DataError("no recording is long enough to learn from; record at least 3 s without a pause")

@@ -12,7 +12,7 @@ from sgms_observer.diagnosis.decision import CHANGED, Court, Decision, decide, e
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_with, refit
 from sgms_observer.diagnosis.gap import residuals
-from sgms_observer.diagnosis.level import told_start
+from sgms_observer.diagnosis.level import measured_start
 from sgms_observer.diagnosis.model import COULOMB, STATIC, Model, predict
 from sgms_observer.diagnosis.motion import HELD, Motion, motion_of
 from sgms_observer.diagnosis.screen import Screen
@@ -61,9 +61,9 @@ def test_an_effect_at_few_moments_is_sure_and_a_change_that_means_nothing_is_not
 
 def test_a_missing_element_starts_with_the_level_as_it_is() -> None:
     logs = np.zeros(len(MODEL.parameter_names()))
-    moved = told_start(logs, MODEL, EffectSettings("presliding", (0.8, 1e-4)))
+    moved = measured_start(logs, MODEL, EffectSettings("presliding", (0.8, 1e-4)))
     assert np.exp(moved[COULOMB]) == pytest.approx(0.8) and np.exp(moved[STATIC]) == pytest.approx(0.84)
-    assert np.array_equal(told_start(logs, MODEL, OFFSET), logs)
+    assert np.array_equal(measured_start(logs, MODEL, OFFSET), logs)
 
 
 def test_a_fit_from_far_too_strong_a_start_does_not_end_worse_than_without_the_effect() -> None:

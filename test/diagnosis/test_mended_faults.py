@@ -11,7 +11,7 @@ from sgms_observer.diagnosis.candidates import Candidate, fitted, to_the_end
 from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.diagnosis.decision import bounds, decide, evidence_of
 from sgms_observer.diagnosis.fit import Freedom, Refits, judged_with, refit
-from sgms_observer.diagnosis.level import told, told_start
+from sgms_observer.diagnosis.level import measured_level, measured_start
 from sgms_observer.diagnosis.model import COULOMB, KNEE, STATIC, Model, held_over_steps, predict
 from sgms_observer.diagnosis.motion import HELD, fast_length, later, motion_of
 from sgms_observer.diagnosis.ranges import believable
@@ -105,16 +105,16 @@ def test_a_spring_does_not_rest_far_outside_the_stroke() -> None:
 def test_a_missing_element_is_part_of_the_level_its_owner_measured() -> None:
     logs = np.zeros(len(MODEL.parameter_names()))
     logs[[COULOMB, STATIC]] = np.log([0.8, 0.84])
-    seen = told(logs, MODEL, (EffectSettings("presliding", (0.8, 1e-4)),))
+    seen = measured_level(logs, MODEL, (EffectSettings("presliding", (0.8, 1e-4)),))
     assert seen[[COULOMB, STATIC]] == pytest.approx(0.0, abs=1e-9)
-    assert np.array_equal(told(logs, MODEL, ()), logs)
+    assert np.array_equal(measured_level(logs, MODEL, ()), logs)
 
 
 def test_a_load_behind_play_takes_its_share_of_the_level_its_owner_measured() -> None:
     start = EffectSettings("backlash", (4e-5, 0.2, 2e-6))
-    moved = told_start(np.zeros(len(MODEL.parameter_names())), MODEL, start)
+    moved = measured_start(np.zeros(len(MODEL.parameter_names())), MODEL, start)
     assert np.exp(moved[[COULOMB, STATIC]]) == pytest.approx(0.8)
-    assert told(moved, MODEL, (start,)) == pytest.approx(0.0, abs=1e-12)
+    assert measured_level(moved, MODEL, (start,)) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_missing_elements_remember_a_large_motion_through_small_ones() -> None:
