@@ -5,9 +5,7 @@ python examples/compensate_in_the_loop.py
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import recordings
@@ -20,10 +18,7 @@ from sim_plant.table import SimulatedTable
 
 def main() -> None:
     """Do the job of the example."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out/compensate"), help="folder of all files")
-    parser.add_argument("--seconds", type=float, default=10.0, help="length of each recording [s]")
-    args = parser.parse_args()
+    args = recordings.options(__doc__, "out/compensate", 10.0)
     settings = load_settings(recordings.make(args.out, args.seconds).config)
     for gain in (0.0, 0.3, 0.6, 0.9):  # the order of docs/deployment.md
         axis = settings.axes[0]

@@ -5,9 +5,6 @@ python examples/design_an_excitation.py
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 import recordings
 
 from sgms_observer.excitation.limits import ExcitationLimits
@@ -17,10 +14,7 @@ from sgms_observer.settings.load import load_settings
 
 def main() -> None:
     """Do the job of the example."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out/excite"), help="folder of all files")
-    parser.add_argument("--seconds", type=float, default=40.0, help="length of each recording [s]")
-    args = parser.parse_args()
+    args = recordings.options(__doc__, "out/excite", 40.0)
     axis = load_settings(recordings.make(args.out, 1.0).config).axes[0]
     limits = ExcitationLimits(stroke=0.02, speed=0.05, acceleration=1.0)  # m, m/s, m/s^2: what the machine may do
     motion = design_excitation(axis, limits, ["cogging", "position_dependent_friction"], seconds=args.seconds)

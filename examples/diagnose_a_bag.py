@@ -5,10 +5,8 @@ python examples/diagnose_a_bag.py
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
-from pathlib import Path
 
 import recordings
 
@@ -17,10 +15,7 @@ from sgms_observer.cli.main import main as sgms
 
 def main() -> None:
     """Do the job of the example."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out/diagnose"), help="folder of all files")
-    parser.add_argument("--seconds", type=float, default=30.0, help="length of each recording [s]")
-    args = parser.parse_args()
+    args = recordings.options(__doc__, "out/diagnose", 30.0)
     data = recordings.make(args.out, args.seconds)
     words = ["diagnose", data.learn, "--config", data.config, "--holdout", data.judge, "--out", args.out / "diagnosis"]
     code = sgms([*(str(word) for word in words), "--overwrite"])

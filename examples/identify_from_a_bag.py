@@ -5,9 +5,7 @@ python examples/identify_from_a_bag.py
 
 from __future__ import annotations
 
-import argparse
 import sys
-from pathlib import Path
 
 import recordings
 
@@ -17,10 +15,7 @@ from sgms_observer.settings.load import load_settings
 
 def main() -> None:
     """Do the job of the example."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out/identify"), help="folder of all files")
-    parser.add_argument("--seconds", type=float, default=40.0, help="length of each recording [s]")
-    args = parser.parse_args()
+    args = recordings.options(__doc__, "out/identify", 40.0)
     data = recordings.make(args.out, args.seconds, effects="{}")  # nothing but friction acts on this stage
     found = args.out / "identified.yaml"
     words = ["identify", data.learn, "--config", data.config, "--holdout", data.judge, "--out", found, "--overwrite"]

@@ -1,7 +1,8 @@
-"""Make the data of the examples: a parameter file, and recordings of a stage with cogging that the file lacks."""
+"""Options and data of the examples: a parameter file, and recordings of a stage with cogging that the file lacks."""
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +31,14 @@ STAGE = """\
         reference: {{kind: multi_sine, amplitudes: [4.0e-3, 2.0e-4], frequencies: [{slow}, 7.1]}}
         seed: {seed}
 """
+
+
+def options(description: str, out: str, seconds: float) -> argparse.Namespace:
+    """Read the options of an example: ``--out``, a folder, and ``--seconds``, the length of each recording [s]."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--out", type=Path, default=Path(out), help="folder of all files")
+    parser.add_argument("--seconds", type=float, default=seconds, help="length of each recording [s]")
+    return parser.parse_args()
 
 
 COGGING = "{names: [cogging], cogging: {amplitude: 1.0, pitch: 2.0e-3, phase: 0.3}}"

@@ -5,9 +5,6 @@ python examples/replay_a_bag.py
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 import numpy as np
 import recordings
 
@@ -19,10 +16,7 @@ from sgms_observer.status import Status
 
 def main() -> None:
     """Do the job of the example."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out/replay"), help="folder of all files")
-    parser.add_argument("--seconds", type=float, default=20.0, help="length of each recording [s]")
-    args = parser.parse_args()
+    args = recordings.options(__doc__, "out/replay", 20.0)
     data = recordings.make(args.out, args.seconds)
     settings = load_settings(data.config)
     axis = settings.axes[0]

@@ -25,6 +25,7 @@ from sensor_msgs.msg import JointState
 
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
+from sgms_observer.nodes.question import Question
 from sgms_observer.nodes.topics import SAMPLE_QOS
 
 ONE_AXIS = """/**:
@@ -180,23 +181,10 @@ class Graph:
         self.node.destroy_subscription(last)
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
-        """Call a service and return its answer; ask again where none comes.
-
-        An answer is lost where the server has not met the client's reader within 0.1 s, as rmw_fastrtps has it.
-        """
+        """Call a service and return its answer; ask again where none comes."""
         client = self.node.create_client(kind, name)
         wait_until(client.service_is_ready, f"the service {name}")
-        futures: list[Future] = []
-        ask_at = 0.0
-
-        def answers() -> list[Any]:
-            nonlocal ask_at
-            if time.monotonic() >= ask_at:
-                futures.append(client.call_async(request))
-                ask_at = time.monotonic() + ASK_AGAIN
-            return [future.result() for future in futures if future.done()]
-
-        answer = wait_until(answers, f"the answer of {name}")[0]
+        answer = wait_until(Question(client, request, ASK_AGAIN).answer, f"the answer of {name}")
         self.node.destroy_client(client)
         return answer
 

@@ -170,13 +170,8 @@ def _diagnosed(
     An effect whose feedforward does harm is not tried again. Where no effect is at fault, nothing is named or learnt.
     """
     options, axis, refused = step.options, step.axis, list[Test]()
-    done = 0.0
-
-    def go_on(_text: str, share: float) -> None:
-        show(done + (1.0 - done) * share)
-
     while True:
-        found = diagnose(learn, judge, axis, options, go_on)
+        found = diagnose(learn, judge, axis, options, lambda _text, share: show(share))
         answer = answer_of(found, axis, options)
         written = step.written(answer)
         later = step.of(written)
@@ -187,7 +182,6 @@ def _diagnosed(
             break
         refused.append(worst)
         options = replace(options, excluded=options.excluded | {worst.of})
-        done += 0.5 * (1.0 - done)
     if contradicts and (answer.effects or answer.learnt):
         answer = answer_of(found, axis, options, test)
         written = step.written(answer)

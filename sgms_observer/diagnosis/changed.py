@@ -66,22 +66,19 @@ def changed_values(found: Diagnosis, fit: Refit, options: Options) -> tuple[Chan
     if (fit.model.is_sharp or new.model == "gms") and not (found.nominal.is_sharp or old.model == "gms"):
         listed.append(Changed("friction.model", old.model, "gms", 0.0, closes))
     deviations = fit.deviations()
-    for place, item in enumerate(fit.effects):
-        for number, parameter in enumerate(effect(item.name).parameters):
-            if item.name in found.bent and parameter.is_strength and (place, number) in fit.free:
-                error = float(deviations[fit.free.index((place, number))])
-                listed.append(Changed(f"effects.{item.name}.{parameter.name}", 0.0, item.values[number], error, closes))
-    for item in found.own:
-        now = next((one for one in fit.effects if one.name == item.name), item)
-        if now.values == item.values:
+    own = {item.name: item.values for item in found.own}
+    for column, (place, number) in enumerate(fit.free):
+        item = fit.effects[place]
+        parameter, after = effect(item.name).parameters[number], float(item.values[number])
+        if item.name in own:
+            before = float(own[item.name][number])
+        elif item.name in found.bent and parameter.is_strength:
+            before = 0.0
+        else:
             continue
-        for place, (parameter, one, other) in enumerate(
-            zip(effect(item.name).parameters, item.values, now.values, strict=False)
-        ):
-            index = [one.name for one in fit.effects].index(item.name)
-            if (index, place) in fit.free and one != other:
-                error = float(deviations[fit.free.index((index, place))])
-                listed.append(Changed(f"effects.{item.name}.{parameter.name}", float(one), float(other), error, closes))
+        if before != after:
+            error = float(deviations[column])
+            listed.append(Changed(f"effects.{item.name}.{parameter.name}", before, after, error, closes))
     return tuple(listed)
 
 

@@ -25,8 +25,8 @@ LAW_EFFECTS = (
     "nonlinear_viscous", "eddy_current", "stribeck", "load_dependent_friction", "presliding", "backlash",
     "frictional_lag",
 )  # fmt: skip
-"""Those of them that say nothing but how the contact law differs: on a contact that is not the file's they fit whatever
-the law leaves."""
+"""Those of them that describe nothing but another contact law: where the contact follows another law than the file's,
+they fit whatever the file's law leaves."""
 FREE_FORM = {
     "cogging": ("position",),
     "spring": ("position",),
@@ -42,7 +42,7 @@ FREE_FORM = {
 
 
 def is_law(name: str) -> bool:
-    """Return whether an effect says nothing but how the contact law differs.
+    """Return whether an effect describes nothing but another contact law.
 
     Args:
         name: of an effect.

@@ -207,11 +207,11 @@ class Diagnosis:
     def accepted(self) -> list[Round]:
         """Return the rounds that added an effect that is named.
 
-        One that says nothing but how the contact law differs is a name only where all is explained with it; else it is
-        a changed value of the file.
+        One that describes nothing but another contact law is a name only where all is explained with it; else it is a
+        changed value of the file.
         """
-        added = [item for item in self.rounds if item.accepted and item.accepted.candidate.settings is not None]
-        return [item for item in added if self.explains_all or not is_law(item.accepted.candidate.name)]  # type: ignore[union-attr]
+        added = [(item, item.accepted.candidate) for item in self.rounds if item.accepted]
+        return [item for item, one in added if one.settings is not None and one.name not in self.bent]
 
     @property
     def bent(self) -> frozenset[str]:
@@ -278,9 +278,9 @@ def diagnose(
 def narrowed(state: State, options: Options) -> State:
     """Return the state with elements as near to the file as its other values, unless those further off predict better.
 
-    Few elements stand for a continuous contact, and may have to lie elsewhere than a test bench has put them. Or they
-    move because another law leaves them something to fit, and predict worse, be it only at rest, where samples weigh
-    little and the gap is reported all the same.
+    Few elements approximate a continuous contact, so their best values may lie far from those of the file. Where the
+    contact follows another law, though, elements that are free fit what that law leaves and predict worse. Samples at
+    rest count little in the fit and fully in the reported gap, so that the gap has to agree.
 
     Args:
         state: with elements that may move further.
@@ -354,7 +354,7 @@ def chosen(decisions: Sequence[Decision], court: Court, listed: Sequence[str] = 
     if not passed:
         return None
     best = _preferred(passed, court)
-    known = [item for item in passed if item.candidate.name in listed and item.candidate.settings is not None]
+    known = [item for item in passed if item.candidate.name in listed]
     if best.candidate.settings is None:
         return best
     return next((item for item in known if apart(best, item) <= court.criteria.min_z_score), best)
@@ -366,8 +366,8 @@ def _preferred(passed: Sequence[Decision], court: Court) -> Decision:
     An effect that leaves nothing above the floor explains all there is with its few values. Else no file has the
     contact exactly right: an effect that a contact may look like waits until it surely predicts better than every
     change of the contact that passes, or until none passes any more. Any other effect goes before a change of the
-    contact that moves more values and does not surely predict better, unless another effect does. An effect that says
-    nothing but how the contact law differs comes last.
+    contact that moves more values and does not surely predict better, unless another effect does. An effect that
+    describes nothing but another contact law comes last.
 
     Args:
         passed: hypotheses that passed every test, the best predicting first.

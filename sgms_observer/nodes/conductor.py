@@ -19,17 +19,17 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 
 from sgms_observer.application.kernels import compile_ahead
 from sgms_observer.errors import DataError
 from sgms_observer.nodes.domain import claim_domain
+from sgms_observer.nodes.question import Question
 from sgms_observer.nodes.transport import prepare_transport
 
 _PATIENCE = 180.0  # s; a first start compiles every kernel
 _NO_ROOM = 100_000  # bytes; with fewer, not even a log can be written
 _END = 60.0  # s that a process has to end after a signal
-_ASK_AGAIN = 5.0  # s; an answer is lost where the asked node has not met the asker's reader within 0.1 s
+_ASK_AGAIN = 5.0  # s
 _GOALS = {
     Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
     Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
@@ -238,21 +238,18 @@ class Conductor:
     def _call(self, kind: Any, service: str, request: Any) -> Any:
         """Call a service, again if no answer comes, and return its answer."""
         client = self._node.create_client(kind, service)
-        futures: list[Future] = []
-        ask_at = 0.0
+        question = Question(client, request, _ASK_AGAIN)
         try:
             self.wait(client.service_is_ready, f"the service {service}")
 
             def is_answered() -> bool:
-                nonlocal ask_at
-                if time.monotonic() >= ask_at:
-                    futures.append(client.call_async(request))
-                    ask_at = time.monotonic() + _ASK_AGAIN
-                rclpy.spin_until_future_complete(self._node, futures[-1], timeout_sec=0.2)
-                return any(future.done() for future in futures)
+                is_there = question.answer() is not None
+                if not is_there:
+                    rclpy.spin_once(self._node, timeout_sec=0.2)
+                return is_there
 
             self.wait(is_answered, f"the answer of {service}")
-            return next(future.result() for future in futures if future.done())
+            return question.answer()
         finally:
             self._node.destroy_client(client)
 

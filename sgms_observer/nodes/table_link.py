@@ -32,6 +32,7 @@ from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.nodes.axis_listener import COMPENSATION, EFFORT, POSITION, REFERENCE, AxisListener
 from sgms_observer.nodes.conductor import Conductor
 from sgms_observer.nodes.horizons import BEFORE, EVERY
+from sgms_observer.nodes.question import Question
 from sgms_observer.nodes.reference_player import braking
 from sgms_observer.nodes.spin import leave_graph, make_executor
 from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
@@ -195,7 +196,7 @@ class TableLink:
     def release(self) -> None:
         """Switch the compensation off at once, without waiting for the answer; see ``Table.release``."""
         if self._parameters.service_is_ready():
-            self._set_gain(0.0)
+            self._parameters.call_async(self._gain_request(0.0))
 
     def delays(self) -> tuple[float, float]:
         """Return the age of the compensations heard since the last motion began; see ``Table.delays``."""
@@ -340,24 +341,22 @@ class TableLink:
                 )
 
     def _answered(self, gain: float) -> SetParameters.Response:
-        """Return the observer's answer to a gain; a first answer may get lost while the graph is still matching."""
+        """Return the observer's answer to a gain."""
+        question = Question(self._parameters, self._gain_request(gain), _ASK_AGAIN)
         end = time.monotonic() + _PATIENCE
         while time.monotonic() < end:
-            answer = self._set_gain(gain)
-            again = time.monotonic() + _ASK_AGAIN
-            while time.monotonic() < again:
-                if answer.done():
-                    return answer.result()
-                self._conductor.watch()
-                self._spin(0.02)
+            answer = question.answer()
+            if answer is not None:
+                return answer
+            self._conductor.watch()
+            self._spin(0.02)
         raise DataError(f"{OBSERVER} does not answer; see its log")
 
-    def _set_gain(self, gain: float) -> Future:
-        """Ask the observer for a gain of the axis's compensation; 0 switches it off."""
+    def _gain_request(self, gain: float) -> SetParameters.Request:
+        """Return the request for a gain of the axis's compensation; 0 switches it off."""
         name = f"{self._axis.name}.compensation"
         values = [Parameter(f"{name}.enabled", value=gain > 0.0), Parameter(f"{name}.gain", value=float(gain))]
-        request = SetParameters.Request(parameters=[value.to_parameter_msg() for value in values])
-        return self._parameters.call_async(request)
+        return SetParameters.Request(parameters=[value.to_parameter_msg() for value in values])
 
     def _spin(self, seconds: float) -> None:
         self._executor.spin_until_future_complete(self._never, timeout_sec=seconds)
