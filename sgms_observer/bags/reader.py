@@ -90,7 +90,10 @@ def missing_topic(bag: BagReader, name: str, key: str) -> RecordingError:
         key: the input that it would be: ``position``, ``control_effort`` or ``reference``.
     """
     held = ", ".join(sorted(bag.topics)) or "no topic at all"
-    fitting = sorted(topic for topic, kind in bag.topics.items() if kind == JOINT_STATE)
+    others = set(INPUTS) - {key}
+    fitting = sorted(
+        topic for topic, kind in bag.topics.items() if kind == JOINT_STATE and topic.rpartition("/")[2] not in others
+    )
     best = next((topic for topic in fitting if topic.endswith(f"/{key}")), fitting[0] if fitting else "")
     remedy = f"name it with --topic {key}={best}" if best else f"record {key} as {JOINT_STATE}"
     return RecordingError(f"{bag.path} has no topic {name}; it holds {held}; {remedy}")

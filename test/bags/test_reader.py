@@ -285,7 +285,7 @@ def test_what_is_missing_is_told_in_one_sentence(tmp_path: Path) -> None:
     path = tmp_path / "bag"
     with BagWriter(path) as writer:
         writer.write_joint_states("position", stamps, ("a", "b"), position=np.ones((10, 2)))
-    with pytest.raises(RecordingError, match="no topic control_effort; it holds /position"):
+    with pytest.raises(RecordingError, match="no topic control_effort; it holds /position; record"):
         list(read_samples(path, "a"))
     with pytest.raises(RecordingError, match="holds a, b, not axis x"):
         list(read_samples(path, "x", needs_effort=False))
