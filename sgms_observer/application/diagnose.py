@@ -167,7 +167,8 @@ def _diagnosed(
 ) -> tuple[Answer, AxisSettings, Closing]:
     """Return an answer whose feedforward leaves no more than that of the given file; the axis with it; what it leaves.
 
-    An effect whose feedforward does harm is not tried again. Where no effect is at fault, nothing is named or learnt.
+    An effect whose feedforward does harm is not tried again; where no effect is at fault, neither are changes of the
+    file's values. Where those are not at fault either, nothing is named or learnt.
     """
     options, axis, refused = step.options, step.axis, list[Test]()
     while True:
@@ -178,10 +179,11 @@ def _diagnosed(
         test = step.growth("model", later, step.before)
         contradicts = not test.passed and can_look_ahead(written)
         worst = step.worst(written, later, answer) if contradicts else None
-        if worst is None:
+        at_fault = frozenset([worst.of] if worst else found.changes if contradicts else ())
+        if not at_fault:
             break
-        refused.append(worst)
-        options = replace(options, excluded=options.excluded | {worst.of})
+        refused += [worst or replace(test, of=", ".join(sorted(at_fault)))]
+        options = replace(options, excluded=options.excluded | at_fault)
     if contradicts and (answer.effects or answer.learnt):
         answer = answer_of(found, axis, options, test)
         written = step.written(answer)

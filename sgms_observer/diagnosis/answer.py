@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,9 +15,17 @@ from sgms_observer.diagnosis.ceiling import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.decision import Decision, apart, within_range
-from sgms_observer.diagnosis.evidence import improvement, in_blocks
-from sgms_observer.diagnosis.fit import Refit, Refits, judged_with
-from sgms_observer.diagnosis.gap import Gap, effort_rms, halves, interval, noise_floor, residuals, rms, weighted
+from sgms_observer.diagnosis.evidence import improvement
+from sgms_observer.diagnosis.fit import Refit, Refits, judged_as, judged_with
+from sgms_observer.diagnosis.gap import (
+    Gap,
+    Remainder,
+    effort_rms,
+    halves,
+    interval,
+    noise_floor,
+    residuals,
+)
 from sgms_observer.diagnosis.homing import unhomed
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES, Learnt, learn
 from sgms_observer.diagnosis.locate import Located, locate
@@ -64,6 +72,7 @@ class Answer:
         diagnosis: everything else.
         motions: the motions that the gap belongs to.
         residual_before, residual_after: of these motions [N].
+        gap_with_learnt: gap with everything that was found, learnt maps included [%].
     """
 
     verdict: str
@@ -85,11 +94,7 @@ class Answer:
     motions: tuple[Motion, ...]
     residual_before: tuple[Floats, ...]
     residual_after: tuple[Floats, ...]
-
-    @property
-    def gap_with_learnt(self) -> float:
-        """Return the gap with everything that was found, learnt maps included [%]."""
-        return 100.0 * rms(self.residual_after) / effort_rms(self.motions)
+    gap_with_learnt: float
 
 
 @dataclass(frozen=True)
@@ -140,21 +145,29 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     model, fit = found.after.model, found.after
     after = before if fit is found.before else bench.residuals(model, found.after_refits, fit.effects)
     tests = [test for item in found.rounds for decision in item.decisions for test in decision.tests]
-    weights = found.court.weights if has_held_out else [np.ones_like(part) for part in before]
+    seen = judged_as(motions, found.court.judged, found.before.model)
+
+    def left_by(parts: Sequence[Floats]) -> Remainder:
+        return Remainder(motions, parts, seen.shown)
+
+    def gap_of(parts: Sequence[Floats]) -> float:
+        return left_by(parts).rms
+
+    effort = effort_rms(motions, seen.shown)
     shrinks = improvement(
-        *(in_blocks(weighted(parts, weights), motions, criteria.block) for parts in (before, after))
+        *(Remainder(motions, parts, seen.weights).blocks(criteria.block) for parts in (before, after))
     )
     if fit is not found.before:
         names = ", ".join(item.accepted.candidate.name for item in found.rounds if item.accepted)
         test = at_least(names, "gap as reported: z-score", shrinks.z_score, criteria.interval_z_score)
-        part = at_most(names, "gap as reported, as a share of the effort", rms(after) / effort_rms(motions), 1.0)
-        grown = at_most(names, "gap as reported, over the gap before", rms(after) / max(rms(before), 1e-300), 1.0)
+        part = at_most(names, "gap as reported, as a share of the effort", gap_of(after) / effort, 1.0)
+        grown = at_most(names, "gap as reported, over the gap before", gap_of(after) / max(gap_of(before), 1e-300), 1.0)
         named = {item.accepted.candidate.name for item in accepted if item.accepted}
         inside = [
             within_range(item, found.state.learn, found.nominal) for item in fit.effects if item.name in named
         ]
         explained = at_most(
-            names, "share of the effort that is unexplained", rms(after) / effort_rms(motions), criteria.max_unexplained
+            names, "share of the effort that is unexplained", gap_of(after) / effort, criteria.max_unexplained
         )
         written = [test, part, grown, explained, *inside]
         tests += written
@@ -162,14 +175,13 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         if not is_borne_out:  # the model as it is written does not bear the names out
             accepted, model, fit, after = [], found.before.model, found.before, before
     learnt: tuple[Learnt, ...] = ()
-    free = _ceiling(found, model, motions, after, has_held_out, options)
-    surely = free.share if free.improvement.z_score > criteria.min_z_score else 0.0
+    rest_to_judge = left_by(after)
+    free = _ceiling(found, model, rest_to_judge, options)
+    surely = free.improvement.share if free.improvement.z_score > criteria.min_z_score else 0.0
     if surely > criteria.min_predictable_share and not found.is_poor and contradiction is None:
-        own = residuals(model, found.state.learn)
-        judge = (motions, after) if has_held_out else (found.state.learn, own)  # parts left out in turn, not halves
-        map_found = learn(
-            found.state.learn, own, *judge, has_held_out, _free_name(fit.effects), axis.units, criteria
-        )
+        known = _known(found, model)
+        judge = rest_to_judge if has_held_out else known  # parts left out in turn, not halves
+        map_found = learn(known, judge, _free_name(fit.effects), axis.units, criteria)
         if map_found is not None:
             learnt = (map_found,)
     final = model.with_effects([item.settings for item in learnt])
@@ -177,25 +189,27 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     if learnt:
         total = residuals(final, motions)
     whole_motions = found.state.held or found.state.learn
-    noise = noise_floor(whole_motions, found.state.current.model, found.state.refits.judged.noise, options.seed)
+    noise = noise_floor(
+        whole_motions, found.state.current.model, found.state.refits.judged.noise, options.seed,
+        seen.shown if has_held_out else found.court.judged.shown,
+    )  # fmt: skip
     unnamed = _unnamed(found, criteria) if has_held_out else None
-    floor = _floor(noise, before, after, total, free, surely, unnamed)
+    floor = _floor(noise, [gap_of(before), gap_of(after), gap_of(total)], rest_to_judge, free, surely, unnamed)
     surely = max(surely, unnamed.predictable(criteria) if unnamed else 0.0)
-    percent = 100.0 / effort_rms(motions)
-    named_after = rms(after) * percent
+    percent = 100.0 / effort
+    named_after = gap_of(after) * percent
     gap = Gap(
-        rms(given) * percent, rms(before) * percent, named_after, min(floor * percent, named_after), noise * percent,
-        interval(before, motions, criteria, options.seed), interval(after, motions, criteria, options.seed),
+        gap_of(given) * percent, gap_of(before) * percent, named_after, min(floor * percent, named_after),
+        noise * percent,
+        interval(left_by(before), criteria, options.seed), interval(left_by(after), criteria, options.seed),
         "held-out" if has_held_out else "cross-validated", found.state.learn[0].band, criteria.min_gap_over_floor,
     )  # fmt: skip
     whole = at_most("model", "share of the effort that is unexplained", 0.01 * gap.after, criteria.max_unexplained)
     rest = at_most("model", "surely predictable share of the rest", surely, criteria.min_predictable_share)
     over = gap.after / gap.noise if gap.noise > 0.0 else math.inf
     near = at_most("model", "gap over noise, where nothing predicts it", over, criteria.max_gap_over_noise)
-    misled = at_most(
-        "model", "share of the squared gap that the refit adds", _added(before, given, motions, criteria),
-        criteria.min_predictable_share,
-    )  # fmt: skip
+    added = _added(left_by(before), given, criteria)
+    misled = at_most("model", "share of the squared gap that the refit adds", added, criteria.min_predictable_share)
     tests += [whole, rest, near, misled, *([] if contradiction is None else [contradiction])]
     warnings = list(found.warnings)
     models = [decision.candidate.refit.model for item in found.rounds for decision in item.decisions]
@@ -205,7 +219,7 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
             f"unusable model: {gap.after:.0f} % of the effort is unexplained; identify the axis first, or record more"
             " motion"
         )
-    effects = _named(found, accepted, fit, motions, gap, percent)
+    effects = _named(found, accepted, fit, gap, lambda one: percent * gap_of(residuals(one, motions)))
     effects += _read_off(found)
     changed = changed_values(found, fit, options) if fit is not found.before else ()
     verdict = _verdict(found, effects, rest, bool(learnt), whole, (near, misled))
@@ -224,42 +238,40 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         tuple(afterwards[item.coordinate] for item in significant if item.coordinate in afterwards),
         detectable(found, axis, options), next_experiment(verdict, effects, significant, found), tuple(tests),
         whole.passed and not found.is_poor, tuple(warnings), final, found, motions, before, total,
+        percent * gap_of(total),
     )  # fmt: skip
 
 
-def _ceiling(
-    found: Diagnosis,
-    model: Model,
-    motions: Sequence[Motion],
-    after: Sequence[Floats],
-    has_held_out: bool,
-    options: Options,
-) -> FreeForm:
+def _known(found: Diagnosis, model: Model) -> Remainder:
+    """Return what a model leaves of the recordings to learn from."""
+    return Remainder(found.state.learn, residuals(model, found.state.learn), found.court.judged.shown)
+
+
+def _ceiling(found: Diagnosis, model: Model, rest: Remainder, options: Options) -> FreeForm:
     """Return what a free-form term over all coordinates predicts of the rest."""
-    if has_held_out:
-        learn_from: Sequence[Motion] = found.state.learn
-        known: Sequence[Floats] = residuals(model, learn_from)
-    else:
-        learn_from, known = motions, after
-    return free_form(ALL, learn_from, known, motions, after, options.criteria, options.seed)
+    known = _known(found, model) if found.state.held else rest
+    return free_form(ALL, known, rest, options.criteria, options.seed)
 
 
 def _floor(
-    noise: float,
-    before: Sequence[Floats],
-    after: Sequence[Floats],
-    total: Sequence[Floats],
-    free: FreeForm,
-    surely: float,
-    unnamed: Decision | None,
+    noise: float, left: Sequence[float], rest: Remainder, free: FreeForm, surely: float, unnamed: Decision | None
 ) -> float:
-    """Return what no predictor removes [N]: noise and encoder, or what the best predictor leaves if that is more."""
-    left = [rms(before), rms(after), rms(total)]
+    """Return what no predictor removes [N]: noise and encoder, or what the best predictor leaves if that is more.
+
+    Args:
+        noise: what noise and encoder leave to a perfect model [N].
+        left: rms residual of each model [N].
+        rest: what the model with the names leaves.
+        free: what a free-form term predicts of it.
+        surely: share of it that the term surely predicts.
+        unnamed: effect that surely predicts most of it without a name, or None.
+    """
+    found = list(left)
     if surely > 0.0:
-        left.append(rms([one - guess for one, guess in zip(after, free.predicted, strict=True)]))
+        found.append(rest.less(free.predicted).rms)
     if unnamed is not None:
-        left.append(rms(after) * math.sqrt(max(0.0, 1.0 - unnamed.gap.fall / unnamed.gap.before)))
-    return max(noise, min(left))
+        found.append(rest.rms * math.sqrt(max(0.0, 1.0 - unnamed.reported.share)))
+    return max(noise, min(found))
 
 
 def _unnamed(found: Diagnosis, criteria: Criteria) -> Decision | None:
@@ -275,19 +287,16 @@ def _free_name(effects: Sequence[EffectSettings]) -> str:
     return next((name for name in LEARNT_NAMES if name not in taken), LEARNT_NAMES[-1])
 
 
-def _added(
-    before: Sequence[Floats], given: Sequence[Floats], motions: Sequence[Motion], criteria: Criteria
-) -> float:
+def _added(before: Remainder, given: Sequence[Floats], criteria: Criteria) -> float:
     """Return the share of the squared gap that the refit adds to the file's own on held-out data; 0 if unsure.
 
     Args:
-        before: residual of the file refitted within its tolerance [N].
+        before: what the file refitted within its tolerance leaves.
         given: residual of the file as it is [N].
-        motions: the motions.
         criteria: thresholds.
     """
-    back = improvement(*(in_blocks(parts, motions, criteria.block) for parts in (before, given)))
-    return back.fall / back.before if back.z_score > criteria.min_z_score and back.before > 0.0 else 0.0
+    back = improvement(before.blocks(criteria.block), replace(before, residual=given).blocks(criteria.block))
+    return back.share if back.z_score > criteria.min_z_score else 0.0
 
 
 def _verdict(
@@ -318,11 +327,18 @@ def _named(
     found: Diagnosis,
     accepted: Sequence[Round],
     fit: Refit,
-    motions: Sequence[Motion],
     gap: Gap,
-    percent: float,
+    gap_of: Callable[[Model], float],
 ) -> list[Named]:
-    """Return the effects that were accepted, in their order."""
+    """Return the effects that were accepted, in their order.
+
+    Args:
+        found: the diagnosis.
+        accepted: rounds that named an effect.
+        fit: model with all of them.
+        gap: before and after.
+        gap_of: gives the gap of a model on the same recordings [%].
+    """
     if not accepted:
         return []
     names = [item.accepted.candidate.name for item in accepted if item.accepted]
@@ -341,7 +357,7 @@ def _named(
         without = [one for one in fit.model.effects if one.name not in names[number + 1 :]]
         now = gap.after
         if number + 1 < len(accepted):
-            now = rms(residuals(replace(fit.model, effects=tuple(without)), motions)) * percent
+            now = gap_of(replace(fit.model, effects=tuple(without)))
         others = [
             apart(item.accepted, other)
             for other in item.decisions

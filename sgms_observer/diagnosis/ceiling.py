@@ -15,8 +15,8 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 
 from sgms_observer.diagnosis.coordinates import coordinates_of
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.evidence import Improvement, improvement, in_blocks
-from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.evidence import Improvement, improvement
+from sgms_observer.diagnosis.gap import Remainder
 
 Floats = NDArray[np.float64]
 
@@ -47,61 +47,48 @@ class FreeForm:
     predicted: tuple[Floats, ...]
     improvement: Improvement
 
-    @property
-    def share(self) -> float:
-        """Return the predictable share of the squared residual; 0 where the prediction does harm."""
-        return max(0.0, self.improvement.fall / max(self.improvement.before, 1e-300))
-
 
 def free_form(
-    names: Sequence[str],
-    learn: Sequence[Motion],
-    learn_residual: Sequence[Floats],
-    judge: Sequence[Motion],
-    judge_residual: Sequence[Floats],
-    criteria: Criteria,
-    seed: int,
+    names: Sequence[str], learn: Remainder, judge: Remainder, criteria: Criteria, seed: int
 ) -> FreeForm:
     """Predict a residual over some coordinates.
 
     Args:
         names: coordinates, see ``coordinates_of``.
-        learn: recordings to learn from.
-        learn_residual: their residuals [N].
-        judge: recordings to judge on; the same objects as ``learn`` where there are no others: parts of them are then
-            left out in turn.
-        judge_residual: their residuals [N].
+        learn: what a model leaves of the recordings to learn from.
+        judge: of those to judge on; the same object as ``learn`` where there are no others: parts of them are then left
+            out in turn.
         criteria: lengths of blocks.
         seed: of the regression.
     """
-    known = [coordinates_of(motion, names) for motion in learn]
-    period = learn[0].residual_period
-    if all(one is other for one, other in zip(learn, judge, strict=False)) and len(learn) == len(judge):
-        predicted = _in_turn(known, learn_residual, period, seed)
+    known = [coordinates_of(motion, names) for motion in learn.motions]
+    period = learn.motions[0].residual_period
+    if learn is judge:
+        predicted = _in_turn(known, learn, period, seed)
     else:
-        model = _fit(np.vstack(known), np.concatenate(list(learn_residual)), period, seed)
-        predicted = [np.asarray(model.predict(coordinates_of(motion, names))) for motion in judge]
-    left = [residual - guess for residual, guess in zip(judge_residual, predicted, strict=True)]
-    gain = improvement(*(in_blocks(parts, judge, criteria.block) for parts in (judge_residual, left)))
+        weights = np.concatenate(list(learn.weights))
+        model = _fit(np.vstack(known), np.concatenate(list(learn.residual)), weights, period, seed)
+        predicted = [np.asarray(model.predict(coordinates_of(motion, names))) for motion in judge.motions]
+    gain = improvement(judge.blocks(criteria.block), judge.less(predicted).blocks(criteria.block))
     return FreeForm(tuple(names), tuple(predicted), gain)
 
 
-def _fit(rows: Floats, target: Floats, period: float, seed: int) -> HistGradientBoostingRegressor:
+def _fit(rows: Floats, target: Floats, weights: Floats, period: float, seed: int) -> HistGradientBoostingRegressor:
     """Return the fitted regression."""
     leaf = max(20, min(round(LEAF_TIME / period), len(rows) // 20))
     model = HistGradientBoostingRegressor(
         max_iter=TREES, learning_rate=0.06, min_samples_leaf=leaf, early_stopping=False, random_state=seed
     )
-    return model.fit(rows, target)
+    return model.fit(rows, target, weights**2)
 
 
-def _in_turn(known: Sequence[Floats], residual: Sequence[Floats], period: float, seed: int) -> list[Floats]:
+def _in_turn(known: Sequence[Floats], learn: Remainder, period: float, seed: int) -> list[Floats]:
     """Return the prediction of each part of the recordings by a regression that has not seen it."""
-    rows, target = np.vstack(list(known)), np.concatenate(list(residual))
+    rows, target, weights = (np.concatenate(list(parts)) for parts in (known, learn.residual, learn.weights))
     fold = (np.arange(len(target)) * period / FOLD_BLOCK).astype(np.int64) % FOLDS
     predicted = np.zeros(len(target))
     for number in range(FOLDS):
         out = fold == number
         if out.any() and not out.all():
-            predicted[out] = _fit(rows[~out], target[~out], period, seed).predict(rows[out])
-    return np.split(predicted, np.cumsum([len(part) for part in residual])[:-1])
+            predicted[out] = _fit(rows[~out], target[~out], weights[~out], period, seed).predict(rows[out])
+    return np.split(predicted, np.cumsum([len(part) for part in learn.residual])[:-1])

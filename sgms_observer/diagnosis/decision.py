@@ -22,8 +22,8 @@ from sgms_observer.diagnosis.evidence import (
     left_out_residuals,
 )
 from sgms_observer.diagnosis.fit import Judged, Refit, Refits
-from sgms_observer.diagnosis.gap import residuals, rms, weighted
-from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.gap import Remainder, residuals, rms, weighted
+from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.ranges import believable
 from sgms_observer.diagnosis.search import CONTACT_SHARE
@@ -57,6 +57,7 @@ class Court:
         held: held-out recordings with the noise to whiten with; none where there are none.
         floor: rms weighted residual that noise and encoder leave to a perfect model on ``judge`` [N].
         first_gap: the same of the file refitted within its tolerance, before anything was added [N].
+        whole: both of these with the weights of the gap as it is reported [N].
         criteria: thresholds.
         seed: of the free-form regression.
     """
@@ -67,6 +68,7 @@ class Court:
     held: Judged
     floor: float
     first_gap: float
+    whole: tuple[float, float]
     criteria: Criteria
     seed: int
 
@@ -80,18 +82,32 @@ class Court:
         """Return the weights of the samples of ``judge``: what an encoder does not show at rest counts for little."""
         return self.held.weights if self.has_held_out else self.judged.weights
 
+    @property
+    def shown(self) -> tuple[Floats, ...]:
+        """Return the weights of the samples of ``judge`` in the gap as it is reported."""
+        return self.held.shown if self.has_held_out else self.judged.shown
+
     def rms(self, model: Model) -> float:
         """Return the rms weighted residual of a model on ``judge`` [N]."""
         return rms(weighted(residuals(model, self.judge), self.weights))
 
-    @property
-    def closable_square(self) -> float:
-        """Return the squared weighted residual above the floor in the beginning, summed over ``judge`` [N^2].
+    def closed_share(self, gap: Improvement, reported: Improvement) -> float:
+        """Return the share of the closable squared gap that an improvement closes.
 
-        All of it where it does not stand out of the floor: an effect may pass for noise there.
+        Closable is what stands out of the floor in the beginning; all of it where nothing does: an effect may pass for
+        noise there. Of the share with weights and that of the gap as it is reported the smaller one counts.
+
+        Args:
+            gap: fall of the weighted squared residual on ``judge`` [N^2].
+            reported: the same with the weights of the gap as it is reported.
         """
         count = sum(len(motion.thinned(motion.time)) for motion in self.judge)
-        return (self.first_gap**2 - (0.0 if self.is_noise(self.first_gap) else self.floor**2)) * count
+        shares = []
+        for one, floor, first in ((gap, self.floor, self.first_gap), (reported, *self.whole)):
+            stands_out = first > self.criteria.min_gap_over_floor * floor
+            closable = (first**2 - (floor**2 if stands_out else 0.0)) * count
+            shares.append(one.fall / closable if closable > 0.0 else 0.0)
+        return min(shares)
 
     def is_closed(self, model: Model) -> bool:
         """Return whether a model leaves nothing above the floor on ``judge``."""
@@ -121,11 +137,13 @@ class Evidence:
             there are no held-out recordings.
         held: whitened residual of each block of the held-out recordings.
         force: weighted residual of each block of the recordings to judge on [N].
+        reported: the same with the weights of the gap as it is reported.
     """
 
     learn: list[Floats]
     held: list[Floats]
     force: list[Floats]
+    reported: list[Floats]
 
     @property
     def all(self) -> list[Floats]:
@@ -142,10 +160,12 @@ def evidence_of(found: Refit, court: Court) -> Evidence:
     """
     length = court.criteria.block
     learn = learnt_residuals if court.has_held_out else left_out_residuals
+    left = residuals(found.model, court.judge)
     return Evidence(
         learn(found, court.judged, length),
         held_out_residuals(found.model, court.held, length),
-        in_blocks(weighted(residuals(found.model, court.judge), court.weights), court.judge, length),
+        in_blocks(weighted(left, court.weights), court.judge, length),
+        in_blocks(weighted(left, court.shown), court.judge, length),
     )
 
 
@@ -158,6 +178,7 @@ class Decision:
         evidence: what its fit predicts.
         improvement: over the model without it, whitened, on all data that was not fitted to.
         gap: over the model without it, weighted, on the recordings to judge on [N^2].
+        reported: the same with the weights of the gap as it is reported.
         tests: every test; the first one says whether it surely predicts better.
     """
 
@@ -165,6 +186,7 @@ class Decision:
     evidence: Evidence
     improvement: Improvement
     gap: Improvement
+    reported: Improvement
     tests: tuple[Test, ...]
 
     @property
@@ -174,8 +196,8 @@ class Decision:
 
     def predictable(self, criteria: Criteria) -> float:
         """Return the share of the squared gap that the hypothesis surely predicts, named or not; 0 if unsure."""
-        is_sure = self.tests[0].passed and self.gap.z_score >= criteria.min_z_score and self.gap.before > 0.0
-        return self.gap.fall / self.gap.before if is_sure else 0.0
+        is_sure = self.tests[0].passed and self.gap.z_score >= criteria.min_z_score
+        return self.reported.share if is_sure else 0.0
 
     @property
     def passed(self) -> bool:
@@ -196,17 +218,17 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> D
     later = evidence_of(item.refit, court)
     gain = improvement(earlier.all, later.all)
     tests = [_predictive(item, gain, earlier, later, court)]
-    gap = improvement(earlier.force, later.force)
+    gap, reported = improvement(earlier.force, later.force), improvement(earlier.reported, later.reported)
     if court.has_held_out:
         tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
-    share = gap.fall / court.closable_square if court.closable_square > 0.0 else 0.0
+    share = court.closed_share(gap, reported)
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     tests += bounds(item, court)
     if item.settings is not None:
         tests += physical(item, court)
         if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
             tests += earned(item, before, later, court)
-    return Decision(item, later, gain, gap, tuple(tests))
+    return Decision(item, later, gain, gap, reported, tuple(tests))
 
 
 def _predictive(item: Candidate, gain: Improvement, earlier: Evidence, later: Evidence, court: Court) -> Test:
@@ -296,17 +318,19 @@ def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> lis
         return []
     criteria = court.criteria
     free = term(names, before.model, court)
-    left = [one - guess for one, guess in zip(residuals(before.model, court.judge), free.predicted, strict=True)]
-    better = improvement(later.force, in_blocks(weighted(left, court.weights), court.judge, criteria.block))
+    judge = Remainder(court.judge, residuals(before.model, court.judge), court.weights)
+    better = improvement(later.force, judge.less(free.predicted).blocks(criteria.block))
     title = f"z-score of a free-form term over {', '.join(names)}"
     return [at_most(item.name, title, better.z_score, criteria.min_z_score)]
 
 
 def term(names: Sequence[str], model: Model, court: Court) -> FreeForm:
     """Return what a free-form term predicts of a model's residual on the recordings to judge on."""
-    learn = residuals(model, court.learn)
-    judge = residuals(model, court.judge) if court.has_held_out else learn
-    return free_form(names, court.learn, learn, court.judge, judge, court.criteria, court.seed)
+    learn = Remainder(court.learn, residuals(model, court.learn), court.judged.shown)
+    judge = learn
+    if court.has_held_out:
+        judge = Remainder(court.judge, residuals(model, court.judge), court.shown)
+    return free_form(names, learn, judge, court.criteria, court.seed)
 
 
 def apart(one: Decision, other: Decision) -> float:
@@ -341,21 +365,6 @@ def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria)
         if not is_apart and is_possible:
             found.append(item.candidate.name)
     return tuple(found)
-
-
-def held_judged(motions: Sequence[Motion], judged: Judged, model: Model) -> Judged:
-    """Return held-out recordings with the noise of the recordings to learn from.
-
-    Args:
-        motions: held-out recordings; may be empty.
-        judged: recordings to learn from; the loudest noise counts.
-        model: says where the contact sticks.
-    """
-    loudest = max(judged.noise, key=lambda noise: noise.rms)
-    noises = tuple(replace(loudest, period=motion.residual_period) for motion in motions)
-    pairs = zip(motions, noises, strict=True)
-    weights = tuple(noise.weights(motion.thinned(predict(model, motion).doubt)) for motion, noise in pairs)
-    return Judged(tuple(motions), noises, weights)
 
 
 def changed_refits(refits: Refits, name: str) -> Refits:

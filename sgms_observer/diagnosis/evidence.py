@@ -35,6 +35,11 @@ class Improvement:
     z_score: float
     before: float
 
+    @property
+    def share(self) -> float:
+        """Return the share of the squared residual that the later model takes off; 0 where it does harm."""
+        return max(0.0, self.fall / self.before) if self.before > 0.0 else 0.0
+
 
 def improvement(before: Sequence[Floats], after: Sequence[Floats]) -> Improvement:
     """Compare two models by their residuals on the same blocks.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,11 +51,13 @@ class Judged:
         motions: recordings.
         noise: of each recording.
         weights: of each recording at the rate of residuals.
+        shown: weights in the gap: little where the encoder's grid hides the force.
     """
 
     motions: tuple[Motion, ...]
     noise: tuple[Noise, ...]
     weights: tuple[Floats, ...]
+    shown: tuple[Floats, ...]
 
     def whitened(self, columns: Sequence[Floats]) -> Floats:
         """Return one column of all recordings, from working-rate series, in units of the noise."""
@@ -77,15 +79,36 @@ class Judged:
 
 def judged_with(motions: Sequence[Motion], model: Model) -> Judged:
     """Return motions with the noise that the model's residual has."""
-    noises, weights = [], []
+    noises, weights, shown = [], [], []
     for motion in motions:
         prediction = predict(model, motion)
-        doubt = motion.thinned(prediction.doubt)
+        doubt, hidden = motion.thinned(prediction.doubt), motion.thinned(prediction.hidden)
         least = LEAST_NOISE * float(np.std(motion.effort))
-        noise = fit_noise(motion.low_pass(prediction.residual), doubt, motion.residual_period, motion.band, least)
+        residual = motion.low_pass(prediction.residual)
+        noise = fit_noise(residual, doubt, motion.residual_period, motion.band, least, hidden)
         noises.append(noise)
-        weights.append(noise.weights(doubt))
-    return Judged(tuple(motions), tuple(noises), tuple(weights))
+        weights.append(noise.weights(doubt, hidden))
+        shown.append(noise.shown(hidden))
+    return Judged(tuple(motions), tuple(noises), tuple(weights), tuple(shown))
+
+
+def judged_as(motions: Sequence[Motion], judged: Judged, model: Model) -> Judged:
+    """Return motions with the noise of other recordings.
+
+    Args:
+        motions: recordings; may be none.
+        judged: the others; the loudest noise counts.
+        model: says where the contact sticks.
+    """
+    loudest = max(judged.noise, key=lambda noise: noise.rms)
+    noises = tuple(replace(loudest, period=motion.residual_period) for motion in motions)
+    weights, shown = [], []
+    for motion, noise in zip(motions, noises, strict=True):
+        found = predict(model, motion)
+        doubt, hidden = motion.thinned(found.doubt), motion.thinned(found.hidden)
+        weights.append(noise.weights(doubt, hidden))
+        shown.append(noise.shown(hidden))
+    return Judged(tuple(motions), noises, tuple(weights), tuple(shown))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,9 @@
-"""The gap: measured minus predicted effort, on one band, over the rms measured effort of the same recordings."""
+"""The gap: measured minus predicted effort, on one band, over the rms measured effort of the same samples.
+
+Where the encoder shows no motion, its grid may hide a change of the friction that is larger than the noise. No model
+can predict it from the motion, and what the controller does there is no property of the machine. Such samples count by
+what they tell.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.evidence import in_blocks
 from sgms_observer.diagnosis.fit import Judged
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
@@ -73,9 +79,14 @@ def residuals(model: Model, motions: Sequence[Motion]) -> tuple[Floats, ...]:
     return tuple(motion.low_pass(predict(model, motion).residual) for motion in motions)
 
 
-def effort_rms(motions: Sequence[Motion]) -> float:
-    """Return the rms measured effort below the band [N]."""
-    return rms([motion.low_pass(motion.effort) for motion in motions])
+def effort_rms(motions: Sequence[Motion], shown: Sequence[Floats]) -> float:
+    """Return the rms measured effort below the band [N].
+
+    Args:
+        motions: recordings.
+        shown: weights of their samples in the gap.
+    """
+    return rms(weighted([motion.low_pass(motion.effort) for motion in motions], shown))
 
 
 def rms(parts: Sequence[Floats]) -> float:
@@ -83,25 +94,24 @@ def rms(parts: Sequence[Floats]) -> float:
     return float(np.sqrt(np.mean(np.square(np.concatenate(list(parts))))))
 
 
-def interval(parts: Sequence[Floats], motions: Sequence[Motion], criteria: Criteria, seed: int) -> tuple[float, float]:
-    """Return the 90 % interval of the rms residual by moving blocks [%].
+def interval(rest: Remainder, criteria: Criteria, seed: int) -> tuple[float, float]:
+    """Return the 90 % interval of the gap by moving blocks [%].
 
     Args:
-        parts: residual of each motion [N].
-        motions: the motions.
+        rest: what a model leaves.
         criteria: length of a block.
         seed: of the bootstrap.
 
     Source: Kuensch 1989, Annals of Statistics 17(3).
     """
     rng = np.random.default_rng([seed, 77])
-    squares = np.concatenate([part**2 for part in parts])
-    length = max(1, int(criteria.block / motions[0].residual_period))
+    squares = np.concatenate(rest.weighted) ** 2
+    length = max(1, int(criteria.block / rest.motions[0].residual_period))
     count = max(1, len(squares) // length)
     sums = np.concatenate(([0.0], np.cumsum(squares)))
     starts = rng.integers(0, max(1, len(squares) - length), size=(DRAWS, count))
     means = (sums[starts + length] - sums[starts]).sum(axis=1) / (count * length)
-    low, high = np.quantile(100.0 * np.sqrt(means) / effort_rms(motions), [0.05, 0.95])
+    low, high = np.quantile(100.0 * np.sqrt(means) / effort_rms(rest.motions, rest.weights), [0.05, 0.95])
     return float(low), float(high)
 
 
@@ -113,6 +123,44 @@ def weighted(parts: Sequence[Floats], weights: Sequence[Floats]) -> tuple[Floats
         weights: of each motion, as for the whitened residual.
     """
     return tuple(part * weight for part, weight in zip(parts, weights, strict=True))
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What a model leaves of recordings.
+
+    Attributes:
+        motions: the recordings.
+        residual: of each [N].
+        weights: of the samples of each.
+    """
+
+    motions: Sequence[Motion]
+    residual: Sequence[Floats]
+    weights: Sequence[Floats]
+
+    @property
+    def weighted(self) -> tuple[Floats, ...]:
+        """Return the weighted residual of each recording [N]."""
+        return weighted(self.residual, self.weights)
+
+    @property
+    def rms(self) -> float:
+        """Return the rms weighted residual [N]."""
+        return rms(self.weighted)
+
+    def less(self, predicted: Sequence[Floats]) -> Remainder:
+        """Return what is left once ``predicted`` [N] of each recording is taken off."""
+        left = [residual - guess for residual, guess in zip(self.residual, predicted, strict=True)]
+        return replace(self, residual=left)
+
+    def blocks(self, length: float) -> list[Floats]:
+        """Return the weighted residual of each block of time.
+
+        Args:
+            length: of a block [s].
+        """
+        return in_blocks(self.weighted, self.motions, length)
 
 
 def noise_floor(

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.evidence import Improvement, improvement, in_blocks
+from sgms_observer.diagnosis.evidence import Improvement, improvement
+from sgms_observer.diagnosis.gap import Remainder, weighted
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.learnt_map import LearntMap, MotionPath, learnt_coordinates
 from sgms_observer.settings.axis import EffectSettings
@@ -39,7 +40,7 @@ class Learnt:
         map: the map.
         coordinates: names of its coordinates.
         improvement: on the recordings to judge on [N^2].
-        share: closed share of the squared residual there.
+        share: closed share of the squared gap there.
         sentence: what it looks like.
     """
 
@@ -57,7 +58,7 @@ class Learnt:
 
 @dataclass(frozen=True)
 class _Columns:
-    """Columns of a map's values in the residual, and its pieces of time.
+    """Columns of a map's values in the weighted residual, and its pieces of time.
 
     Attributes:
         rows: shape (n, k).
@@ -68,51 +69,38 @@ class _Columns:
     fold: NDArray[np.int64]
 
 
-def learn(
-    learn_motions: Sequence[Motion],
-    learn_residual: Sequence[Floats],
-    judge_motions: Sequence[Motion],
-    judge_residual: Sequence[Floats],
-    has_held_out: bool,
-    name: str,
-    units: Units,
-    criteria: Criteria,
-) -> Learnt | None:
+def learn(known: Remainder, judge: Remainder, name: str, units: Units, criteria: Criteria) -> Learnt | None:
     """Learn the map that predicts most of a residual on data it was not fitted to, or None where none surely does.
 
     Args:
-        learn_motions: recordings to learn from.
-        learn_residual: their residuals [N].
-        judge_motions: recordings to judge on.
-        judge_residual: their residuals [N].
-        has_held_out: whether nothing is fitted to the latter.
+        known: what a model leaves of the recordings to learn from.
+        judge: of those to judge on; the same object as ``known`` where there are no others: parts of them are then left
+            out in turn.
         name: of the effect, one of ``LEARNT_NAMES``.
         units: of the axis.
         criteria: thresholds.
     """
-    target = np.concatenate(list(learn_residual))
+    target = np.concatenate(weighted(known.residual, known.weights))
     found: list[tuple[Learnt, list[Floats]]] = []
     for coordinates in COORDINATES:
-        empty = _empty(coordinates, learn_motions, name)
+        empty = _empty(coordinates, known.motions, name)
         if empty is None:
             continue
-        columns = _columns(empty, learn_motions)
+        columns = _columns(empty, known.motions, known.weights)
         penalty = _penalty(empty)
         weight = _smoothness(columns, target, penalty)
         values = _solve(columns.rows, target, weight * penalty)
         filled = empty.filled(values)
-        if has_held_out:
-            predicted = [_columns(empty, [motion]).rows @ values for motion in judge_motions]
+        if known is judge:
+            predicted = _in_turn(columns, target, weight * penalty)
         else:
-            predicted = np.split(
-                _in_turn(columns, target, weight * penalty), np.cumsum([len(part) for part in learn_residual])[:-1]
-            )
-        left = [residual - guess for residual, guess in zip(judge_residual, predicted, strict=True)]
-        after = in_blocks(left, judge_motions, criteria.block)
-        gain = improvement(in_blocks(judge_residual, judge_motions, criteria.block), after)
-        share = gain.fall / max(gain.before, 1e-300)
-        if gain.z_score >= criteria.z_score_of(len(COORDINATES)) and share >= criteria.min_closed_share:
-            found.append((Learnt(filled, coordinates, gain, share, sentence(filled, units)), after))
+            predicted = _columns(empty, judge.motions, judge.weights).rows @ values
+        parts = np.split(predicted, np.cumsum([len(part) for part in judge.residual])[:-1])
+        left = judge.less([part / weights for part, weights in zip(parts, judge.weights, strict=True)])
+        after = left.blocks(criteria.block)
+        gain = improvement(judge.blocks(criteria.block), after)
+        if gain.z_score >= criteria.z_score_of(len(COORDINATES)) and gain.share >= criteria.min_closed_share:
+            found.append((Learnt(filled, coordinates, gain, gain.share, sentence(filled, units)), after))
     if not found:
         return None
     best = max(found, key=lambda pair: pair[0].improvement.fall)
@@ -150,12 +138,12 @@ def _empty(coordinates: tuple[str, ...], motions: Sequence[Motion], name: str) -
     return LearntMap(coordinates, empty.grids, empty.values, empty.reversal_distance, name=name)
 
 
-def _columns(empty: LearntMap, motions: Sequence[Motion]) -> _Columns:
-    """Return what each value of a map changes in the residual."""
+def _columns(empty: LearntMap, motions: Sequence[Motion], weights: Sequence[Floats]) -> _Columns:
+    """Return what each value of a map changes in the weighted residual."""
     rows, folds = [], []
-    for motion in motions:
+    for motion, weight in zip(motions, weights, strict=True):
         basis = empty.basis(_path(motion)).toarray()
-        rows.append(np.column_stack([motion.low_pass(column) for column in basis.T]))
+        rows.append(weight[:, None] * np.column_stack([motion.low_pass(column) for column in basis.T]))
         folds.append((motion.thinned(motion.time) / FOLD_TIME).astype(np.int64) % FOLDS)
     return _Columns(np.vstack(rows), np.concatenate(folds))
 

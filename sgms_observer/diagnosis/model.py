@@ -157,11 +157,14 @@ class Prediction:
         friction: simulated element friction [N].
         doubt: 0 where the contact slides, 1 where it sticks or creeps and the encoder's grid decides; empty without a
             new simulation.
+        hidden: mean square of the force that the encoder's grid hides [N^2]: where it shows no motion, the contact may
+            have gone back by anything up to the play, and the force with it.
     """
 
     residual: Floats
     friction: Floats
     doubt: Floats
+    hidden: Floats
 
 
 def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) -> Prediction:
@@ -204,7 +207,8 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
     mass = model.mass + seen.added_mass
     needed = mass * seen.acceleration + friction.viscous_coefficient * seen.velocity + elements + seen.force
     command = needed_command(on_path, needed, motion)
-    return Prediction(motion.effort - command, elements, doubt)
+    hidden = np.where(motion.still, fall_after_reversal(friction, 2.0 * PLAY * motion.resolution) ** 2 / 3.0, 0.0)
+    return Prediction(motion.effort - command, elements, doubt, hidden)
 
 
 def needed_command(on_path: Sequence[EffectSettings], needed: Floats, motion: Motion) -> Floats:
@@ -305,6 +309,18 @@ def stribeck(friction: FrictionSettings, position: Floats, period: float) -> Flo
     """Return the level of sliding friction along a motion [N]."""
     speed = np.concatenate(([0.0], np.diff(position))) / period
     return np.asarray(stribeck_level(speed, friction.static_force, friction.coulomb_force, friction.stribeck_velocity))
+
+
+def fall_after_reversal(friction: FrictionSettings, distance: float) -> float:
+    """Return how far the friction of a sliding contact falls when it goes back (Masing's rule) [N].
+
+    Args:
+        friction: of the contact.
+        distance: how far it goes back [m].
+    """
+    fractions, stiffnesses = friction.element_fraction, friction.element_stiffness
+    listed = zip(fractions, stiffnesses, strict=True)
+    return sum(min(kappa * distance, 2.0 * share * friction.static_force) for share, kappa in listed)
 
 
 def largest_reach(friction: FrictionSettings) -> float:

@@ -140,6 +140,15 @@ class Motion:
         square = np.square(np.square(self.velocity / slow))
         return np.asarray(np.exp(-np.minimum(square, 700.0)), dtype=np.float64)
 
+    @cached_property
+    def still(self) -> NDArray[np.bool_]:
+        """Where the encoder shows no motion within a period of the band: the contact may move inside the play."""
+        if self.resolution <= 0.0:
+            return np.zeros(len(self.time), dtype=np.bool_)
+        moves = np.abs(self.first) + np.abs(self.second) > 0.0
+        width = max(1, round(0.5 / (self.band * self.period)))
+        return np.convolve(moves, np.ones(2 * width + 1), mode="same") < 0.5
+
     @property
     def residual_period(self) -> float:
         """Time between two residuals [s]."""

@@ -3,12 +3,14 @@
 The force noise of a drive is taken as first-order noise plus white noise, its corner no lower than
 ``LOWEST_CORNER`` times the band: whatever moves more slowly than that has a cause. The spectrum is fitted to medians
 over bands, so that lines and slow effects do not count as noise. Where the contact sticks, the encoder's noise (and
-what a few elements cannot follow) comes through its stiffness; residuals there weigh less.
+what a few elements cannot follow) comes through its stiffness; residuals there weigh less. Where the encoder shows no
+motion at all, the contact may still have moved within its grid, and the force with it: that is known from grid and
+stiffness, whether or not the recordings to learn from rest.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -23,7 +25,7 @@ MOST_DOUBT = 100.0
 """Largest extra variance where the contact sticks or creeps."""
 _BANDS = 24
 _STICK_SMOOTHING = 0.024  # s
-_SLOW = 0.05  # s
+_SLOW = 0.05  # s over which residuals at rest are averaged: what an encoder hides there stays
 _MEDIAN_OF_CHI2 = 0.6931  # median over mean of a periodogram's bins
 
 
@@ -57,15 +59,32 @@ class Noise:
         grid = np.linspace(0.0, self.band, 2000)
         return float(np.sqrt(2.0 * np.trapezoid(self.density(grid), grid)))
 
-    def weights(self, doubt: Floats) -> Floats:
+    def weights(self, doubt: Floats, hidden: Floats | float = 0.0) -> Floats:
         """Return what residuals are multiplied with before their colour is taken off.
 
         Args:
             doubt: 0 where the contact slides, 1 where it sticks or creeps.
+            hidden: mean square of the force that the encoder's grid hides [N^2].
         """
+        return self._smoothed(np.maximum(self.stick * doubt**2, self._over_noise(hidden)))
+
+    def shown(self, hidden: Floats) -> Floats:
+        """Return what residuals are multiplied with in the gap: little where the encoder's grid hides the force.
+
+        Args:
+            hidden: as for ``weights``.
+        """
+        return self._smoothed(self._over_noise(hidden))
+
+    def _over_noise(self, hidden: Floats | float) -> Floats:
+        """Return the hidden mean square over that of noise at rest, where neither averages out."""
+        return np.asarray(hidden * (_SLOW / float(self.density(np.zeros(1))[0])), dtype=np.float64)
+
+    def _smoothed(self, extra: Floats) -> Floats:
+        """Return the weights for an extra variance, over the variance elsewhere."""
         width = max(1, int(_STICK_SMOOTHING / self.period))
-        square = np.convolve(np.pad(doubt**2, (width, width), mode="edge"), np.ones(width) / width, mode="same")
-        return np.asarray(1.0 / np.sqrt(1.0 + self.stick * square[width:-width]), dtype=np.float64)
+        smooth = np.convolve(np.pad(extra, (width, width), mode="edge"), np.ones(width) / width, mode="same")
+        return np.asarray(1.0 / np.sqrt(1.0 + smooth[width:-width]), dtype=np.float64)
 
     def whitened(self, values: Floats, weights: Floats) -> Floats:
         """Return columns in units of the noise: real and imaginary parts below the band, unit variance each.
@@ -86,7 +105,12 @@ class Noise:
 
 
 def fit_noise(
-    residual: Floats, doubt: Floats, period: float, band: float, least: float = 0.0, start: Noise | None = None
+    residual: Floats,
+    doubt: Floats,
+    period: float,
+    band: float,
+    least: float = 0.0,
+    hidden: Floats | float = 0.0,
 ) -> Noise:
     """Fit the noise of a residual.
 
@@ -96,11 +120,19 @@ def fit_noise(
         period: time between residuals [s].
         band: residuals are judged below this frequency [Hz].
         least: rms below which nobody measures a force [N]; white.
-        start: a noise of the same kind, to start from.
+        hidden: mean square of the force that the encoder's grid hides, at the same rate [N^2].
     """
     stick = _stick_share(residual, doubt, period)
     lowest = LOWEST_CORNER * band
-    weights = Noise(period, 1.0, lowest, 0.0, stick, band).weights(doubt)
+    found = _spectrum_fit(residual, Noise(period, 1.0, lowest, 0.0, stick, band).weights(doubt), period, band, stick)
+    if np.any(hidden):
+        found = _spectrum_fit(residual, found.weights(doubt, hidden), period, band, stick)
+    return replace(found, white=found.white + least**2 / (2.0 * band))
+
+
+def _spectrum_fit(residual: Floats, weights: Floats, period: float, band: float, stick: float) -> Noise:
+    """Return the noise whose spectrum a weighted residual has."""
+    lowest = LOWEST_CORNER * band
     centred = residual - np.median(residual)
     spectrum = np.abs(np.fft.rfft(centred * weights)) ** 2 * period / max(float(np.sum(weights**2)), 1.0)
     frequency = np.fft.rfftfreq(len(residual), period)
@@ -120,15 +152,12 @@ def fit_noise(
 
     bounds = (np.log([top * 1e-6, lowest, top * 1e-8]), np.log([top * 10.0, 10.0 * band, top * 2.0]))
     starts = [np.log([top, corner * band, top * share]) for corner, share in ((0.12, 0.1), (0.4, 0.1), (0.6, 0.01))]
-    if start is not None:
-        known = np.log([start.low, start.corner, max(start.white, 1e-300)])
-        starts = [np.clip(known, bounds[0] + 1e-3, bounds[1] - 1e-3)]
     best = min(
         (least_squares(misfit, one, bounds=bounds, loss="soft_l1", f_scale=0.3) for one in starts),
         key=lambda found: float(found.cost),
     )
     low, corner, white = np.exp(best.x)
-    return Noise(period, float(low), float(corner), float(white) + least**2 / (2.0 * band), stick, band)
+    return Noise(period, float(low), float(corner), float(white), stick, band)
 
 
 def _stick_share(residual: Floats, doubt: Floats, period: float) -> float:

@@ -24,9 +24,15 @@ def coloured(noise: Noise, count: int, period: float, rng: np.random.Generator) 
 
 
 def replicate_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Generator) -> Motion:
-    """Return a recording in which the model holds: the same motion on the same encoder, its own effort."""
-    needed = motion.effort - predict(model, motion).residual
-    effort = needed + coloured(noise, len(needed), motion.period, rng)
+    """Return a recording in which the model holds: the same motion on the same encoder, its own effort.
+
+    At each rest the contact has gone back by an unknown part of what the encoder does not show.
+    """
+    found = predict(model, motion)
+    needed = motion.effort - found.residual
+    rest = np.cumsum(np.diff(motion.still, prepend=False) & motion.still)
+    gone_back = rng.uniform(0.0, 1.0, rest[-1] + 1)[rest] * np.sqrt(3.0 * found.hidden)
+    effort = needed - np.sign(found.friction) * gone_back + coloured(noise, len(needed), motion.period, rng)
     position = motion.position
     if motion.resolution > 0.0:
         shift = rng.uniform(0.0, motion.resolution)

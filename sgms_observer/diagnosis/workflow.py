@@ -22,10 +22,9 @@ from sgms_observer.diagnosis.decision import (
     changed_refits,
     decide,
     evidence_of,
-    held_judged,
 )
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_with
+from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_as, judged_with
 from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
@@ -59,7 +58,7 @@ class Options:
         workers: threads.
         band: residuals are judged below this frequency [Hz]; 0 chooses it from rate and encoder.
         criteria: thresholds of every test.
-        excluded: effects that are not tried.
+        excluded: hypotheses that are not tried.
     """
 
     tolerance: float = 0.05
@@ -141,11 +140,17 @@ class State:
         """
         judged = self.refits.judged
         judge = self.held or self.learn
-        held = held_judged(self.held, judged, self.current.model)
-        weights = held.weights if self.held else judged.weights
-        floor = noise_floor(judge, self.current.model, judged.noise, options.seed, weights)
-        gap = rms(weighted(residuals(first or self.current.model, judge), weights))
-        return Court(self.learn, judge, judged, held, floor, gap, options.criteria, options.seed)
+        held = judged_as(self.held, judged, self.current.model)
+        own = held if self.held else judged
+        left = residuals(first or self.current.model, judge)
+        (floor, gap), whole = (
+            (
+                noise_floor(judge, self.current.model, judged.noise, options.seed, weights),
+                rms(weighted(left, weights)),
+            )
+            for weights in (own.weights, own.shown)
+        )
+        return Court(self.learn, judge, judged, held, floor, gap, whole, options.criteria, options.seed)
 
 
 @dataclass(frozen=True)
@@ -214,6 +219,12 @@ class Diagnosis:
         return [item for item, one in added if one.settings is not None and one.name not in self.bent]
 
     @property
+    def changes(self) -> frozenset[str]:
+        """Return the hypotheses on values of the file that were added."""
+        added = [item.accepted.candidate for item in self.rounds if item.accepted]
+        return frozenset(one.name for one in added if one.settings is None)
+
+    @property
     def bent(self) -> frozenset[str]:
         """Return the effects that were added and are not named."""
         added = {item.accepted.candidate.name for item in self.rounds if item.accepted}
@@ -279,8 +290,8 @@ def narrowed(state: State, options: Options) -> State:
     """Return the state with elements as near to the file as its other values, unless those further off predict better.
 
     Few elements approximate a continuous contact, so their best values may lie far from those of the file. Where the
-    contact follows another law, though, elements that are free fit what that law leaves and predict worse. Samples at
-    rest count little in the fit and fully in the reported gap, so that the gap has to agree.
+    contact follows another law, though, elements that are free fit what that law leaves and predict worse. Samples
+    where the contact sticks may count less in the fit than in the reported gap, so that the gap has to agree.
 
     Args:
         state: with elements that may move further.
@@ -292,7 +303,9 @@ def narrowed(state: State, options: Options) -> State:
     earlier, later = evidence_of(narrow.current, court), evidence_of(state.current, court)
     pair = (earlier.held, later.held) if court.has_held_out else (earlier.all, later.all)
     is_sure = improvement(*pair).z_score > options.criteria.min_z_score
-    wide_gap, narrow_gap = (rms(residuals(one.current.model, court.judge)) for one in (state, narrow))
+    wide_gap, narrow_gap = (
+        rms(weighted(residuals(one.current.model, court.judge), court.shown)) for one in (state, narrow)
+    )
     return state if is_sure and wide_gap <= narrow_gap else narrow
 
 
@@ -302,7 +315,7 @@ def _search(
     """Add one hypothesis after another, as long as one passes every test."""
     rounds: list[Round] = []
     names = [name for name in catalogue_names() if name not in READ_OFF and name not in options.excluded]
-    changed = list(CHANGED)
+    changed = [name for name in CHANGED if name not in options.excluded]
     most = options.criteria.max_effects + len(changed)
     first = state.current.model
     for number in range(most):

@@ -12,6 +12,7 @@ from sgms_observer.diagnosis.criteria import Criteria, at_least, at_most
 from sgms_observer.diagnosis.decision import bounds, decide, earned, evidence_of, physical, term
 from sgms_observer.diagnosis.evidence import blocks_of, improvement, left_out_residuals
 from sgms_observer.diagnosis.fit import Judged, Refit, Refits, judged_with
+from sgms_observer.diagnosis.gap import Remainder
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.uncertainty import in_time
@@ -86,8 +87,10 @@ def test_a_test_says_value_threshold_and_outcome() -> None:
 @pytest.mark.parametrize("has_held_out", [False, True])
 def test_nothing_predicts_noise_and_the_ceiling_sees_what_hangs_on_the_speed(has_held_out: bool) -> None:
     learn, held = moved(), moved(seed=2)
-    judge = held if has_held_out else learn
     rng = np.random.default_rng(2)
+
+    def alike(motion: Motion, residual: np.ndarray) -> Remainder:
+        return Remainder([motion], [residual], [np.ones(len(residual))])
 
     def noise(motion: Motion) -> np.ndarray:
         return rng.normal(size=len(motion.thinned(motion.time)))
@@ -97,10 +100,9 @@ def test_nothing_predicts_noise_and_the_ceiling_sees_what_hangs_on_the_speed(has
         return np.cos(2.0 * speed / np.std(speed)) + 0.2 * noise(motion)
 
     for make, is_seen in ((noise, False), (wave, True)):
-        known = make(learn)
-        judged_on = make(held) if has_held_out else known
-        found = free_form(ALL, [learn], [known], [judge], [judged_on], CRITERIA, 1)
-        surely = found.share if found.improvement.z_score > CRITERIA.min_z_score else 0.0
+        known = alike(learn, make(learn))
+        found = free_form(ALL, known, alike(held, make(held)) if has_held_out else known, CRITERIA, 1)
+        surely = found.improvement.share if found.improvement.z_score > CRITERIA.min_z_score else 0.0
         assert (surely > 0.6) == is_seen
         assert is_seen or surely == 0.0
 
@@ -110,8 +112,8 @@ def test_a_name_is_earned_where_a_free_form_term_over_its_coordinates_does_no_be
     court = court_of((motion,), MODEL.with_effects([COGGING]))
     refits = Refits(court.judged, MODEL, 0.05)
     plain = refits.of((), None, 6)
-    assert term(("position",), plain.model, court).share > 0.6
-    assert term(("dwell",), plain.model, court).share < 0.3
+    assert term(("position",), plain.model, court).improvement.share > 0.6
+    assert term(("dwell",), plain.model, court).improvement.share < 0.3
     for start, is_earned in ((COGGING, True), (EffectSettings("spring", (10.0, 0.0)), False)):
         found = refits.of((start,), None, 8)
         item = Candidate(start.name, refits, found, 1)

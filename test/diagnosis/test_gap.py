@@ -58,5 +58,5 @@ def test_an_effect_that_erases_the_measurement_closes_nothing(
     motion = motion_of(record(duration=8.0, period=1.0 / RATE), band=25.0)
     model = Model(mass, MODEL.friction)
     plain = rms(residuals(model, [motion]))
-    assert plain < effort_rms([motion])
+    assert plain < effort_rms([motion], [np.ones(len(motion.thinned(motion.time)))])
     assert rms(residuals(model.with_effects([EffectSettings(name, values)]), [motion])) > plain

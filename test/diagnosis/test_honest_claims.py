@@ -102,7 +102,7 @@ def accepted(refits: Refits, found: Refit, without: Refit, name: str, court: Cou
     item = Candidate(name, refits, found, 1)
     later = evidence_of(found, court)
     gain = improvement(evidence_of(without, court).all, later.all)
-    decision = Decision(item, later, gain, gain, ())
+    decision = Decision(item, later, gain, gain, gain, ())
     return Round({}, (decision,), decision, ())
 
 

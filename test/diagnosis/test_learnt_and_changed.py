@@ -11,7 +11,7 @@ from sgms_observer.application.diagnose import refuse_learnt_from
 from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.closing import Closing
-from sgms_observer.diagnosis.gap import residuals, rms
+from sgms_observer.diagnosis.gap import Remainder, residuals, rms
 from sgms_observer.diagnosis.learnt import learn
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
@@ -82,8 +82,11 @@ def test_a_friction_level_along_the_rail_is_learnt_and_its_file_loads_and_closes
 ) -> None:
     one, other = (motion_of(record, band=25.0) for record in rail)
     model = Model.of(AXIS)
-    left, held = residuals(model, [one]), residuals(model, [other])
-    found = learn([one], left, [other], held, True, "learnt_map", AXIS.units, OPTIONS.criteria)
+    known, judge = (
+        Remainder([motion], left := residuals(model, [motion]), [np.ones_like(part) for part in left])
+        for motion in (one, other)
+    )
+    found = learn(known, judge, "learnt_map", AXIS.units, OPTIONS.criteria)
     assert found is not None and found.coordinates == ("position", "direction")
     assert found.share > 0.7
     assert "friction level that varies along the position" in found.sentence
@@ -99,7 +102,7 @@ def test_a_friction_level_along_the_rail_is_learnt_and_its_file_loads_and_closes
     write_settings(load_settings(config), tmp_path / "with_map.yaml", {"x": changes}, {"": "learnt"})
     axis = load_settings(tmp_path / "with_map.yaml").axes[0]
     after = residuals(Model.of(axis), [other])
-    assert rms(after) < 0.6 * rms(held)
+    assert rms(after) < 0.6 * rms(judge.residual)
     assert rms(after) == pytest.approx(
         rms(residuals(model.with_effects([settings]), [other])), rel=1e-3
     )  # the file says what was learnt

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.decision import Court, held_judged
-from sgms_observer.diagnosis.fit import judged_with
+from sgms_observer.diagnosis.decision import Court
+from sgms_observer.diagnosis.fit import judged_as, judged_with
 from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
@@ -77,8 +77,9 @@ def court_of(learn: Sequence[Motion], truth: Model, held: Sequence[Motion] = (),
     """
     judged = judged_with(learn, truth)
     judge = tuple(held) or tuple(learn)
-    unseen = held_judged(held, judged, truth)
+    unseen = judged_as(held, judged, truth)
     weights = unseen.weights if held else judged.weights
     lowest = noise_floor(judge, truth, judged.noise, 1, weights) if floor is None else floor
-    first = rms(weighted(residuals(Model.of(AXIS), judge), weights))
-    return Court(tuple(learn), judge, judged, unseen, lowest, first, Criteria(), 1)
+    left = residuals(Model.of(AXIS), judge)
+    first, whole = rms(weighted(left, weights)), (lowest, rms(left))
+    return Court(tuple(learn), judge, judged, unseen, lowest, first, whole, Criteria(), 1)

@@ -30,7 +30,8 @@ from sgms_observer.application.commission.session import (
 )
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.identify import IdentifyJob, identify_bags
-from sgms_observer.diagnosis.gap import effort_rms, residuals, rms
+from sgms_observer.diagnosis.fit import judged_with
+from sgms_observer.diagnosis.gap import effort_rms, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.errors import DataError
@@ -154,7 +155,7 @@ def diagnose_bags_of(session: Session, bags: Sequence[str], out: str) -> Found:
 
 
 def unexplained(bag: str, axis: AxisSettings) -> float:
-    """Return the rms of measured minus predicted effort over the rms effort of a recording.
+    """Return the gap of a model: rms of measured minus predicted effort over the rms effort of a recording.
 
     Args:
         bag: the recording.
@@ -165,7 +166,9 @@ def unexplained(bag: str, axis: AxisSettings) -> float:
         raise DataError(f"{bag} holds no usable recording of axis {axis.name}; record again")
     band = choose_band(pieces, axis).corner
     motions = [motion_of(piece, band=band) for piece in pieces]
-    return rms(residuals(Model.of(axis), motions)) / effort_rms(motions)
+    model = Model.of(axis)
+    shown = judged_with(motions, model).shown
+    return rms(weighted(residuals(model, motions), shown)) / effort_rms(motions, shown)
 
 
 def load_motion(session: Session, name: str) -> Motion:
