@@ -1,0 +1,61 @@
+"""At rest an encoder's grid hides how far the contact went back: what the effort does there is not held against a model."""
+
+import numpy as np
+import pytest
+from workflow_case import AXIS, record
+
+from sgms_observer.diagnosis.fit import judged_with
+from sgms_observer.diagnosis.gap import residuals, rms, weighted
+from sgms_observer.diagnosis.model import Model, fall_after_reversal
+from sgms_observer.diagnosis.motion import Motion, motion_of
+from sgms_observer.offline.recording import Recording
+from sgms_observer.settings.axis import EffectSettings
+
+COGGING = EffectSettings("cogging", (0.8, 0.011, 0.4, 0.0, 0.0))
+MODEL = Model.of(AXIS)
+COARSE = 2.0e-6  # m; the force falls by 80 % of the Coulomb force when the contact goes back by as much
+MEMORY = 0.2  # s in which the effort at rest falls, as an integrator lets it
+
+
+def resting(step: float, is_released: bool) -> Motion:
+    """Return a motion with rests on an encoder, in which a ripple is hidden; its effort may fall while it rests."""
+    found = record((COGGING,), duration=18.0)
+    position, effort = found.position, found.effort.copy()
+    if is_released:
+        moves = np.abs(np.gradient(position, found.period)) > 1.0e-6
+        rested = np.arange(len(position)) - np.maximum.accumulate(np.where(moves, np.arange(len(position)), 0))
+        effort *= 0.3 + 0.7 * np.exp(-rested * found.period / MEMORY)
+    if step > 0.0:
+        position = np.round(position / step) * step
+    return motion_of(Recording("resting", found.period, position, effort))
+
+
+def test_samples_at_rest_count_little_on_a_coarse_grid_only() -> None:
+    motion = resting(COARSE, is_released=False)
+    (shown,) = judged_with((motion,), MODEL).shown
+    still = motion.thinned(motion.still)
+    assert 0.05 < np.mean(still) < 0.5
+    assert np.median(shown[still]) < 0.2
+    assert np.median(shown[~still]) == 1.0
+    fine = resting(1.0e-10, is_released=False)
+    assert np.min(judged_with((fine,), MODEL).shown[0]) > 0.99
+
+
+def test_the_fall_after_a_reversal_is_masings() -> None:
+    friction = MODEL.friction
+    whole = sum(friction.element_stiffness)
+    assert fall_after_reversal(friction, 1.0e-9) == pytest.approx(1.0e-9 * whole)
+    assert fall_after_reversal(friction, 1.0) == pytest.approx(2.0 * friction.static_force)
+    # the stiffest element has slipped, the others have not
+    reach = 2.0 * friction.element_fraction[0] * friction.static_force / friction.element_stiffness[0]
+    after = reach * whole + reach * (whole - friction.element_stiffness[0])
+    assert fall_after_reversal(friction, 2.0 * reach) == pytest.approx(after)
+
+
+def test_a_ripple_closes_the_gap_although_the_effort_falls_at_rest() -> None:
+    motion = resting(COARSE, is_released=True)
+    (shown,) = judged_with((motion,), MODEL).shown
+    plain, rippled = (residuals(model, (motion,)) for model in (MODEL, MODEL.with_effects([COGGING])))
+    alike = rms(rippled) / rms(plain)
+    told = rms(weighted(rippled, (shown,))) / rms(weighted(plain, (shown,)))
+    assert told**2 < 0.5 < alike**2  # more than half of the squared gap, or less
