@@ -11,6 +11,7 @@ from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.workflow import Diagnosis, Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
+from sgms_observer.settings.units import Units
 
 PEAK_OVER_RMS = 2.5
 """Peak over rms of a force that acts now and then."""
@@ -60,7 +61,9 @@ def detectable(found: Diagnosis, axis: AxisSettings, options: Options) -> dict[s
     return dict(sorted(sizes.items()))
 
 
-def next_experiment(verdict: str, named: Sequence[Named], told: Sequence[Located], found: Diagnosis) -> str | None:
+def next_experiment(
+    verdict: str, named: Sequence[Named], told: Sequence[Located], found: Diagnosis, units: Units
+) -> str | None:
     """Return one sentence on what to record next, or None."""
     if verdict == "cannot_tell":
         said = found.warnings[0] if found.is_poor else "identify the axis first, or record more motion"
@@ -74,7 +77,8 @@ def next_experiment(verdict: str, named: Sequence[Named], told: Sequence[Located
         where = told[0]
         return (
             f"Record slow repeated motion that stays at {where.coordinate} {where.low:.3g} to {where.high:.3g}"
-            f" {where.unit}, and the same motion again after changing one thing at a time (load, temperature, cables)."
+            f" {units.of(where.unit)}, and the same motion again after changing one thing at a time (load, temperature,"
+            " cables)."
         )
     if verdict == "no_effect" and found.rounds:
         looks = {name: look for name, look in found.rounds[0].looks.items() if look.trials > 0}

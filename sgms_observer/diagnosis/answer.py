@@ -236,7 +236,8 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     return Answer(
         verdict, gap, tuple(effects), learnt, tuple(changed), remainder, tuple(significant), tuple(everywhere),
         tuple(afterwards[item.coordinate] for item in significant if item.coordinate in afterwards),
-        detectable(found, axis, options), next_experiment(verdict, effects, significant, found), tuple(tests),
+        detectable(found, axis, options), next_experiment(verdict, effects, significant, found, axis.units),
+        tuple(tests),
         whole.passed and not found.is_poor, tuple(warnings), final, found, motions, before, total,
         percent * gap_of(total),
     )  # fmt: skip

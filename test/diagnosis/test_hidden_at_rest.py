@@ -1,4 +1,4 @@
-"""At rest an encoder's grid hides how far the contact went back: what the effort does there is not held against a model."""
+"""At rest an encoder's grid hides how far the contact went back: what the effort does there says nothing of a model."""
 
 import numpy as np
 import pytest

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sgms_observer.diagnosis.advice import Named
+from sgms_observer.diagnosis.advice import Named, next_experiment
 from sgms_observer.diagnosis.changed import Changed
 from sgms_observer.diagnosis.closing import Closing
 from sgms_observer.diagnosis.criteria import at_least, at_most
 from sgms_observer.diagnosis.gap import Gap
+from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.questions import at_limit, questions_of, with_unit
 from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
@@ -163,3 +164,14 @@ def test_values_that_the_refit_stopped_at_their_tolerance_are_named() -> None:
 )  # fmt: skip
 def test_a_value_has_its_unit_and_three_digits(value: float, unit: str, units: Units, text: str) -> None:
     assert with_unit(value, unit, units) == text
+
+
+@pytest.mark.parametrize(
+    ("coordinate", "unit", "said"), [("position", "m", "1 to 2 rad,"), ("effort", "N", "1 to 2 N m,")]
+)
+def test_the_next_experiment_speaks_in_the_units_of_the_joint(coordinate: str, unit: str, said: str) -> None:
+    none = np.zeros(2)
+    told = Located(coordinate, unit, none, none, none, 0.5, 0.01, 1.0, 2.0)
+    found: Any = SimpleNamespace(rounds=())
+    text = next_experiment("unknown_effect", [], [told], found, Units(REVOLUTE))
+    assert text is not None and said in text
