@@ -17,9 +17,10 @@ from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
 from sgms_observer.diagnosis.result import write_augmented, write_result
+from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.traces import traces_of
 from sgms_observer.diagnosis.tracking import PredictedTracking
-from sgms_observer.diagnosis.workflow import Options, diagnose
+from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recording, read_recordings

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from sgms_observer.diagnosis.gap import residuals, rms
 from sgms_observer.diagnosis.locate import Located
-from sgms_observer.diagnosis.workflow import Diagnosis, Options
+from sgms_observer.diagnosis.state import Diagnosis, Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.units import Units

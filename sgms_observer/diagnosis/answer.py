@@ -31,8 +31,7 @@ from sgms_observer.diagnosis.learnt import LEARNT_NAMES, Learnt, learn
 from sgms_observer.diagnosis.locate import Located, locate
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.uncertainty import with_shape
-from sgms_observer.diagnosis.workflow import Diagnosis, Options, Round
+from sgms_observer.diagnosis.state import Diagnosis, Options, Round
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 Floats = NDArray[np.float64]
@@ -157,6 +156,15 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     shrinks = improvement(
         *(Remainder(motions, parts, own.weights).blocks(criteria.block) for parts in (before, after))
     )
+    whole_motions = found.state.held or found.state.learn
+    (noise,) = noise_floors(
+        whole_motions, found.state.current.model, found.state.refits.judged.noise, options.seed,
+        own.gap_weights if has_held_out else found.court.judged.gap_weights,
+    )  # fmt: skip
+
+    def over_noise(parts: Sequence[Floats]) -> float:
+        return gap_of(parts) / noise if noise > 0.0 else math.inf
+
     if fit is not found.before:
         names = ", ".join(item.accepted.candidate.name for item in found.rounds if item.accepted)
         test = at_least(names, "gap as reported: z-score", shrinks.z_score, criteria.interval_z_score)
@@ -169,7 +177,8 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         explained = at_most(
             names, "share of the effort that is unexplained", gap_of(after) / effort, criteria.max_unexplained
         )
-        written = [test, part, grown, explained, *inside]
+        stands = at_least(names, "gap before over noise", over_noise(before), criteria.min_gap_over_floor)
+        written = [test, part, grown, stands, explained, *inside]
         tests += written
         is_borne_out = all(item.passed for item in written) and contradiction is None
         if not is_borne_out:  # the model as it is written does not bear the names out
@@ -188,11 +197,6 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     total = after
     if learnt:
         total = residuals(final, motions)
-    whole_motions = found.state.held or found.state.learn
-    (noise,) = noise_floors(
-        whole_motions, found.state.current.model, found.state.refits.judged.noise, options.seed,
-        own.gap_weights if has_held_out else found.court.judged.gap_weights,
-    )  # fmt: skip
     unnamed = _unnamed(found, criteria) if has_held_out else None
     floor = _floor(noise, [gap_of(before), gap_of(after), gap_of(total)], rest_to_judge, free, surely, unnamed)
     surely = max(surely, unnamed.predictable(criteria) if unnamed else 0.0)
@@ -206,7 +210,7 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     )  # fmt: skip
     whole = at_most("model", "share of the effort that is unexplained", 0.01 * gap.after, criteria.max_unexplained)
     rest = at_most("model", "surely predictable share of the rest", surely, criteria.min_predictable_share)
-    over = gap.after / gap.noise if gap.noise > 0.0 else math.inf
+    over = over_noise(after)
     near = at_most("model", "gap over noise, where nothing predicts it", over, criteria.max_gap_over_noise)
     added = _added(left_by(before), given, criteria)
     misled = at_most("model", "share of the squared gap that the refit adds", added, criteria.min_predictable_share)
@@ -342,18 +346,12 @@ def _named(
     if not accepted:
         return []
     names = [item.accepted.candidate.name for item in accepted if item.accepted]
-    refits = found.after_refits
-    fixed = [(i, j) for i, e in enumerate(fit.effects) for j in range(len(e.values)) if (i, j) not in fit.free]
-    fresh = refits.of(fit.effects, fit.logs, 1, fixed)  # its derivatives
-    errors: dict[tuple[int, int], float] = dict(
-        zip(fresh.free, with_shape(refits, fresh, found.state.held).tolist(), strict=True)
-    )
     listed, last = [], gap.before
     for number, item in enumerate(accepted):
         assert item.accepted is not None
         index = [one.name for one in fit.effects].index(names[number])
         settings = fit.effects[index]
-        std = tuple(errors.get((index, j), 0.0) for j in range(len(settings.values)))
+        std = tuple(found.errors.get((index, j), 0.0) for j in range(len(settings.values)))
         without = [one for one in fit.model.effects if one.name not in names[number + 1 :]]
         now = gap.after
         if number + 1 < len(accepted):

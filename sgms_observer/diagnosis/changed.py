@@ -11,7 +11,7 @@ from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.effects.catalogue import effect
 
 if TYPE_CHECKING:
-    from sgms_observer.diagnosis.workflow import Diagnosis, Options
+    from sgms_observer.diagnosis.state import Diagnosis, Options
 
 
 @dataclass(frozen=True)

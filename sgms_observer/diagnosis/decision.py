@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -302,14 +302,29 @@ def physical(item: Candidate, court: Court) -> list[Test]:
 
 
 def strength(item: Candidate) -> float:
-    """Return the largest strength of an effect over its standard error; infinite where it has no free strength."""
-    settings = item.settings
-    assert settings is not None
-    place = [one.name for one in item.refit.effects].index(settings.name)
+    """Return the strength of a hypothesis over its standard error, see ``strength_of``."""
+    assert item.settings is not None
+    found = item.refit
+    place = [one.name for one in found.effects].index(item.settings.name)
+    errors = {j: error for (i, j), error in zip(found.free, found.deviations(), strict=True) if i == place}
+    return strength_of(item.settings, errors)
+
+
+def strength_of(settings: EffectSettings, errors: Mapping[int, float]) -> float:
+    """Return how far the strongest strength of an effect is from none, over its standard error.
+
+    Args:
+        settings: the effect.
+        errors: standard error of each free parameter, by its number.
+
+    Returns:
+        Infinite where the effect has no free strength.
+    """
+    parameters = effect(settings.name).parameters
     found = [
-        abs(settings.values[j]) / error
-        for (i, j), error in zip(item.refit.free, item.refit.deviations(), strict=True)
-        if i == place and effect(settings.name).parameters[j].is_strength and error > 0.0
+        abs(settings.values[j] - parameters[j].default) / error
+        for j, error in errors.items()
+        if parameters[j].is_strength and error > 0.0
     ]
     return max(found, default=math.inf)
 

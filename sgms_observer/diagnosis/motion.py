@@ -64,7 +64,7 @@ class Motion:
         smoothing: the low-pass of the motion at the rate of the record.
         step: factor from the record's rate to the working rate.
         raw: position as recorded [m].
-        resolution: step of the grid the recorded positions lie on; 0 if none [m].
+        resolution: step of the encoder's grid; 0 where none shows [m].
         lag: how late the effort arrives, in samples of the record.
         band: residuals are judged below this frequency [Hz].
     """
@@ -204,7 +204,7 @@ def motion_of(record: Recording, lag: float = HELD, band: float = BAND) -> Motio
         other_v = np.gradient(other, period)
         other_a = second_difference(other, period)
     velocity = np.gradient(position, period)
-    resolution = grid_of(record.position)
+    resolution = record.encoder_step
     first, second = split_at_reversals(without_flicker(position, PLAY * resolution), period)
     rest = 0.5 / (period * band * 1.25)
     return Motion(
@@ -235,18 +235,6 @@ def later(values: Floats, samples: float) -> Floats:
     if samples >= 0.0:
         return (1.0 - samples) * values + samples * np.concatenate((values[:1], values[:-1]))
     return (1.0 + samples) * values - samples * np.concatenate((values[1:], values[-1:]))
-
-
-def grid_of(position: Floats) -> float:
-    """Return the step of the grid that recorded positions lie on, or 0 when they lie on none [m]."""
-    moved = np.abs(np.diff(position))
-    moved = moved[moved > 1.0e-15]
-    if len(moved) < 10:
-        return 0.0
-    step = float(np.quantile(moved, 0.001))
-    small = moved[moved < 20.5 * step]
-    off = np.abs(small / step - np.round(small / step))
-    return step if np.mean(off < 0.02) > 0.98 and len(small) > 10 else 0.0
 
 
 @njit

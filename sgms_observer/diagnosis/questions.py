@@ -14,8 +14,8 @@ from sgms_observer.diagnosis.criteria import Test
 from sgms_observer.diagnosis.decision import AT_END
 from sgms_observer.diagnosis.fit import Refit, limits
 from sgms_observer.diagnosis.report_tables import NINETY
+from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.tracking import PredictedTracking
-from sgms_observer.diagnosis.workflow import Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light
 from sgms_observer.settings.units import Units

@@ -38,7 +38,9 @@ def replicate_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Gene
         shift = rng.uniform(0.0, motion.resolution)
         position = np.round((position + shift) / motion.resolution) * motion.resolution - shift
     held = np.concatenate((effort[1:], effort[-1:]))  # undo the hold correction of ``motion_of`` to first order
-    record = Recording(motion.name, motion.period, position, 0.5 * (effort + held))
+    record = Recording(
+        motion.name, motion.period, position, 0.5 * (effort + held), recorded_step=motion.resolution
+    )
     made = motion_of(record, motion.lag, motion.band)
     return replace(
         made, effort=effort, has_other=motion.has_other, other_velocity=motion.other_velocity,

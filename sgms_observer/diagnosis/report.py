@@ -29,9 +29,9 @@ from sgms_observer.diagnosis.report_tables import (
     refit_table,
     test_tables,
 )
+from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.traces import Trace
 from sgms_observer.diagnosis.tracking import PredictedTracking
-from sgms_observer.diagnosis.workflow import Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import Page, Section, Table
 from sgms_observer.settings.axis import AxisSettings

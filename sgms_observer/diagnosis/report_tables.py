@@ -6,7 +6,7 @@ import numpy as np
 
 from sgms_observer.diagnosis.advice import Named
 from sgms_observer.diagnosis.answer import Answer
-from sgms_observer.diagnosis.workflow import Options
+from sgms_observer.diagnosis.state import Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import Table
 from sgms_observer.settings.units import Units

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,6 @@ from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import LAST_STEPS, MOST_COMPARED, Candidate, effect_candidates, to_the_end
 from sgms_observer.diagnosis.contact_start import contact_start
 from sgms_observer.diagnosis.coordinates import is_law, is_like_contact
-from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.decision import (
     CHANGED,
     Court,
@@ -24,13 +23,15 @@ from sgms_observer.diagnosis.decision import (
     evidence_of,
 )
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_as, judged_with
-from sgms_observer.diagnosis.gap import noise_floors, residuals, rms, weighted
+from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_with
+from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.motion import BAND, HELD, Motion, motion_of
-from sgms_observer.diagnosis.screen import Look, Screen
-from sgms_observer.diagnosis.timing import NOT_HELD, timing
+from sgms_observer.diagnosis.motion import BAND, HELD
+from sgms_observer.diagnosis.pruning import pruned, told_from_none
+from sgms_observer.diagnosis.screen import Screen
+from sgms_observer.diagnosis.state import AGAIN, STEPS, Diagnosis, Options, Recordings, Round, State
+from sgms_observer.diagnosis.timing import NOT_HELD
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
 from sgms_observer.errors import DataError
@@ -40,193 +41,8 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings
 Report = Callable[[str, float], None]
 Floats = NDArray[np.float64]
 
-STEPS = 6
-"""Steps of a fit from a point that was not fitted to these recordings,"""
-AGAIN = 4
-"""and of one after the noise was fitted anew."""
 READ_OFF = ("quantisation", *LEARNT_NAMES)
 """Effects that are read off the data, or made of them, and not searched."""
-
-
-@dataclass(frozen=True)
-class Options:
-    """How to run.
-
-    Attributes:
-        tolerance: largest relative error of the file's values that its owner expects.
-        seed: of all chance.
-        workers: threads.
-        band: residuals are judged below this frequency [Hz]; 0 chooses it from rate and encoder.
-        criteria: thresholds of every test.
-        excluded: hypotheses that are not tried.
-    """
-
-    tolerance: float = 0.05
-    seed: int = 1
-    workers: int = 2
-    band: float = 0.0
-    criteria: Criteria = field(default_factory=Criteria)
-    excluded: frozenset[str] = frozenset()
-
-
-@dataclass(frozen=True)
-class Recordings:
-    """Recordings as they are read now.
-
-    Attributes:
-        records: to learn from.
-        holdouts: to judge on; may be empty.
-        stated_lag: how late the settings say the effort arrives, in samples.
-        lag: how late it is taken to arrive, in samples.
-        band: residuals are judged below this frequency [Hz].
-    """
-
-    records: tuple[Recording, ...]
-    holdouts: tuple[Recording, ...]
-    stated_lag: float
-    lag: float
-    band: float
-
-    def motions(self) -> tuple[Motion, ...]:
-        """Return the recordings to learn from, filtered."""
-        return tuple(motion_of(record, self.lag, self.band) for record in self.records)
-
-    def held_out(self) -> tuple[Motion, ...]:
-        """Return the recordings to judge on, filtered."""
-        return tuple(motion_of(record, self.lag, self.band) for record in self.holdouts)
-
-
-@dataclass(frozen=True)
-class State:
-    """Estimate of an axis and its recordings.
-
-    Attributes:
-        recordings: as they are read now.
-        learn: recordings to learn from, filtered.
-        held: held-out recordings, filtered.
-        refits: how the model is fitted: noise, freedom, effects of the file that keep their values.
-        current: the fit.
-    """
-
-    recordings: Recordings
-    learn: tuple[Motion, ...]
-    held: tuple[Motion, ...]
-    refits: Refits
-    current: Refit
-
-    def refitted(self, start: Refit, steps: int) -> State:
-        """Return the state fitted on from ``start``, with the noise that this one leaves."""
-        refits = replace(self.refits, judged=judged_with(self.learn, start.model))
-        return replace(self, refits=refits, current=refits.of(start.effects, start.logs, steps))
-
-    def timed(self) -> State:
-        """Return the state with the effort at the time that the recordings show."""
-        state = self
-        for _ in range(2):
-            lag = timing(state.refits.judged, state.current, state.recordings.lag, state.recordings.stated_lag)
-            if lag == state.recordings.lag:
-                break
-            recordings = replace(state.recordings, lag=lag)
-            state = replace(state, recordings=recordings, learn=recordings.motions(), held=recordings.held_out())
-            state = state.refitted(state.current, AGAIN)
-        return state
-
-    def court(self, options: Options, first: Model | None = None) -> Court:
-        """Return the recordings that evidence is taken from.
-
-        Args:
-            options: how to run.
-            first: model of the file refitted within its tolerance; the current one if None.
-        """
-        judged = self.refits.judged
-        judge = self.held or self.learn
-        held = judged_as(self.held, judged, self.current.model)
-        own = held if self.held else judged
-        weightings = own.weights, own.gap_weights
-        floor, reported_floor = noise_floors(judge, self.current.model, judged.noise, options.seed, *weightings)
-        left = residuals(first or self.current.model, judge)
-        gap, reported_gap = (rms(weighted(left, weights)) for weights in weightings)
-        return Court(
-            self.learn, judge, judged, held, floor, gap, reported_floor, reported_gap, options.criteria, options.seed
-        )
-
-
-@dataclass(frozen=True)
-class Round:
-    """One pass through the loop.
-
-    Attributes:
-        looks: first look at every effect.
-        decisions: hypotheses that were fitted to the end, the best predicting first.
-        accepted: the one that was added, or None.
-        alternatives: names that the data do not tell from it.
-    """
-
-    looks: dict[str, Look]
-    decisions: tuple[Decision, ...]
-    accepted: Decision | None
-    alternatives: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """Everything the run decided.
-
-    Attributes:
-        nominal: the given model without its effects.
-        own: the effects it was given with.
-        found: state after the refit within the tolerance.
-        state: state with everything that was accepted.
-        before: refit of the model with its own elements.
-        after: the same with everything that was accepted.
-        after_refits: how the latter was fitted.
-        rounds: passes through the loop.
-        court: recordings that evidence was taken from, with the noise that is left in the end.
-        resolution: coarser encoder step than the settings say [its unit], or None.
-        notes: sentences about the recordings.
-        warnings: what must not be overlooked.
-        is_poor: whether the recordings cannot show anything.
-        tests: tests of the whole model.
-        explains_all: whether what was accepted leaves no share of the gap that would count as predictable.
-    """
-
-    nominal: Model
-    own: tuple[EffectSettings, ...]
-    found: State
-    state: State
-    before: Refit
-    after: Refit
-    after_refits: Refits
-    rounds: tuple[Round, ...]
-    court: Court
-    resolution: float | None
-    notes: tuple[str, ...] = field(default=())
-    warnings: tuple[str, ...] = field(default=())
-    is_poor: bool = False
-    tests: tuple[Test, ...] = field(default=())
-    explains_all: bool = True
-
-    @property
-    def accepted(self) -> list[Round]:
-        """Return the rounds that added an effect that is named.
-
-        One that describes nothing but another contact law is a name only where all is explained with it; else it is a
-        changed value of the file.
-        """
-        added = [(item, item.accepted.candidate) for item in self.rounds if item.accepted]
-        return [item for item, one in added if one.settings is not None and one.name not in self.bent]
-
-    @property
-    def changes(self) -> frozenset[str]:
-        """Return the hypotheses on values of the file that were added."""
-        added = [item.accepted.candidate for item in self.rounds if item.accepted]
-        return frozenset(one.name for one in added if one.settings is None)
-
-    @property
-    def bent(self) -> frozenset[str]:
-        """Return the effects that were added and are not named."""
-        added = {item.accepted.candidate.name for item in self.rounds if item.accepted}
-        return frozenset(name for name in added if is_law(name) and not self.explains_all)
 
 
 def diagnose(
@@ -273,13 +89,13 @@ def diagnose(
     rounds: tuple[Round, ...] = ()
     if not audited.is_poor:
         state, rounds = _search(state, own, options, report)
-        state, rounds = _pruned(state, rounds, options)
+        state, rounds = pruned(state, rounds, options)
     report("refit of the file's own elements", 0.85)
-    before, after, after_refits = _as_written(found, state, nominal)
+    state, rounds, written = told_from_none(found, state, rounds, nominal, options)
     court = state.court(options)
     return Diagnosis(
-        nominal, own, found, state, before, after, after_refits, tuple(rounds), court, audited.resolution,
-        audited.notes, tuple(warnings), audited.is_poor,
+        nominal, own, found, state, written.before, written.after, written.refits, written.errors, rounds, court,
+        audited.resolution, audited.notes, tuple(warnings), audited.is_poor,
         explains_all=court.explains_all(state.current.model, found.current.model),
     )  # fmt: skip
 
@@ -434,67 +250,6 @@ def changed_candidate(refits: Refits, current: Refit, name: str) -> Candidate:
     is_same = free.nominal.parameter_names() == refits.nominal.parameter_names() and not free.freedom.elements
     start = current.logs if is_same else contact_start(free, current.effects)
     return Candidate(name, free, free.of(current.effects, start, LAST_STEPS), 1)
-
-
-def _pruned(state: State, rounds: Sequence[Round], options: Options) -> tuple[State, tuple[Round, ...]]:
-    """Leave each effect out once: what predicts no worse without it goes.
-
-    Args:
-        state: with everything that was accepted.
-        rounds: passes so far.
-        options: how to run.
-    """
-    kept = list(rounds)
-    named = [item for item in rounds if item.accepted and item.accepted.candidate.settings is not None]
-    if len(named) < 2:
-        return state, tuple(kept)
-    for item in named[:-1]:
-        assert item.accepted is not None
-        name = item.accepted.candidate.name
-        court = state.court(options)
-        full = evidence_of(to_the_end(state.refits, state.current), court)
-        effects = tuple(one for one in state.current.effects if one.name != name)
-        without = state.refits.of(effects, state.current.logs, LAST_STEPS)
-        gain = improvement(evidence_of(without, court).all, full.all)
-        test = at_least(name, "z-score beside the other effects", gain.z_score, options.criteria.min_z_score)
-        place = kept.index(item)
-        decision = replace(item.accepted, tests=(*item.accepted.tests, test))
-        if test.passed:
-            kept[place] = replace(item, accepted=decision)
-            continue
-        listed = tuple(decision if one.candidate.name == name else one for one in item.decisions)
-        kept[place] = replace(item, accepted=None, decisions=listed)
-        state = state.refitted(without, AGAIN)
-    return state, tuple(kept)
-
-
-def _as_written(found: State, state: State, nominal: Model) -> tuple[Refit, Refit, Refits]:
-    """Return the fits with the owner's own elements, without and with what was accepted.
-
-    Args:
-        found: state after the refit within the tolerance.
-        state: state with everything that was accepted.
-        nominal: the model as it is given.
-
-    Returns:
-        The fit before, the fit after, and how the latter was fitted.
-    """
-    first = replace(found.refits, nominal=nominal, judged=judged_with(found.learn, found.current.model))
-    before = first.of(found.current.effects, None, LAST_STEPS)
-    if state is found:
-        return before, before, first
-    fine = state.refits.nominal
-    later = replace(nominal, is_sharp=fine.is_sharp, relaxation=fine.relaxation)
-    if state.refits.freedom.elements:
-        later = fine
-    last = replace(state.refits, nominal=later)
-    starts: list[Floats | None] = [None]
-    if later.parameter_names() == nominal.parameter_names():
-        starts.append(before.logs)
-    if later.parameter_names() == fine.parameter_names():
-        starts.append(state.current.logs)
-    tried = [last.of(state.current.effects, start, LAST_STEPS) for start in starts]
-    return before, min(tried, key=lambda fit: fit.cost), last
 
 
 def own_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:

@@ -6,6 +6,7 @@ Pauses cut the recording into pieces; pieces too short to learn from are left ou
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -49,7 +50,7 @@ class Recording:
         sha256: hash of the file it comes from; empty when there is none.
         start: stamp of the first sample [s].
         other_position: position of another axis of the same recording [m or rad], shape (n,), or None.
-        recorded_step: step of the positions' grid before they were interpolated [m or rad]; None where they were not.
+        recorded_step: step of the positions' grid as they were recorded [m or rad]; None finds it in ``position``.
     """
 
     name: str
@@ -175,21 +176,23 @@ def read_recordings(
     blocks: dict[str, list[Samples]] = {name: [] for name in wanted}
     for name, samples in BagSamples(path, wanted, sample_period, topics=topics):
         blocks[name].append(samples)
-    label = Path(path).name
-    second = _without_unit_rounding(join_samples(blocks[other.name])) if other is not None else None
-    return recordings_from_samples(_without_unit_rounding(join_samples(blocks[axis.name])), label, sha256, second)
+    second = join_samples(blocks[other.name]) if other is not None else None
+    found = recordings_from_samples(join_samples(blocks[axis.name]), Path(path).name, sha256, second)
+    return replace(found, pieces=tuple(_without_unit_of_log(piece) for piece in found))
 
 
-def _without_unit_rounding(samples: Samples) -> Samples:
-    """Return samples that do not show in their last bits which unit the log was written in."""
-    finite = np.isfinite(samples.position) & np.isfinite(samples.effort)
-    noise = position_noise(samples.position[finite])
-    return replace(
-        samples,
-        position=without_unit_rounding(samples.position, noise),
-        effort=without_unit_rounding(samples.effort, white_noise(samples.effort[finite])),
-        reference_position=without_unit_rounding(samples.reference_position, noise),
+def _without_unit_of_log(piece: Recording) -> Recording:
+    """Return a piece that does not show in its last bits which unit its log was written in."""
+    step = piece.encoder_step
+    noise = step / math.sqrt(12.0) if step > 0.0 else white_noise(piece.position)
+    reference, other = (
+        None if values is None else without_unit_rounding(values, noise)
+        for values in (piece.reference_position, piece.other_position)
     )
+    return replace(
+        piece, position=without_unit_rounding(piece.position, noise), reference_position=reference,
+        effort=without_unit_rounding(piece.effort, white_noise(piece.effort)), other_position=other,
+    )  # fmt: skip
 
 
 def recordings_from_samples(
@@ -223,6 +226,7 @@ def recordings_from_samples(
         notes.append(f"{name}: {int(np.sum(~keep))} of {len(keep)} samples with duplicate or backward stamps dropped")
     seconds = (stamp[keep] - stamp[0]) * 1e-9
     signals = [values[good][keep] for values in (samples.position, samples.effort, samples.reference_position)]
+    step = encoder_step(signals[0])
     pauses = np.diff(seconds)
     typical = float(np.median(pauses))
     whole = pauses <= _MAX_PAUSE * typical
@@ -245,6 +249,7 @@ def recordings_from_samples(
     pieces, strayed = [], 0.0
     for a, b in spans:
         piece, stray = _even_piece(name, sha256, period, seconds[a:b], [values[a:b] for values in signals], origin)
+        piece = replace(piece, recorded_step=step)
         strayed = max(strayed, stray)
         pieces.append(piece if other is None else replace(piece, other_position=_other_position(piece, other)))
     if strayed > _MAX_STRAY:
@@ -276,16 +281,14 @@ def _even_piece(
     stray = float(np.max(np.abs(grid - seconds))) / period if count == len(seconds) else 1.0
     if float(np.max(np.abs(np.diff(seconds) - period))) <= _MAX_UNEVEN * period:  # a clock whose rate drifts
         stray = 0.0
-    step = None
     if stray <= _MAX_STRAY:
         position, effort, reference = (np.ascontiguousarray(values, dtype=np.float64) for values in signals)
     else:
-        step = encoder_step(signals[0])
         inside = np.clip(grid, seconds[0], seconds[-1])
         position, effort = (np.asarray(CubicSpline(seconds, values)(inside)) for values in signals[:2])
         reference = np.interp(inside, seconds, signals[2])
     start = origin + float(seconds[0])
-    return Recording(name, period, position, effort, reference, sha256, start, recorded_step=step), stray
+    return Recording(name, period, position, effort, reference, sha256, start), stray
 
 
 def _without_odd_ends(

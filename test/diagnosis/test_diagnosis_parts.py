@@ -14,19 +14,23 @@ from sgms_observer.diagnosis.decision import Decision, Evidence, alternatives
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, Refits, judged_with, refit
 from sgms_observer.diagnosis.model import Model, predict
-from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, grid_of, motion_of, without_flicker
+from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, motion_of, without_flicker
 from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, fit_noise
 from sgms_observer.diagnosis.replicates import coloured, replicate_of
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.errors import DataError
+from sgms_observer.offline.encoder import position_noise, without_unit_rounding
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 
 
-def test_grid_is_read_off_the_position() -> None:
-    smooth = 1e-3 * np.sin(np.linspace(0.0, 20.0, 5000))
-    assert grid_of(smooth) == 0.0
-    assert grid_of(np.round(smooth / 2.5e-8) * 2.5e-8) == pytest.approx(2.5e-8, rel=1e-3)
+@pytest.mark.parametrize("step", [2.5e-8, 1.0e-9, 3.376e-8, 7.125e-7, 1.0e-5])
+def test_the_motion_knows_the_encoders_step_in_a_recording_as_it_is_read(step: float) -> None:
+    smooth = 4e4 * step * np.sin(np.linspace(0.0, 20.0, 5000))
+    steps = np.round(smooth / step) * step
+    as_read = without_unit_rounding(steps, position_noise(steps))
+    assert motion_of(Recording("table", PERIOD, as_read, smooth)).resolution == pytest.approx(step, rel=1e-3)
+    assert motion_of(Recording("table", PERIOD, smooth, smooth)).resolution == 0.0
 
 
 def test_play_takes_flicker_off_and_nothing_else() -> None:

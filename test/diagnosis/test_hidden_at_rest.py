@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from workflow_case import AXIS, record
+from workflow_case import AXIS, record, rich_position
 
 from sgms_observer.diagnosis.fit import judged_with
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
@@ -14,19 +14,19 @@ from sgms_observer.settings.axis import EffectSettings
 COGGING = EffectSettings("cogging", (0.8, 0.011, 0.4, 0.0, 0.0))
 MODEL = Model.of(AXIS)
 COARSE = 2.0e-6  # m; the force falls by 80 % of the Coulomb force when the contact goes back by as much
+SECONDS = 18.0
 MEMORY = 0.2  # s in which the effort at rest falls, as an integrator lets it
 
 
 def resting(step: float, is_released: bool) -> Motion:
     """Return a motion with rests on an encoder, in which a ripple is hidden; its effort may fall while it rests."""
-    found = record((COGGING,), duration=18.0)
-    position, effort = found.position, found.effort.copy()
+    found = record((COGGING,), duration=SECONDS)
+    position, effort = rich_position(SECONDS, seed=1), found.effort.copy()
     if is_released:
         moves = np.abs(np.gradient(position, found.period)) > 1.0e-6
         rested = np.arange(len(position)) - np.maximum.accumulate(np.where(moves, np.arange(len(position)), 0))
         effort *= 0.3 + 0.7 * np.exp(-rested * found.period / MEMORY)
-    if step > 0.0:
-        position = np.round(position / step) * step
+    position = np.round(position / step) * step
     return motion_of(Recording("resting", found.period, position, effort))
 
 

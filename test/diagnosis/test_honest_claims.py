@@ -8,17 +8,20 @@ import pytest
 from workflow_case import AXIS, PERIOD, court_of, record
 
 from sgms_observer.diagnosis.candidates import Candidate, fitted, to_the_end
-from sgms_observer.diagnosis.decision import CHANGED, Court, Decision, decide, evidence_of
+from sgms_observer.diagnosis.decision import CHANGED, Court, Decision, decide, evidence_of, strength_of
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_with, refit
 from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.level import measured_start
 from sgms_observer.diagnosis.model import COULOMB, STATIC, Model, predict
 from sgms_observer.diagnosis.motion import HELD, Motion, motion_of
+from sgms_observer.diagnosis.pruning import pruned
 from sgms_observer.diagnosis.screen import Screen
+from sgms_observer.diagnosis.state import Options, Recordings, Round, State
 from sgms_observer.diagnosis.timing import timing
 from sgms_observer.diagnosis.uncertainty import between_deviation, between_variance, deviations, in_time, left_out
-from sgms_observer.diagnosis.workflow import Options, Recordings, Round, State, _pruned, changed_candidate
+from sgms_observer.diagnosis.workflow import changed_candidate, diagnose
+from sgms_observer.effects.catalogue import names
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 from sim_plant.blind.comparison import NINETY_PERCENT
@@ -119,12 +122,30 @@ def test_an_effect_that_a_later_one_made_needless_is_taken_out(stiffness: float,
     first = refits.of(effects[:1], None, 6)
     rounds = [accepted(refits, first, nothing, "spring", court), accepted(refits, current, first, "offset", court)]
     state = State(Recordings((source,), (), HELD, HELD, 100.0), (motion,), (), refits, current)
-    after, left = _pruned(state, rounds, Options())
+    after, left = pruned(state, rounds, Options())
     assert [item.name for item in after.current.effects] == (["spring", "offset"] if kept else ["offset"])
     assert [item.accepted is not None for item in left] == [kept, True]
     (test,) = (left[0].accepted or left[0].decisions[0]).tests
     assert test.name == "z-score beside the other effects"
     assert test.passed == kept and (test.value >= test.threshold) == kept
+
+
+@pytest.mark.parametrize(("there", "is_named"), [(0.57, True), (0.45, False)])
+def test_an_effect_needs_the_same_size_in_every_recording_to_be_named(there: float, is_named: bool) -> None:
+    learn, held = record((OFFSET,), duration=12.0), record((EffectSettings("offset", (there,)),), 2, 12.0)
+    others = frozenset(name for name in names() if name != "offset") | frozenset(CHANGED)
+    found = diagnose([learn], [held], AXIS, Options(workers=1, excluded=others))
+    assert [item.accepted.candidate.name for item in found.accepted if item.accepted] == ["offset"] * is_named
+    tests = [test for item in found.rounds for one in item.decisions for test in one.tests]
+    (told,) = [test for test in tests if test.name == "strength over its standard error, as reported"]
+    assert told.passed == is_named
+    (shrinks,) = [test for test in found.rounds[0].decisions[0].tests if test.name.startswith("held-out gap")]
+    assert shrinks.passed  # half an offset too much is still better than none
+
+
+def test_the_strength_of_a_gain_is_how_far_it_is_from_one() -> None:
+    assert strength_of(EffectSettings("actuator_gain", (0.994,)), {0: 0.015}) == pytest.approx(0.4)
+    assert strength_of(OFFSET, {0: 0.1}) == pytest.approx(6.0)
 
 
 def test_errors_grow_with_what_comes_back_in_every_block_and_hold_for_plain_noise() -> None:

@@ -18,7 +18,8 @@ from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.closing import Closing
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.result import result_of
-from sgms_observer.diagnosis.workflow import Options, diagnose
+from sgms_observer.diagnosis.state import Options
+from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
@@ -70,11 +71,20 @@ def check(answer: Answer, learn: Recording) -> None:
         (shrinks,) = [test for test in answer.tests if test.name == "gap as reported: z-score"]
         assert shrinks.passed and shrinks.value >= CRITERIA.interval_z_score
         assert answer.verdict in ("effect_found", "ambiguous")
+        assert gap.before >= CRITERIA.min_gap_over_floor * gap.noise
     if answer.verdict == "no_effect":
         assert not named and rest.passed and whole.passed
     rate = 1.0 / learn.period
     most = float(np.max(np.abs(learn.effort)))
     for item in named:
+        strengths = [
+            (abs(value - parameter.default), error)
+            for parameter, value, error in zip(
+                effect(item.settings.name).parameters, item.settings.values, item.std_error, strict=True
+            )
+            if parameter.is_strength
+        ]
+        assert any(size >= CRITERIA.interval_z_score * error for size, error in strengths), "none of it is possible"
         for parameter, value in zip(effect(item.settings.name).parameters, item.settings.values, strict=True):
             assert math.isfinite(value)
             is_whole_range = parameter.unit == "rad" or value == parameter.default

@@ -15,7 +15,8 @@ from sgms_observer.diagnosis.coordinates import is_law
 from sgms_observer.diagnosis.criteria import Criteria, Test
 from sgms_observer.diagnosis.decision import Decision, Evidence, alternatives, apart
 from sgms_observer.diagnosis.evidence import Improvement
-from sgms_observer.diagnosis.workflow import Options, diagnose
+from sgms_observer.diagnosis.state import Options
+from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.effects.catalogue import names as catalogue_names
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings

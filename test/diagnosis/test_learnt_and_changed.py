@@ -16,7 +16,8 @@ from sgms_observer.diagnosis.learnt import learn
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.diagnosis.result import result_of, write_augmented
-from sgms_observer.diagnosis.workflow import Options, diagnose
+from sgms_observer.diagnosis.state import Options
+from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.effect import named_values
 from sgms_observer.effects.learnt_map import LearntMap

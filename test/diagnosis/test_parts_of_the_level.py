@@ -13,7 +13,8 @@ from sgms_observer.diagnosis.criteria import Criteria, at_most
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.diagnosis.ranges import believable
-from sgms_observer.diagnosis.workflow import Options, diagnose
+from sgms_observer.diagnosis.state import Options
+from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.settings.axis import EffectSettings
 
 MODEL = Model.of(AXIS)

@@ -17,8 +17,8 @@ from sgms_observer.diagnosis.gap import Gap
 from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.questions import at_limit, questions_of, with_unit
+from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
-from sgms_observer.diagnosis.workflow import Options
 from sgms_observer.report.page import BAD, GOOD, UNSURE
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.units import REVOLUTE, Units

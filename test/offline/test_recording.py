@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from sgms_observer.bags.conversion import Table, write_table
 from sgms_observer.errors import DataError
 from sgms_observer.observer.samples import Samples
-from sgms_observer.offline.recording import recordings_from_samples
+from sgms_observer.offline.recording import read_recordings, recordings_from_samples
+from sgms_observer.settings.axis import AxisSettings
 
 COUNT = 25_000
 
@@ -97,3 +101,14 @@ def test_a_log_whose_clock_drifts_and_starts_oddly_keeps_its_samples() -> None:
     found = recordings_from_samples(samples, "drift")
     assert found.notes == ()
     assert np.array_equal(found[0].position, samples.position[1:])
+
+
+def test_a_fast_motion_logged_slowly_keeps_its_encoders_step_when_a_bag_is_read(tmp_path: Path) -> None:
+    step, rate = 5.8e-8, 100.0
+    t = np.arange(3000) / rate
+    motion = np.where(t < 2.0, 2.0e-6 * np.sin(t), 0.05 * np.sin(2.0 * np.pi * 9.0 * t))
+    position = np.round(motion / step) * step  # what the fast part leaves of third differences passes for noise
+    write_table(Table((t * 1e9).astype(np.int64), position, np.cos(t), None, None, ()), tmp_path / "bag", "x")
+    (found,) = read_recordings(tmp_path / "bag", AxisSettings())
+    assert found.encoder_step == pytest.approx(step, rel=1e-6)
+    assert np.max(np.abs(found.position - position)) < 0.01 * step

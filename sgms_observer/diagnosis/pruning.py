@@ -1,0 +1,122 @@
+"""Effects that go again: not needed beside later ones, or not told from none by their reported interval."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.candidates import LAST_STEPS, to_the_end
+from sgms_observer.diagnosis.criteria import Test, at_least
+from sgms_observer.diagnosis.decision import evidence_of
+from sgms_observer.diagnosis.evidence import improvement
+from sgms_observer.diagnosis.fit import Refit, judged_with
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.state import AGAIN, Options, Round, State, Written
+from sgms_observer.diagnosis.uncertainty import with_shape
+
+Floats = NDArray[np.float64]
+
+
+def pruned(state: State, rounds: Sequence[Round], options: Options) -> tuple[State, tuple[Round, ...]]:
+    """Leave each effect out once: what predicts no worse without it goes.
+
+    Args:
+        state: with everything that was accepted.
+        rounds: passes so far.
+        options: how to run.
+    """
+    for item in _with_effects(rounds)[:-1]:
+        assert item.accepted is not None
+        name = item.accepted.candidate.name
+        court = state.court(options)
+        full = evidence_of(to_the_end(state.refits, state.current), court)
+        without = _fit_without(state, name)
+        gain = improvement(evidence_of(without, court).all, full.all)
+        test = at_least(name, "z-score beside the other effects", gain.z_score, options.criteria.min_z_score)
+        rounds = _with_test(rounds, test)
+        if not test.passed:
+            state = state.refitted(without, AGAIN)
+    return state, tuple(rounds)
+
+
+def told_from_none(
+    found: State, state: State, rounds: Sequence[Round], nominal: Model, options: Options
+) -> tuple[State, tuple[Round, ...], Written]:
+    """Leave out each effect, the weakest first, whose reported interval holds none of it.
+
+    What recordings differ by belongs to the interval: an effect of the machine has one size in all of them.
+
+    Args:
+        found: state after the refit within the tolerance.
+        state: with everything that was accepted.
+        rounds: passes so far.
+        nominal: the model as it is given.
+        options: how to run.
+    """
+    title = "strength over its standard error, as reported"
+    while True:
+        written = _as_written(found, state, nominal)
+        tests = [
+            at_least(name, title, written.strength(name), options.criteria.interval_z_score)
+            for name in (item.accepted.candidate.name for item in _with_effects(rounds) if item.accepted)
+        ]
+        weakest = min(tests, key=lambda test: test.value, default=None)
+        if weakest is None or weakest.passed:
+            for test in tests:
+                rounds = _with_test(rounds, test)
+            return state, tuple(rounds), written
+        rounds = _with_test(rounds, weakest)
+        nothing_is_left = not any(item.accepted for item in rounds)
+        state = found if nothing_is_left else state.refitted(_fit_without(state, weakest.of), AGAIN)
+
+
+def _with_effects(rounds: Sequence[Round]) -> list[Round]:
+    """Return the passes that added an effect."""
+    return [item for item in rounds if item.accepted and item.accepted.candidate.settings is not None]
+
+
+def _fit_without(state: State, name: str) -> Refit:
+    """Return the fit without one effect."""
+    effects = tuple(one for one in state.current.effects if one.name != name)
+    return state.refits.of(effects, state.current.logs, LAST_STEPS)
+
+
+def _with_test(rounds: Sequence[Round], test: Test) -> tuple[Round, ...]:
+    """Return the passes with a further test of what one of them added, which goes if it fails."""
+    return tuple(
+        item.tested(test) if item.accepted and item.accepted.candidate.name == test.of else item for item in rounds
+    )
+
+
+def _as_written(found: State, state: State, nominal: Model) -> Written:
+    """Return the fits with the owner's own elements, without and with what was accepted.
+
+    Args:
+        found: state after the refit within the tolerance.
+        state: state with everything that was accepted.
+        nominal: the model as it is given.
+    """
+    first = replace(found.refits, nominal=nominal, judged=judged_with(found.learn, found.current.model))
+    before = first.of(found.current.effects, None, LAST_STEPS)
+    if state is found:
+        return Written(before, before, first, {})
+    fine = state.refits.nominal
+    later = replace(nominal, is_sharp=fine.is_sharp, relaxation=fine.relaxation)
+    if state.refits.freedom.elements:
+        later = fine
+    last = replace(state.refits, nominal=later)
+    starts: list[Floats | None] = [None]
+    if later.parameter_names() == nominal.parameter_names():
+        starts.append(before.logs)
+    if later.parameter_names() == fine.parameter_names():
+        starts.append(state.current.logs)
+    tried = [last.of(state.current.effects, start, LAST_STEPS) for start in starts]
+    after = min(tried, key=lambda fit: fit.cost)
+    free = set(after.free)
+    fixed = [(i, j) for i, e in enumerate(after.effects) for j in range(len(e.values)) if (i, j) not in free]
+    fresh = last.of(after.effects, after.logs, 1, fixed)  # its derivatives
+    errors = dict(zip(fresh.free, with_shape(last, fresh, state.held).tolist(), strict=True))
+    return Written(before, after, last, errors)
