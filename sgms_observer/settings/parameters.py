@@ -66,33 +66,26 @@ def _declaration(name: str, declared: Declared, default: Any = None) -> Paramete
     )
 
 
-def declare_all(declare: Declare, catalogue: CatalogueSource = installed_catalogue) -> dict[str, Any]:
-    """Declare every parameter of a node, each as soon as what it depends on is known, and return the tree of values.
+def declare_all(declare: Declare, catalogue: CatalogueSource = installed_catalogue) -> None:
+    """Declare every parameter of a node, each as soon as what it depends on is known.
 
     The axes decide which groups there are, the effects' names which parameters they have, the axis's friction what the
-    true friction is by default. ``settings_from_tree`` turns the result into checked settings and says its sentences.
+    true friction is by default.
 
     Args:
         declare: declares one parameter and returns its value (None stands for the default).
         catalogue: gives the known effects.
     """
-    values: dict[str, Any] = {}
 
     def own(declaration: ParameterDeclaration) -> Any:
         value = _plain(declare(declaration))
-        value = declaration.default if value is None else value
-        if value != declaration.default:
-            values[declaration.name] = value
-        return value
+        return declaration.default if value is None else value
 
     names = usable_axes(own(_declaration("axes", AXES)))
     shared = {key: own(_declaration(key, entry)) for key, entry in declared_settings(Settings).items()}
     known = _known_effects(catalogue, shared["effect_files"])
     for name in names:
         _declare_axis(name, own, known)
-    if "axes" not in values:
-        values["axes"] = list(AXES.default)
-    return tree_from_parameters(values)
 
 
 def _known_effects(catalogue: CatalogueSource, files: Any) -> Catalogue:
