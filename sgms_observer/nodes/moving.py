@@ -68,6 +68,7 @@ class StageNode(ManagedNode):
     Args:
         name: name of the node.
         executor: the executor that will spin it.
+        given: the settings and parameters that it starts with.
 
     Raises:
         SgmsError: the node cannot start; its sentences say why.

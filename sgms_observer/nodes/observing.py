@@ -57,6 +57,7 @@ class ObserverNode(ManagedNode):
     Args:
         name: name of the node.
         executor: the executor that will spin it.
+        given: the settings and parameters that it starts with.
 
     Raises:
         SgmsError: the node cannot start; its sentences say why.
