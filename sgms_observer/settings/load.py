@@ -142,17 +142,6 @@ def repeated_faults(
             yield name, f"{name} in line {line} of {source_name} must be given once; remove one of the two"
 
 
-def default_settings(axes: Sequence[str] = ("x",)) -> Settings:
-    """Return the defaults for these axes.
-
-    Args:
-        axes: names of the axes.
-    """
-    return settings_from_tree(
-        {"axes": list(axes), **{name: {} for name in axes}}, "the defaults", catalogue=lambda files: {}
-    )
-
-
 def usable_axes(raw: Any) -> tuple[str, ...]:
     """Return those names of ``axes`` that an axis can have.
 

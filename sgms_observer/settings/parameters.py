@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,7 +31,6 @@ class ParameterDeclaration:
         minimum: smallest allowed value, itself allowed; None for what is no number.
         maximum: largest allowed value, itself allowed; None for what is no number.
         choices: the allowed words; None for any.
-        read_only: whether it is fixed once the node runs.
     """
 
     name: str
@@ -42,7 +41,6 @@ class ParameterDeclaration:
     minimum: float | None = None
     maximum: float | None = None
     choices: tuple[str, ...] | None = None
-    read_only: bool = True
 
 
 #: Declares one parameter and returns the value that it has then.
@@ -154,26 +152,3 @@ def tree_from_parameters(values: Mapping[str, Any]) -> dict[str, Any]:
         {name: value for name, value in given.items() if value != [] or not name.endswith(".stage.effects.names")}
     )
     return tree
-
-
-def flatten(
-    axes: Sequence[str] = ("x",),
-    effects: Mapping[str, Sequence[str]] | None = None,
-    catalogue: CatalogueSource = installed_catalogue,
-) -> list[ParameterDeclaration]:
-    """Return the parameters that a node declares when nobody gives a value.
-
-    Args:
-        axes: names of the axes.
-        effects: axis to the names of its effects.
-        catalogue: gives the known effects.
-    """
-    found: list[ParameterDeclaration] = []
-    named = {f"{axis}.effects.names": list(names) for axis, names in (effects or {}).items()}
-
-    def note(declaration: ParameterDeclaration) -> Any:
-        found.append(declaration)
-        return list(axes) if declaration.name == "axes" else named.get(declaration.name)
-
-    declare_all(note, catalogue)
-    return found

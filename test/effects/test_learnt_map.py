@@ -13,7 +13,7 @@ from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.arguments import read_arguments
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.load import load_settings, settings_from_tree
-from sgms_observer.settings.parameters import flatten
+from sgms_observer.settings.parameters import ParameterDeclaration, declare_all
 from sgms_observer.settings.tree import tree_of
 from sgms_observer.settings.write import write_yaml
 
@@ -75,7 +75,13 @@ def test_ros_gets_lists_of_one_type(tmp_path: Path) -> None:
     table = {name.rpartition(".")[2]: value for name, value in given.items() if ".effects.learnt_map." in name}
     assert all(isinstance(entry, float) for entry in table["position"] + table["values"])
     assert table["coordinates"] == ["position", "direction"]
-    declared = {item.name: item for item in flatten(effects={"x": ["learnt_map"]})}
+    declared: dict[str, ParameterDeclaration] = {}
+
+    def declare(parameter: ParameterDeclaration) -> object:
+        declared[parameter.name] = parameter
+        return given.get(parameter.name)
+
+    declare_all(declare)
     assert declared["x.effects.learnt_map.values"].type == "double_array"
     assert declared["x.effects.learnt_map.coordinates"].type == "string_array"
     assert declared["x.effects.learnt_map.position"].default == []
