@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -195,6 +196,14 @@ def test_only_strangers_parameters_is_a_fault(tmp_path: Path) -> None:
     assert "has parameters for /other only" in error.value.sentences[0]
     beside = read_arguments(["n", "--ros-args", "--params-file", file, "-p", "axes:=[y]"])
     assert beside.settings.axes[0].name == "y"
+
+
+def test_a_folder_whose_name_ros_cannot_write_is_told(tmp_path: Path) -> None:
+    folder = tmp_path / os.fsdecode(b"\xff")
+    folder.mkdir()
+    file = written(folder, "/**: {ros__parameters: {axes: [x], x: {mass: 3.0}}}")
+    with pytest.raises(ConfigurationError, match=r"save_file = .* must be text in UTF-8; rename the file or folder"):
+        read_arguments(["n", "--ros-args", "--params-file", file])
 
 
 @pytest.mark.parametrize(
