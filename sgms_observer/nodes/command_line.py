@@ -6,7 +6,6 @@ import importlib
 import importlib.util
 import sys
 from collections.abc import Sequence
-from functools import partial
 from typing import TYPE_CHECKING
 
 from sgms_observer import __version__
@@ -58,26 +57,21 @@ def start(name: str, description: str, kind: str, arguments: Sequence[str] | Non
 def _run_checked(name: str, kind: str, ros: Sequence[str]) -> int:
     """Check the parameters in the ROS arguments and run the node with them."""
     with silent_interrupts():
-        from sgms_observer.settings.arguments import refuse_incomplete, rewrite_arguments
+        from sgms_observer.settings.arguments import read_arguments, refuse_incomplete
 
     try:
-        rewritten = rewrite_arguments([name, *ros], name)
+        given = read_arguments([name, *ros], name)
+        refuse_incomplete(given, name)
     except SgmsError as error:
         return fail(str(error))
-    try:
-        refuse_incomplete(rewritten, name)
-        return run_node(partial(_make_node, name, kind), rewritten)
-    except SgmsError as error:
-        return fail(str(error))
-    finally:
-        rewritten.discard()
 
+    def make(executor: Executor) -> ManagedNode:
+        module, _, of_class = kind.partition(".")
+        loaded = importlib.import_module(f"sgms_observer.nodes.{module}")
+        node: ManagedNode = getattr(loaded, of_class)(name, executor, given)
+        return node
 
-def _make_node(name: str, kind: str, executor: Executor) -> ManagedNode:
-    """Return the node that this executor will spin."""
-    module, _, of_class = kind.partition(".")
-    node: ManagedNode = getattr(importlib.import_module(f"sgms_observer.nodes.{module}"), of_class)(name, executor)
-    return node
+    return run_node(make, given.argv)
 
 
 def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:

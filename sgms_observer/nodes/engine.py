@@ -23,7 +23,6 @@ from sgms_observer.observer.outgoing import Outgoing, OutgoingBlock, ParameterRe
 from sgms_observer.observer.samples import Estimates, Floats, Samples
 from sgms_observer.observer.trial import run_all_kernels
 from sgms_observer.settings.axis import Settings
-from sgms_observer.settings.parameter_file import overlaid, parameter_tree
 from sgms_observer.settings.write import write_settings
 
 Stamps = NDArray[np.int64]
@@ -159,12 +158,11 @@ class Engine:
         self.horizons.configure(settings)
 
 
-def save_learnt(settings: Settings, given: Settings | None, engine: Engine, name: str) -> str:
+def save_learnt(settings: Settings, engine: Engine, name: str) -> str:
     """Write the file, and return the sentence about it.
 
     Args:
-        settings: of the node.
-        given: what the node was started with, those of other nodes included.
+        settings: of the node, with what the stage's node reads of them.
         engine: of the node.
         name: of the node.
 
@@ -183,21 +181,9 @@ def save_learnt(settings: Settings, given: Settings | None, engine: Engine, name
     samples = max((statistics.total for statistics in engine.statistics), default=0)
     comments[""] = f"Written by {name} on {now} after {samples} samples."
     path = Path(settings.save_file).expanduser().resolve()
-    write_settings(_with_stage(settings, given), path, changes, comments)
+    write_settings(replace(settings, source={}), path, changes, comments)  # every value written out
     what = (
         ", ".join(f"{axis}: {' '.join(names)}" for axis, names in changes.items())
         or "nothing learnt, settings as they are"
     )
     return f"wrote {path} ({what})"
-
-
-def _with_stage(settings: Settings, given: Settings | None) -> Settings:
-    """Return the settings with what the parameter file says of the stage, which the observer does not declare."""
-    if given is None:
-        return settings
-    tree = parameter_tree(given.source, "the parameters")
-    stages = {
-        axis.name: {"stage": tree[axis.name]["stage"]} for axis in settings.axes if "stage" in tree.get(axis.name, {})
-    }
-    own = parameter_tree(settings.source, "the parameters")
-    return replace(settings, source={"/**": {"ros__parameters": overlaid(own, stages)}})

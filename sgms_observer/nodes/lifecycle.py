@@ -25,6 +25,7 @@ from sgms_observer.interrupts import is_told
 from sgms_observer.nodes.parameters import NodeParameters
 from sgms_observer.nodes.spin import LONG_WORK
 from sgms_observer.outcome import SHOW_TRACEBACK
+from sgms_observer.settings.arguments import NodeArguments
 from sgms_observer.settings.axis import Settings
 
 ChangesState = Callable[[ChangeState.Request, ChangeState.Response], ChangeState.Response]
@@ -38,27 +39,25 @@ class ManagedNode(LifecycleNode):
     Args:
         name: name of the node.
         executor: the executor that will spin it.
+        given: the settings and parameters that it starts with.
 
     Attributes:
         parts: kernels that the node uses, names of ``application.kernels``.
         has_stage: whether the node uses the parameters below ``stage``.
-        given: the settings that the node was started with, those of other nodes included.
+        settings: the checked settings, which follow the parameters.
         fault: what ended the node's work, if it was not a signal or a shutdown.
-
-    Raises:
-        ConfigurationError: the parameters are wrong; told at once, so that no dead node is left behind.
     """
 
     parts: tuple[str, ...] = ()
     has_stage = False
 
-    def __init__(self, name: str, executor: Executor) -> None:
-        super().__init__(name)
+    def __init__(self, name: str, executor: Executor, given: NodeArguments) -> None:
+        values = given.parameters or {}
+        super().__init__(name, parameter_overrides=[Parameter(key, value=value) for key, value in values.items()])
         self.own_executor = executor
         self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self.parameters = NodeParameters.declare(self, self.has_stage)
-        self.settings: Settings = self.parameters.settings()
-        self.given: Settings | None = None
+        self.parameters = NodeParameters(self, given.settings, self.has_stage)
+        self.settings: Settings = given.settings
         self.is_configured = False
         self.is_active = False
         self.fault: Exception | None = None
@@ -152,13 +151,12 @@ class ManagedNode(LifecycleNode):
         """Take over ``self.settings``, which changed in what may change while the node runs."""
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read the parameters and get everything ready.
+        """Get everything ready.
 
         Args:
             state: the one before.
         """
         try:
-            self.settings = self.parameters.settings()
             self._wait_for_kernels()
             self._apart(self._warm_up_all)
             self.set_up()
@@ -284,6 +282,6 @@ class ManagedNode(LifecycleNode):
 
     def _take_parameters(self, parameters: Sequence[Parameter]) -> None:
         if any(parameter.name in self.parameters.names for parameter in parameters):
-            self.settings = self.parameters.settings()
+            self.settings = self.parameters.settings
             if self.is_configured:
                 self.on_tuned()

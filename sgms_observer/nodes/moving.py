@@ -25,6 +25,7 @@ from sgms_observer.nodes.pace import AGE_SENTENCE, LONGEST_CATCH_UP, LONGEST_LAG
 from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe
 from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, REFERENCE_HORIZON, OutgoingBlock
 from sgms_observer.observer.samples import Samples
+from sgms_observer.settings.arguments import NodeArguments
 from sim_plant.record import StageRecord
 from sim_plant.table import SimulatedTable
 
@@ -67,6 +68,7 @@ class StageNode(ManagedNode):
     Args:
         name: name of the node.
         executor: the executor that will spin it.
+        given: the settings and parameters that it starts with.
 
     Raises:
         SgmsError: the node cannot start; its sentences say why.
@@ -75,8 +77,8 @@ class StageNode(ManagedNode):
     parts = OF_STAGE
     has_stage = True
 
-    def __init__(self, name: str, executor: Executor) -> None:
-        super().__init__(name, executor)
+    def __init__(self, name: str, executor: Executor, given: NodeArguments) -> None:
+        super().__init__(name, executor, given)
         self._table: SimulatedTable | None = None
         self._topics: JointStateTopics | None = None
         self._inputs: list[Subscription] = []

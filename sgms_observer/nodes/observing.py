@@ -35,6 +35,7 @@ from sgms_observer.observer.outgoing import (
     REFERENCE_HORIZON,
     OutgoingBlock,
 )
+from sgms_observer.settings.arguments import NodeArguments
 from sgms_observer.settings.axis import Settings
 
 _REPORT_PERIOD = 1.0  # s
@@ -56,6 +57,7 @@ class ObserverNode(ManagedNode):
     Args:
         name: name of the node.
         executor: the executor that will spin it.
+        given: the settings and parameters that it starts with.
 
     Raises:
         SgmsError: the node cannot start; its sentences say why.
@@ -63,8 +65,8 @@ class ObserverNode(ManagedNode):
 
     parts = OF_OBSERVER
 
-    def __init__(self, name: str, executor: Executor) -> None:
-        super().__init__(name, executor)
+    def __init__(self, name: str, executor: Executor, given: NodeArguments) -> None:
+        super().__init__(name, executor, given)
         self._engine: Engine | None = None
         self._topics: JointStateTopics | None = None
         self._commands: CommandTopic | None = None
@@ -350,7 +352,7 @@ class ObserverNode(ManagedNode):
     def _save_parameters(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Answer ``~/save_parameters``: write the parameter file with what was learnt."""
         try:
-            response.message = save_learnt(self.settings, self.given, self._working_engine(), self.get_name())
+            response.message = save_learnt(self.settings, self._working_engine(), self.get_name())
             response.success = True
         except Exception as error:  # the answer is the place to say it
             response.success, response.message = False, str(error)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -16,6 +16,7 @@ from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.load import settings_from_tree
 from sgms_observer.settings.observer import CompensationSettings
+from sgms_observer.settings.parameter_file import overlaid, parameter_tree
 from sgms_observer.settings.parameters import ParameterDeclaration, declare_all, tree_from_parameters
 
 _TYPES = {
@@ -57,26 +58,22 @@ def _descriptor(declaration: ParameterDeclaration, value: Any) -> ParameterDescr
     return descriptor
 
 
-@dataclass
 class NodeParameters:
     """The parameters of one node, and the settings that follow from them.
 
+    Args:
+        node: the node, made with its parameters as overrides; they become the values.
+        settings: the checked settings in them, and in the parameters that other nodes declare.
+        has_stage: whether the node simulates, so that it declares the parameters below ``stage``.
+
     Attributes:
-        node: the node.
         names: full names of the declared parameters.
+        settings: the settings; after ``check_change`` allowed a change, those with it.
     """
 
-    node: Node
-    names: tuple[str, ...]
-
-    @classmethod
-    def declare(cls, node: Node, has_stage: bool) -> NodeParameters:
-        """Declare every parameter that the node uses.
-
-        Args:
-            node: the node; its overrides (files, ``-p``) become the values.
-            has_stage: whether the node simulates, so that it uses the parameters below ``stage``.
-        """
+    def __init__(self, node: Node, settings: Settings, has_stage: bool) -> None:
+        self._node = node
+        self.settings = settings
         names: list[str] = []
 
         def declare(declaration: ParameterDeclaration) -> Any:
@@ -86,20 +83,7 @@ class NodeParameters:
             return _declare(node, declaration)
 
         declare_all(declare)
-        return cls(node, tuple(names))
-
-    def settings(self, changed: Sequence[Parameter] = ()) -> Settings:
-        """Return the settings that the parameters give.
-
-        Args:
-            changed: parameters with values that they do not have yet.
-
-        Raises:
-            ConfigurationError: one sentence per fault, all at once.
-        """
-        values = {name: self.node.get_parameter_or(name).value for name in self.names}
-        values.update({parameter.name: parameter.value for parameter in changed if parameter.name in values})
-        return settings_from_tree(tree_from_parameters(values), "the parameters")
+        self.names = tuple(names)
 
     def check_change(self, parameters: Sequence[Parameter], is_configured: bool) -> SetParametersResult:
         """Judge a change of parameters at run time.
@@ -108,18 +92,20 @@ class NodeParameters:
             parameters: the new values.
             is_configured: whether the node works with its settings already; then only the compensation's may change.
         """
-        ours = [parameter for parameter in parameters if parameter.name in self.names]
-        for parameter in ours:
-            if is_configured and not parameter.name.endswith(_TUNABLE):
+        changed = {parameter.name: parameter.value for parameter in parameters if parameter.name in self.names}
+        for name in changed:
+            if is_configured and not name.endswith(_TUNABLE):
                 return SetParametersResult(
                     successful=False,
-                    reason=f"{parameter.name} can change only before the node is configured; deactivate, clean up, set",
+                    reason=f"{name} can change only before the node is configured; deactivate, clean up, set",
                 )
-        try:
-            if ours:
-                self.settings(ours)
-        except ConfigurationError as error:
-            return SetParametersResult(successful=False, reason=" ".join(error.sentences))
+        if changed:
+            values = {name: self._node.get_parameter_or(name).value for name in self.names} | changed
+            given = parameter_tree(self.settings.source, "the parameters")
+            try:
+                self.settings = settings_from_tree(overlaid(given, tree_from_parameters(values)))
+            except ConfigurationError as error:
+                return SetParametersResult(successful=False, reason=" ".join(error.sentences))
         return SetParametersResult(successful=True)
 
 

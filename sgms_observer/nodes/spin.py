@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from sgms_observer.errors import SgmsError
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sgms_observer.nodes.lifecycle import ManagedNode
-    from sgms_observer.settings.arguments import RewrittenArguments
 
 #: ``EventsExecutor`` hangs after one event when it spins without an end; with a time-out it works [s]. Signals are seen
 #: in between.
@@ -46,12 +45,12 @@ def make_executor() -> Executor:
     return EventsExecutor()
 
 
-def run_node(make_node: Callable[[Executor], ManagedNode], arguments: RewrittenArguments) -> int:
+def run_node(make_node: Callable[[Executor], ManagedNode], argv: Sequence[str]) -> int:
     """Run a node until it is told to stop.
 
     Args:
         make_node: makes the node; the executor is the one that will spin it.
-        arguments: the process's arguments as rclpy takes them, and the checked settings in them.
+        argv: the process's arguments as rclpy takes them.
 
     Returns:
         The exit code: 0 after SIGINT, SIGTERM or a shutdown of ROS; 1 after an error, which is told in sentences.
@@ -66,12 +65,11 @@ def run_node(make_node: Callable[[Executor], ManagedNode], arguments: RewrittenA
     try:
         prepare_transport()
         note_signals()
-        rclpy.init(args=arguments.argv, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=list(argv), signal_handler_options=SignalHandlerOptions.NO)
         if is_told():
             return 0
         executor = make_executor()
         node = make_node(executor)
-        node.given = arguments.settings
         executor.add_node(node)
         never: Future = Future()
         is_started = False

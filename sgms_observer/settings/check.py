@@ -119,6 +119,9 @@ def checked_entry(path: str, declared: Declared, raw: Any, where: str, faults: F
         faults.add(path, f"{path} = {shown(raw)}{where} {_expectation(declared)}")
         return None
     if isinstance(value, str):
+        if any("\ud800" <= letter <= "\udfff" for letter in value):  # a name that is no text: ROS has none such
+            faults.add(path, f"{path} = {shown(raw)}{where} must be text in UTF-8; rename the file or folder")
+            return None
         if declared.choices and value not in declared.choices:
             guess = closest(value, declared.choices)
             remedy = f"did you mean {guess}?" if guess else "choose one"

@@ -14,7 +14,7 @@ from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.axis_check import checked_axis, elsewhere_in, resolved
 from sgms_observer.settings.check import checked_group, checked_value, unknown_key
 from sgms_observer.settings.consistency import is_file
-from sgms_observer.settings.declaration import STRINGS, Declared, declared_sections, declared_settings
+from sgms_observer.settings.declaration import BOOL, STRINGS, Declared, declared_sections, declared_settings
 from sgms_observer.settings.effects import Catalogue, CatalogueSource
 from sgms_observer.settings.faults import Faults, shown
 from sgms_observer.settings.parameter_file import (
@@ -31,8 +31,12 @@ AXES = Declared(
     "axes", STRINGS, ("x",), "names of the axes, as in the messages; each has a group of settings of its own"
 )
 
-#: Parameters that every ROS node has; they are not ours to judge.
-ROS_PARAMETERS = ("use_sim_time", "qos_overrides", "start_type_description_service", "diagnostic_updater")
+#: Switches that every rclpy node declares, and parameters of other ROS nodes, which do nothing here.
+ROS_SWITCHES = {
+    name: Declared(name, BOOL, False, "a switch of every ROS node")
+    for name in ("use_sim_time", "start_type_description_service")
+}
+ROS_PARAMETERS = (*ROS_SWITCHES, "qos_overrides", "diagnostic_updater")
 
 #: Joints of robots in one system are told apart by a slash: left/x.
 _AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(?:/[A-Za-z0-9_-]+)*")
@@ -99,10 +103,25 @@ def settings_from_tree(
     faults = Faults()
     for name, sentence in repeated_faults(tree, source_name, node_names):
         faults.add(name, sentence)
-    settings = _read(parameters, Path(folder), catalogue, faults)
+    names = _axis_names(parameters, faults)
+    shared = {key: value for key, value in parameters.items() if key in declared_settings(Settings)}
+    settings = checked_group("", Settings(axes=()), shared, faults)
+    settings = replace(settings, effect_files=_found_files(settings.effect_files, Path(folder), faults))
+    for name in parameters:
+        if name in ROS_SWITCHES:
+            checked_value(name, ROS_SWITCHES[name], parameters[name], faults)
+    _unknown_at_the_top(parameters, names, faults)
+    known = _catalogue(catalogue, settings.effect_files, faults)
+    axes = tuple(
+        checked_axis(name, parameters.get(name), settings.sample_period, Path(folder), known, faults) for name in names
+    )
+    for axis in axes:
+        if axis.coupled_axis and (axis.coupled_axis == axis.name or axis.coupled_axis not in names):
+            path, given = f"{axis.name}.coupled_axis", shown(axis.coupled_axis)
+            faults.add(path, f"{path} = {given} must name another axis of axes = {shown(list(names))}; correct it")
     if faults.sentences:
         raise ConfigurationError(faults.sentences)
-    return replace(settings, source=source, folder=str(folder))
+    return replace(settings, axes=axes, source=source, folder=str(folder))
 
 
 def repeated_faults(
@@ -121,35 +140,6 @@ def repeated_faults(
     for _, _, own in our_sections(document, node_names):
         for name, line in repeated_keys(own):
             yield name, f"{name} in line {line} of {source_name} must be given once; remove one of the two"
-
-
-def default_settings(axes: Sequence[str] = ("x",)) -> Settings:
-    """Return the defaults for these axes.
-
-    Args:
-        axes: names of the axes.
-    """
-    return settings_from_tree(
-        {"axes": list(axes), **{name: {} for name in axes}}, "the defaults", catalogue=lambda files: {}
-    )
-
-
-def _read(tree: dict[Any, Any], folder: Path, source: CatalogueSource, faults: Faults) -> Settings:
-    """Return the settings of a tree of parameters; every fault goes to ``faults``."""
-    names = _axis_names(tree, faults)
-    shared = {key: value for key, value in tree.items() if key in declared_settings(Settings)}
-    settings = checked_group("", Settings(axes=()), shared, faults)
-    settings = replace(settings, effect_files=_found_files(settings.effect_files, folder, faults))
-    _unknown_at_the_top(tree, names, faults)
-    catalogue = _catalogue(source, settings.effect_files, faults)
-    axes = tuple(
-        checked_axis(name, tree.get(name), settings.sample_period, folder, catalogue, faults) for name in names
-    )
-    for axis in axes:
-        if axis.coupled_axis and (axis.coupled_axis == axis.name or axis.coupled_axis not in names):
-            path, given = f"{axis.name}.coupled_axis", shown(axis.coupled_axis)
-            faults.add(path, f"{path} = {given} must name another axis of axes = {shown(list(names))}; correct it")
-    return replace(settings, axes=axes)
 
 
 def usable_axes(raw: Any) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from sgms_observer.settings.declaration import DOUBLE, DOUBLES, STRINGS, Declare
 from sgms_observer.settings.effects import NAMES, NO_EFFECT
 from sgms_observer.settings.faults import Faults
 from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.load import AXES
+from sgms_observer.settings.load import AXES, ROS_SWITCHES
 
 #: What a parameter of an effect may be: a number, a list of numbers, or a list of words.
 _EFFECT_NUMBER = Declared("value", DOUBLE, 0.0, "a parameter of an effect")
@@ -29,7 +29,7 @@ def normal_parameters(tree: Mapping[Any, Any], file_name: Callable[[str], str] =
         tree: the parameters of a node, ``{"axes": [...], "x": {...}}``.
         file_name: rewrites each file name in it, for a tree that moves to another folder.
     """
-    settings = {**declared_settings(Settings), "axes": AXES}
+    settings = {**declared_settings(Settings), **ROS_SWITCHES, "axes": AXES}
     result: dict[Any, Any] = {}
     axes = checked_value("axes", AXES, tree.get("axes", ["x"]), Faults()) or ()
     for key, value in tree.items():
@@ -120,13 +120,24 @@ def _normal_stage_effects(tree: Any) -> Any:
     return result
 
 
-def without_empty(tree: Any) -> Any:
-    """Return a tree without nulls, empty lists and empty groups, which rcl hands on as parameters of no type.
+def given_parameters(tree: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return the parameters of a tree that a node declares, by their full names and with their declared types.
 
     Args:
-        tree: parameters in normal form; an empty list means what leaving it out means.
+        tree: checked parameters of a node. Nulls, empty lists and empty groups mean what leaving them out means.
     """
-    if not isinstance(tree, Mapping):
-        return tree
-    kept = {key: without_empty(value) for key, value in tree.items()}
-    return {key: value for key, value in kept.items() if value is not None and value != [] and value != {}}
+    known = {*declared_settings(Settings), *ROS_SWITCHES, "axes"}
+    normal = normal_parameters(tree)
+    axes = normal.get("axes", AXES.default)
+    return _by_full_name({key: value for key, value in normal.items() if key in known or key in axes}, "")
+
+
+def _by_full_name(tree: Mapping[Any, Any], prefix: str) -> dict[str, Any]:
+    """Return what a tree holds, without its groups."""
+    found: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            found |= _by_full_name(value, f"{prefix}{key}.")
+        elif value is not None and value != []:
+            found[f"{prefix}{key}"] = value
+    return found

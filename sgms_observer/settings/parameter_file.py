@@ -74,12 +74,12 @@ def is_for_node(section_name: str, node_names: tuple[str, ...]) -> bool:
 
     Args:
         section_name: as ``sections`` yields it; ``*`` stands for one name and ``**`` for any.
-        node_names: plain node names, or with their namespace (``/table/observer_node``).
+        node_names: plain node names, or with their namespace (``/table/observer_node``, ``/observer_node``).
     """
     for node in node_names:
-        if "/" not in node.lstrip("/"):  # the namespace is not known: the last name decides
+        if "/" not in node:  # the namespace is not known: the last name decides
             last = section_name.rsplit("/", 1)[-1]
-            if last in ("*", "**", node.lstrip("/")):
+            if last in ("*", "**", node):
                 return True
             continue
         tokens = (re.escape(token) if "*" not in token else token for token in section_name.strip("/").split("/"))

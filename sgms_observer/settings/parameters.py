@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,7 +31,6 @@ class ParameterDeclaration:
         minimum: smallest allowed value, itself allowed; None for what is no number.
         maximum: largest allowed value, itself allowed; None for what is no number.
         choices: the allowed words; None for any.
-        read_only: whether it is fixed once the node runs.
     """
 
     name: str
@@ -42,7 +41,6 @@ class ParameterDeclaration:
     minimum: float | None = None
     maximum: float | None = None
     choices: tuple[str, ...] | None = None
-    read_only: bool = True
 
 
 #: Declares one parameter and returns the value that it has then.
@@ -66,33 +64,26 @@ def _declaration(name: str, declared: Declared, default: Any = None) -> Paramete
     )
 
 
-def declare_all(declare: Declare, catalogue: CatalogueSource = installed_catalogue) -> dict[str, Any]:
-    """Declare every parameter of a node, each as soon as what it depends on is known, and return the tree of values.
+def declare_all(declare: Declare, catalogue: CatalogueSource = installed_catalogue) -> None:
+    """Declare every parameter of a node, each as soon as what it depends on is known.
 
     The axes decide which groups there are, the effects' names which parameters they have, the axis's friction what the
-    true friction is by default. ``settings_from_tree`` turns the result into checked settings and says its sentences.
+    true friction is by default.
 
     Args:
         declare: declares one parameter and returns its value (None stands for the default).
         catalogue: gives the known effects.
     """
-    values: dict[str, Any] = {}
 
     def own(declaration: ParameterDeclaration) -> Any:
         value = _plain(declare(declaration))
-        value = declaration.default if value is None else value
-        if value != declaration.default:
-            values[declaration.name] = value
-        return value
+        return declaration.default if value is None else value
 
     names = usable_axes(own(_declaration("axes", AXES)))
     shared = {key: own(_declaration(key, entry)) for key, entry in declared_settings(Settings).items()}
     known = _known_effects(catalogue, shared["effect_files"])
     for name in names:
         _declare_axis(name, own, known)
-    if "axes" not in values:
-        values["axes"] = list(AXES.default)
-    return tree_from_parameters(values)
 
 
 def _known_effects(catalogue: CatalogueSource, files: Any) -> Catalogue:
@@ -161,26 +152,3 @@ def tree_from_parameters(values: Mapping[str, Any]) -> dict[str, Any]:
         {name: value for name, value in given.items() if value != [] or not name.endswith(".stage.effects.names")}
     )
     return tree
-
-
-def flatten(
-    axes: Sequence[str] = ("x",),
-    effects: Mapping[str, Sequence[str]] | None = None,
-    catalogue: CatalogueSource = installed_catalogue,
-) -> list[ParameterDeclaration]:
-    """Return the parameters that a node declares when nobody gives a value.
-
-    Args:
-        axes: names of the axes.
-        effects: axis to the names of its effects.
-        catalogue: gives the known effects.
-    """
-    found: list[ParameterDeclaration] = []
-    named = {f"{axis}.effects.names": list(names) for axis, names in (effects or {}).items()}
-
-    def note(declaration: ParameterDeclaration) -> Any:
-        found.append(declaration)
-        return list(axes) if declaration.name == "axes" else named.get(declaration.name)
-
-    declare_all(note, catalogue)
-    return found

@@ -4,17 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.learnt_map import LearntMap, MotionPath, learnt_coordinates
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.arguments import normalise_params_file
+from sgms_observer.settings.arguments import read_arguments
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.load import load_settings, settings_from_tree
-from sgms_observer.settings.parameters import flatten
+from sgms_observer.settings.parameters import ParameterDeclaration, declare_all
 from sgms_observer.settings.tree import tree_of
 from sgms_observer.settings.write import write_yaml
 
@@ -71,10 +70,18 @@ def test_settings_come_back_from_what_is_written(tmp_path: Path) -> None:
 
 
 def test_ros_gets_lists_of_one_type(tmp_path: Path) -> None:
-    tree = yaml.safe_load(normalise_params_file(rail(tmp_path)))["/**"]["ros__parameters"]["x"]["effects"]
-    assert all(isinstance(entry, float) for entry in tree["learnt_map"]["position"] + tree["learnt_map"]["values"])
-    assert tree["learnt_map"]["coordinates"] == ["position", "direction"]
-    declared = {item.name: item for item in flatten(effects={"x": ["learnt_map"]})}
+    given = read_arguments(["n", "--ros-args", "--params-file", str(rail(tmp_path))]).parameters
+    assert given is not None
+    table = {name.rpartition(".")[2]: value for name, value in given.items() if ".effects.learnt_map." in name}
+    assert all(isinstance(entry, float) for entry in table["position"] + table["values"])
+    assert table["coordinates"] == ["position", "direction"]
+    declared: dict[str, ParameterDeclaration] = {}
+
+    def declare(parameter: ParameterDeclaration) -> object:
+        declared[parameter.name] = parameter
+        return given.get(parameter.name)
+
+    declare_all(declare)
     assert declared["x.effects.learnt_map.values"].type == "double_array"
     assert declared["x.effects.learnt_map.coordinates"].type == "string_array"
     assert declared["x.effects.learnt_map.position"].default == []

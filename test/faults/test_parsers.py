@@ -29,7 +29,7 @@ from sgms_observer.cli import main as command_line
 from sgms_observer.cli import registry
 from sgms_observer.errors import ConfigurationError, SgmsError
 from sgms_observer.settings import load
-from sgms_observer.settings.arguments import rewrite_arguments
+from sgms_observer.settings.arguments import read_arguments
 from sim_plant.reference_file import read_reference_file
 
 CASES = int(os.environ.get("SGMS_CASES", "10000"))
@@ -104,7 +104,7 @@ def node_arguments(folder: Path) -> Iterator[Case]:
             flag = chance.choice(("-p", "--param", "-r", "--remap", "--params-file", "--", "--log-level", "-x"))
             value = f"{chance.choice(names)}:={chance.choice(values)}"
             arguments += [flag, slip(chance, value) if chance.random() < 0.5 else value][: chance.choice((2, 2, 2, 1))]
-        yield lambda given=tuple(arguments): rewrite_arguments(given).discard()
+        yield lambda given=tuple(arguments): read_arguments(given)
 
 
 def joint_states(folder: Path) -> Iterator[Case]:

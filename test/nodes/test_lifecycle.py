@@ -21,6 +21,9 @@ from ros_graph import (
     Start,
     wait_until,
 )
+from std_srvs.srv import Trigger
+
+from sgms_observer.settings.load import load_settings
 
 NODES = ("stage_node", "observer_node")
 
@@ -145,6 +148,20 @@ def test_a_node_that_cannot_be_configured_says_why_and_stays(graph: Graph, start
     assert not result.successful and "coulomb_force" in result.reason
     assert graph.change("observer_node", CONFIGURE)
     assert process.stop() == 0
+
+
+def test_what_is_set_before_the_node_is_configured_counts(graph: Graph, start: Start, tmp_path: Path) -> None:
+    start("observer_node", ONE_AXIS, "--ros-args", "-p", "autostart:=false", wait=False)
+    results = []
+    for name, value in (("x.mass", 4.0), ("x.friction.static_force", 1.0), ("x.friction.viscous_coefficient", 30.0)):
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        results.append(graph.call(SetParameters, "/observer_node/set_parameters", request).results[0].successful)
+    assert results == [True, False, True]  # static_force below coulomb_force
+    assert graph.change("observer_node", CONFIGURE)
+    assert graph.call(Trigger, "/observer_node/save_parameters", Trigger.Request()).success
+    axis, given = (load_settings(tmp_path / name).axes[0] for name in ("learnt.yaml", "observer_node.yaml"))
+    assert (axis.mass, axis.friction.viscous_coefficient) == (4.0, 30.0)
+    assert (axis.friction.static_force, axis.stage) == (given.friction.static_force, given.stage)
 
 
 def test_help_needs_no_ros(tmp_path: Path) -> None:

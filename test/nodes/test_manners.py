@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from rcl_interfaces.srv import DescribeParameters, ListParameters
+from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
+from rclpy.parameter import Parameter
 from ros_graph import ONE_AXIS, TWO_AXES, Graph, NodeProcess, Start, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -103,10 +104,15 @@ def test_the_observer_declares_nothing_of_the_stage_and_saves_it(graph: Graph, s
     start("observer_node", ONE_AXIS)
     names = graph.call(ListParameters, "/observer_node/list_parameters", ListParameters.Request()).result.names
     assert "x.mass" in names and not [name for name in names if ".stage." in name]
-    answer = graph.call(Trigger, "/observer_node/save_parameters", Trigger.Request())
-    assert answer.success, answer.message
-    before, after = (load_settings(tmp_path / name) for name in ("observer_node.yaml", "learnt.yaml"))
-    assert after.axes[0].stage == before.axes[0].stage
+    before = load_settings(tmp_path / "observer_node.yaml").axes[0]
+    for gain in (before.compensation.gain, 0.5):
+        change = SetParameters.Request(parameters=[Parameter("x.compensation.gain", value=gain).to_parameter_msg()])
+        assert graph.call(SetParameters, "/observer_node/set_parameters", change).results[0].successful
+        answer = graph.call(Trigger, "/observer_node/save_parameters", Trigger.Request())
+        assert answer.success, answer.message
+        after = load_settings(tmp_path / "learnt.yaml").axes[0]
+        assert (after.stage, after.stage_friction) == (before.stage, before.stage_friction)
+        assert after.compensation.gain == gain
 
 
 def test_diagnostics_carry_the_namespace_and_levels_by_convention(graph: Graph, start: Start) -> None:

@@ -22,7 +22,7 @@ from sgms_observer.observer.learnt import learnt_changes
 from sgms_observer.observer.outgoing import ELEMENTS, ESTIMATE, Outgoing
 from sgms_observer.observer.pairing import PairingCounts
 from sgms_observer.observer.samples import Estimates
-from sgms_observer.settings.load import default_settings, settings_from_tree
+from sgms_observer.settings.load import settings_from_tree
 from sgms_observer.status import Status
 
 SECOND = 1_000_000_000
@@ -129,7 +129,7 @@ class TestOutgoing:
         assert stamps == list(range(0, 100, 3)) and compensated == 100
 
     def test_axes_share_a_message_only_where_their_stamps_agree(self) -> None:
-        outgoing = Outgoing(default_settings(["x", "y"]))
+        outgoing = Outgoing(settings_from_tree({"axes": ["x", "y"]}))
         blocks = outgoing.blocks({0: estimates([1, 2, 3]), 1: estimates([2, 3, 4])})
         found = [(block.names, block.stamp_ns.tolist()) for block in blocks if block.topic == ESTIMATE]
         assert found == [(("x", "y"), [2, 3]), (("x",), [1]), (("y",), [4])]
@@ -190,7 +190,7 @@ class TestStatistics:
 
 
 def test_what_was_learnt_goes_where_it_belongs() -> None:
-    axis = default_settings().axes[0]
+    axis = settings_from_tree({}).axes[0]
     changes = learnt_changes(axis, {"kappa": 0.5, "coulomb_force": 3.0, "mass": 12.0, "offset": 0.2}, added_mass=1.0)
     assert changes["friction.element_stiffness"] == [0.5 * kappa for kappa in axis.friction.element_stiffness]
     assert changes["friction.coulomb_force"] == 3.0 and changes["mass"] == 11.0

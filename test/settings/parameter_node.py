@@ -1,52 +1,58 @@
-"""A node that declares all parameters and prints their tree: run by test_real_rcl.py in a process of its own."""
+"""A node of the package that prints its name and its parameters: run by test_real_rcl.py in a process of its own."""
 
 from __future__ import annotations
 
 import json
 import sys
-from typing import Any
+from types import FrameType
 
 import rclpy
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.executors import SingleThreadedExecutor
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.arguments import rewrite_arguments
-from sgms_observer.settings.parameters import ParameterDeclaration, declare_all
+from sgms_observer.nodes.lifecycle import ManagedNode
+from sgms_observer.settings.arguments import read_arguments
+from sgms_observer.settings.axis_check import checked_axis
 
-LARGEST = sys.float_info.max
+checked: list[str] = []
+temporary_files: list[str] = []
 
 
-def declare(node: Node, declaration: ParameterDeclaration) -> Any:
-    """Declare one parameter on a real node and return its value."""
-    descriptor = ParameterDescriptor(description=declaration.description, read_only=declaration.read_only)
-    low, high = declaration.minimum, declaration.maximum
-    if (low is not None or high is not None) and declaration.type == "double":
-        low, high = -LARGEST if low is None else low, LARGEST if high is None else high
-        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-    if (low is not None or high is not None) and declaration.type == "integer":
-        low, high = -(2**63) if low is None else int(low), 2**63 - 1 if high is None else int(high)
-        descriptor.integer_range = [IntegerRange(from_value=low, to_value=high)]
-    kind = Parameter.Type[declaration.type.upper()]
-    if declaration.default == []:  # an empty list has no type for rclpy: declare the type, without a value
-        node.declare_parameter(declaration.name, kind, descriptor)
-        return node.get_parameter_or(declaration.name).value
-    return node.declare_parameter(declaration.name, declaration.default, descriptor).value
+class ParameterNode(ManagedNode):
+    """A node that declares the parameters of both nodes and does nothing."""
+
+    has_stage = True
+
+
+def note(frame: FrameType, event: str, _: object) -> None:
+    """Remember the axes that are checked."""
+    if event == "call" and frame.f_code is checked_axis.__code__:
+        checked.append(frame.f_locals["name"])
+
+
+def watch(event: str, arguments: tuple[object, ...]) -> None:
+    """Remember the temporary files and folders that are made."""
+    if event in ("tempfile.mkstemp", "tempfile.mkdtemp"):
+        temporary_files.append(str(arguments[0]))
 
 
 def main() -> int:
-    """Print ``{"tree": ..., "names": ...}``, or the sentences on stderr."""
+    """Print one JSON object with what became of the arguments, or the sentences on stderr."""
+    sys.addaudithook(watch)
+    sys.setprofile(note)
     try:
-        rewritten = rewrite_arguments(sys.argv)
+        given = read_arguments(sys.argv)
     except ConfigurationError as error:
         print(*error.sentences, sep="\n", file=sys.stderr)
         return 1
-    rclpy.init(args=rewritten.argv)
-    rewritten.discard()
-    node = Node("observer_node")
-    tree = declare_all(lambda declaration: declare(node, declaration))
-    print(json.dumps(tree))
+    rclpy.init(args=given.argv)
+    node = ParameterNode("observer_node", SingleThreadedExecutor(), given)
+    sys.setprofile(None)
+    names = (*node.parameters.names, "use_sim_time")
+    values = {name: node.get_parameter_or(name).value for name in names}
+    values = {name: list(value) if hasattr(value, "tolist") else value for name, value in values.items()}
+    found = {"name": node.get_fully_qualified_name(), "parameters": values}
+    print(json.dumps({**found, "checked": checked, "temporary_files": temporary_files}))
     node.destroy_node()
     rclpy.try_shutdown()
     return 0

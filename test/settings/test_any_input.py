@@ -16,8 +16,8 @@ from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.check import as_number
 from sgms_observer.settings.declaration import Declared, declared_sections, declared_settings
 from sgms_observer.settings.load import installed_catalogue, load_settings, settings_from_tree
-from sgms_observer.settings.normal_form import normal_parameters, without_empty
-from sgms_observer.settings.parameters import declare_all
+from sgms_observer.settings.normal_form import given_parameters, normal_parameters
+from sgms_observer.settings.parameters import ParameterDeclaration, declare_all, tree_from_parameters
 from sgms_observer.settings.write import tree_of, write_yaml, yaml_of
 from sgms_observer.settings.yaml_text import parse, text_of
 
@@ -158,20 +158,26 @@ def test_valid_settings_survive_writing_and_ros(seed: int, tmp_path_factory: Any
     write_yaml(tree_of(before, catalogue), path)
     assert load_settings(path, catalogue=catalogue) == before
 
-    normal = without_empty(normal_parameters(tree))
+    normal = normal_parameters(tree)
     again = parse(text_of(normal), "again")
     assert again == normal
-    given_to_ros = flat(again)
-    tree = declare_all(lambda declaration: given_to_ros.get(declaration.name), catalogue)
-    assert settings_from_tree(tree, catalogue=catalogue) == equal_stage(before)
+    given_to_ros = given_parameters(again)
+    declared: dict[str, Any] = {}
+
+    def declare(parameter: ParameterDeclaration) -> Any:
+        declared[parameter.name] = given_to_ros.pop(parameter.name, parameter.default)
+        assert is_of_type(declared[parameter.name], parameter.type), parameter.name
+        return declared[parameter.name]
+
+    declare_all(declare, catalogue)
+    assert given_to_ros == {}
+    assert equal_stage(settings_from_tree(tree_from_parameters(declared), catalogue=catalogue)) == equal_stage(before)
 
 
-def flat(tree: Any, prefix: str = "") -> dict[str, Any]:
-    """Return a tree with full names."""
-    found: dict[str, Any] = {}
-    for key, value in tree.items():
-        found |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
-    return found
+def is_of_type(value: Any, kind: str) -> bool:
+    """Return whether ROS, which converts nothing, takes a value for this type."""
+    python = {"double": float, "integer": int, "bool": bool, "string": str}[kind.removesuffix("_array")]
+    return all(type(entry) is python for entry in (value if kind.endswith("_array") else [value]))
 
 
 def equal_stage(given: Settings) -> Settings:

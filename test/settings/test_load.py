@@ -11,7 +11,7 @@ import pytest
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import EffectSettings
-from sgms_observer.settings.load import default_settings, load_settings, settings_from_tree
+from sgms_observer.settings.load import load_settings, settings_from_tree
 
 ROOT = Path(__file__).parents[2]
 
@@ -87,6 +87,9 @@ observer_node: {ros__parameters: {x: {mass: 3.0}}}
         ("table/observer_node", "/table/observer_node", True),
         ("/observer_node", "/table/observer_node", False),
         ("/other/observer_node", "/table/observer_node", False),
+        ("/other/observer_node", "/observer_node", False),
+        ("/*/observer_node", "/observer_node", False),
+        ("/**/observer_node", "/observer_node", True),
         ("/table/observer_node", "observer_node", True),
         ("/observer", "observer_node", False),
     ],
@@ -236,8 +239,8 @@ def test_thousands_of_axes() -> None:
     assert [axis.mass for axis in settings_from_tree(tree).axes] == [float(i + 1) for i in range(2000)]
 
 
-def test_defaults_agree_with_an_empty_tree() -> None:
-    assert default_settings() == settings_from_tree({})
+def test_an_axis_of_defaults_is_an_empty_tree() -> None:
+    assert settings_from_tree({"axes": ["x"], "x": {}}) == settings_from_tree({})
 
 
 def test_settings_need_no_ros() -> None:

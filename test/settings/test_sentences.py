@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.load import default_settings, settings_from_tree
+from sgms_observer.settings.load import settings_from_tree
 
 
 @dataclass(frozen=True)
@@ -292,4 +292,4 @@ def test_the_faults_of_a_tree_that_is_no_mapping() -> None:
 
 
 def test_defaults_are_without_fault() -> None:
-    assert [entry.name for entry in default_settings(("a", "b")).axes] == ["a", "b"]
+    assert [entry.name for entry in settings_from_tree({"axes": ["a", "b"]}).axes] == ["a", "b"]

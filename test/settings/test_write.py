@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from sgms_observer.errors import RecordingError
-from sgms_observer.settings.load import default_settings, load_settings
+from sgms_observer.settings.load import load_settings, settings_from_tree
 from sgms_observer.settings.parameter_file import read_document
 from sgms_observer.settings.write import tree_of, updated_tree, write_settings, write_yaml, yaml_of
 
@@ -124,7 +124,7 @@ def test_settings_write_themselves_with_their_files(tmp_path: Path) -> None:
 
 
 def test_everything_written_out_is_read_the_same(tmp_path: Path) -> None:
-    settings = default_settings(("x", "y"))
+    settings = settings_from_tree({"axes": ["x", "y"]})
     write_yaml(tree_of(settings), tmp_path / "all.yaml")
     assert load_settings(tmp_path / "all.yaml") == settings
 
