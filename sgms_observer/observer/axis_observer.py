@@ -257,10 +257,10 @@ class AxisObserver:
         return bool(abs(known.at(np.array([stamp]))[0][0] - self.compensator.set_point) <= allowed)
 
     def _no_effects(self, count: int) -> tuple[Floats, Floats]:
-        """Return a force of zero [N] and a factor of one on the Stribeck level, from arrays that are made once."""
-        if len(self._zeros) < count:
+        """Return no force [N] and a factor of one on the Stribeck level; the same arrays while blocks are as long."""
+        if len(self._zeros) != count:
             self._zeros, self._ones = np.zeros(count), np.ones(count)
-        return self._zeros[:count], self._ones[:count]
+        return self._zeros, self._ones
 
     def _effects_on(self, samples: Samples, motion: Motion, other: OtherMotion | None) -> tuple[Floats, Floats]:
         """Return the effects' force [N] and factor on the Stribeck level at the rows' instants."""
