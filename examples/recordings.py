@@ -32,6 +32,8 @@ STAGE = """\
         seed: {seed}
 """
 
+COGGING = "{names: [cogging], cogging: {amplitude: 1.0, pitch: 2.0e-3, phase: 0.3}}"
+
 
 def options(description: str, out: str, seconds: float) -> argparse.Namespace:
     """Read the options of an example: ``--out``, a folder, and ``--seconds``, the length of each recording [s]."""
@@ -39,9 +41,6 @@ def options(description: str, out: str, seconds: float) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, default=Path(out), help="folder of all files")
     parser.add_argument("--seconds", type=float, default=seconds, help="length of each recording [s]")
     return parser.parse_args()
-
-
-COGGING = "{names: [cogging], cogging: {amplitude: 1.0, pitch: 2.0e-3, phase: 0.3}}"
 
 
 @dataclass(frozen=True)

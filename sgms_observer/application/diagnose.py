@@ -179,11 +179,10 @@ def _diagnosed(
         test = step.growth("model", later, step.before)
         contradicts = not test.passed and can_look_ahead(written)
         worst = step.worst(written, later, answer) if contradicts else None
-        at_fault = frozenset([worst.of] if worst else found.changes if contradicts else ())
-        if not at_fault:
+        if not contradicts or (worst is None and not found.changes):
             break
-        refused += [worst or replace(test, of=", ".join(sorted(at_fault)))]
-        options = replace(options, excluded=options.excluded | at_fault)
+        refused.append(worst or replace(test, of=", ".join(sorted(found.changes))))
+        options = replace(options, excluded=options.excluded | (frozenset([worst.of]) if worst else found.changes))
     if contradicts and (answer.effects or answer.learnt):
         answer = answer_of(found, axis, options, test)
         written = step.written(answer)

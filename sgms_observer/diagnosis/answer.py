@@ -23,7 +23,7 @@ from sgms_observer.diagnosis.gap import (
     effort_rms,
     halves,
     interval,
-    noise_floor,
+    noise_floors,
     residuals,
 )
 from sgms_observer.diagnosis.homing import unhomed
@@ -145,17 +145,17 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     model, fit = found.after.model, found.after
     after = before if fit is found.before else bench.residuals(model, found.after_refits, fit.effects)
     tests = [test for item in found.rounds for decision in item.decisions for test in decision.tests]
-    seen = judged_as(motions, found.court.judged, found.before.model)
+    own = judged_as(motions, found.court.judged, found.before.model)
 
     def left_by(parts: Sequence[Floats]) -> Remainder:
-        return Remainder(motions, parts, seen.shown)
+        return Remainder(motions, parts, own.gap_weights)
 
     def gap_of(parts: Sequence[Floats]) -> float:
         return left_by(parts).rms
 
-    effort = effort_rms(motions, seen.shown)
+    effort = effort_rms(motions, own.gap_weights)
     shrinks = improvement(
-        *(Remainder(motions, parts, seen.weights).blocks(criteria.block) for parts in (before, after))
+        *(Remainder(motions, parts, own.weights).blocks(criteria.block) for parts in (before, after))
     )
     if fit is not found.before:
         names = ", ".join(item.accepted.candidate.name for item in found.rounds if item.accepted)
@@ -189,9 +189,9 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     if learnt:
         total = residuals(final, motions)
     whole_motions = found.state.held or found.state.learn
-    noise = noise_floor(
+    (noise,) = noise_floors(
         whole_motions, found.state.current.model, found.state.refits.judged.noise, options.seed,
-        seen.shown if has_held_out else found.court.judged.shown,
+        own.gap_weights if has_held_out else found.court.judged.gap_weights,
     )  # fmt: skip
     unnamed = _unnamed(found, criteria) if has_held_out else None
     floor = _floor(noise, [gap_of(before), gap_of(after), gap_of(total)], rest_to_judge, free, surely, unnamed)
@@ -237,15 +237,14 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         verdict, gap, tuple(effects), learnt, tuple(changed), remainder, tuple(significant), tuple(everywhere),
         tuple(afterwards[item.coordinate] for item in significant if item.coordinate in afterwards),
         detectable(found, axis, options), next_experiment(verdict, effects, significant, found, axis.units),
-        tuple(tests),
-        whole.passed and not found.is_poor, tuple(warnings), final, found, motions, before, total,
+        tuple(tests), whole.passed and not found.is_poor, tuple(warnings), final, found, motions, before, total,
         percent * gap_of(total),
     )  # fmt: skip
 
 
 def _known(found: Diagnosis, model: Model) -> Remainder:
     """Return what a model leaves of the recordings to learn from."""
-    return Remainder(found.state.learn, residuals(model, found.state.learn), found.court.judged.shown)
+    return Remainder(found.state.learn, residuals(model, found.state.learn), found.court.judged.gap_weights)
 
 
 def _ceiling(found: Diagnosis, model: Model, rest: Remainder, options: Options) -> FreeForm:
@@ -329,7 +328,7 @@ def _named(
     accepted: Sequence[Round],
     fit: Refit,
     gap: Gap,
-    gap_of: Callable[[Model], float],
+    gap_with: Callable[[Model], float],
 ) -> list[Named]:
     """Return the effects that were accepted, in their order.
 
@@ -338,7 +337,7 @@ def _named(
         accepted: rounds that named an effect.
         fit: model with all of them.
         gap: before and after.
-        gap_of: gives the gap of a model on the same recordings [%].
+        gap_with: gives the gap of a model on the same recordings [%].
     """
     if not accepted:
         return []
@@ -358,7 +357,7 @@ def _named(
         without = [one for one in fit.model.effects if one.name not in names[number + 1 :]]
         now = gap.after
         if number + 1 < len(accepted):
-            now = gap_of(replace(fit.model, effects=tuple(without)))
+            now = gap_with(replace(fit.model, effects=tuple(without)))
         others = [
             apart(item.accepted, other)
             for other in item.decisions

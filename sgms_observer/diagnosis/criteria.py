@@ -39,6 +39,10 @@ class Criteria:
     block: float = 0.5
     max_effects: int = 4
 
+    def is_noise(self, residual: float, floor: float) -> bool:
+        """Return whether an rms residual does not stand out of the floor [both in the same unit]."""
+        return residual <= self.min_gap_over_floor * floor
+
     def z_score_of(self, trials: int) -> float:
         """Return the z-score that the best of several trials needs.
 

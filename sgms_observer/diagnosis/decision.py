@@ -57,7 +57,7 @@ class Court:
         held: held-out recordings with the noise to whiten with; none where there are none.
         floor: rms weighted residual that noise and encoder leave to a perfect model on ``judge`` [N].
         first_gap: the same of the file refitted within its tolerance, before anything was added [N].
-        whole: both of these with the weights of the gap as it is reported [N].
+        reported_floor, reported_gap: the same two with the weights of the gap as it is reported [N].
         criteria: thresholds.
         seed: of the free-form regression.
     """
@@ -68,7 +68,8 @@ class Court:
     held: Judged
     floor: float
     first_gap: float
-    whole: tuple[float, float]
+    reported_floor: float
+    reported_gap: float
     criteria: Criteria
     seed: int
 
@@ -83,9 +84,9 @@ class Court:
         return self.held.weights if self.has_held_out else self.judged.weights
 
     @property
-    def shown(self) -> tuple[Floats, ...]:
+    def gap_weights(self) -> tuple[Floats, ...]:
         """Return the weights of the samples of ``judge`` in the gap as it is reported."""
-        return self.held.shown if self.has_held_out else self.judged.shown
+        return self.held.gap_weights if self.has_held_out else self.judged.gap_weights
 
     def rms(self, model: Model) -> float:
         """Return the rms weighted residual of a model on ``judge`` [N]."""
@@ -102,12 +103,14 @@ class Court:
             reported: the same with the weights of the gap as it is reported.
         """
         count = sum(len(motion.thinned(motion.time)) for motion in self.judge)
-        shares = []
-        for one, floor, first in ((gap, self.floor, self.first_gap), (reported, *self.whole)):
-            stands_out = first > self.criteria.min_gap_over_floor * floor
-            closable = (first**2 - (floor**2 if stands_out else 0.0)) * count
-            shares.append(one.fall / closable if closable > 0.0 else 0.0)
-        return min(shares)
+
+        def share(one: Improvement, floor: float, first: float) -> float:
+            closable = (first**2 - (0.0 if self.criteria.is_noise(first, floor) else floor**2)) * count
+            return one.fall / closable if closable > 0.0 else 0.0
+
+        return min(
+            share(gap, self.floor, self.first_gap), share(reported, self.reported_floor, self.reported_gap)
+        )
 
     def is_closed(self, model: Model) -> bool:
         """Return whether a model leaves nothing above the floor on ``judge``."""
@@ -125,7 +128,7 @@ class Court:
 
     def is_noise(self, residual: float) -> bool:
         """Return whether an rms weighted residual [N] does not stand out of the floor."""
-        return residual <= self.criteria.min_gap_over_floor * self.floor
+        return self.criteria.is_noise(residual, self.floor)
 
 
 @dataclass(frozen=True)
@@ -165,7 +168,7 @@ def evidence_of(found: Refit, court: Court) -> Evidence:
         learn(found, court.judged, length),
         held_out_residuals(found.model, court.held, length),
         in_blocks(weighted(left, court.weights), court.judge, length),
-        in_blocks(weighted(left, court.shown), court.judge, length),
+        in_blocks(weighted(left, court.gap_weights), court.judge, length),
     )
 
 
@@ -326,10 +329,10 @@ def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> lis
 
 def term(names: Sequence[str], model: Model, court: Court) -> FreeForm:
     """Return what a free-form term predicts of a model's residual on the recordings to judge on."""
-    learn = Remainder(court.learn, residuals(model, court.learn), court.judged.shown)
+    learn = Remainder(court.learn, residuals(model, court.learn), court.judged.gap_weights)
     judge = learn
     if court.has_held_out:
-        judge = Remainder(court.judge, residuals(model, court.judge), court.shown)
+        judge = Remainder(court.judge, residuals(model, court.judge), court.gap_weights)
     return free_form(names, learn, judge, court.criteria, court.seed)
 
 

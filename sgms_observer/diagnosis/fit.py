@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.level import PARTS_OF_THE_LEVEL, measured_level
-from sgms_observer.diagnosis.model import COULOMB, DAMPING, STATIC, Model, predict
+from sgms_observer.diagnosis.model import COULOMB, DAMPING, STATIC, Model, hidden_fall, predict
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.noise import Noise, fit_noise
+from sgms_observer.diagnosis.noise import Noise, fit_noise, loudest
 from sgms_observer.diagnosis.ranges import believable, unit_of
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
@@ -51,13 +51,13 @@ class Judged:
         motions: recordings.
         noise: of each recording.
         weights: of each recording at the rate of residuals.
-        shown: weights in the gap: little where the encoder's grid hides the force.
+        gap_weights: weights in the gap: little where the encoder's grid hides the force.
     """
 
     motions: tuple[Motion, ...]
     noise: tuple[Noise, ...]
     weights: tuple[Floats, ...]
-    shown: tuple[Floats, ...]
+    gap_weights: tuple[Floats, ...]
 
     def whitened(self, columns: Sequence[Floats]) -> Floats:
         """Return one column of all recordings, from working-rate series, in units of the noise."""
@@ -79,17 +79,14 @@ class Judged:
 
 def judged_with(motions: Sequence[Motion], model: Model) -> Judged:
     """Return motions with the noise that the model's residual has."""
-    noises, weights, shown = [], [], []
-    for motion in motions:
-        prediction = predict(model, motion)
-        doubt, hidden = motion.thinned(prediction.doubt), motion.thinned(prediction.hidden)
+    noises, doubts, hidden = [], [], [_hidden_square(model, motion) for motion in motions]
+    for motion, square in zip(motions, hidden, strict=True):
+        found = predict(model, motion)
         least = LEAST_NOISE * float(np.std(motion.effort))
-        residual = motion.low_pass(prediction.residual)
-        noise = fit_noise(residual, doubt, motion.residual_period, motion.band, least, hidden)
-        noises.append(noise)
-        weights.append(noise.weights(doubt, hidden))
-        shown.append(noise.shown(hidden))
-    return Judged(tuple(motions), tuple(noises), tuple(weights), tuple(shown))
+        residual, doubt = motion.low_pass(found.residual), motion.thinned(found.doubt)
+        noises.append(fit_noise(residual, doubt, motion.residual_period, motion.band, least, square))
+        doubts.append(doubt)
+    return _judged(motions, noises, doubts, hidden)
 
 
 def judged_as(motions: Sequence[Motion], judged: Judged, model: Model) -> Judged:
@@ -100,15 +97,24 @@ def judged_as(motions: Sequence[Motion], judged: Judged, model: Model) -> Judged
         judged: the others; the loudest noise counts.
         model: says where the contact sticks.
     """
-    loudest = max(judged.noise, key=lambda noise: noise.rms)
-    noises = tuple(replace(loudest, period=motion.residual_period) for motion in motions)
-    weights, shown = [], []
-    for motion, noise in zip(motions, noises, strict=True):
-        found = predict(model, motion)
-        doubt, hidden = motion.thinned(found.doubt), motion.thinned(found.hidden)
-        weights.append(noise.weights(doubt, hidden))
-        shown.append(noise.shown(hidden))
-    return Judged(tuple(motions), noises, tuple(weights), tuple(shown))
+    noise = loudest(judged.noise)
+    noises = [replace(noise, period=motion.residual_period) for motion in motions]
+    doubts = [motion.thinned(predict(model, motion).doubt) for motion in motions]
+    return _judged(motions, noises, doubts, [_hidden_square(model, motion) for motion in motions])
+
+
+def _judged(
+    motions: Sequence[Motion], noises: Sequence[Noise], doubts: Sequence[Floats], hidden: Sequence[Floats]
+) -> Judged:
+    """Return motions with their noise, and the weights that follow from it."""
+    weights = [noise.weights(*pair) for noise, *pair in zip(noises, doubts, hidden, strict=True)]
+    gap_weights = [noise.gap_weights(square) for noise, square in zip(noises, hidden, strict=True)]
+    return Judged(tuple(motions), tuple(noises), tuple(weights), tuple(gap_weights))
+
+
+def _hidden_square(model: Model, motion: Motion) -> Floats:
+    """Return the mean square of the force that the encoder's grid hides, evenly spread from zero on [N^2]."""
+    return motion.thinned(hidden_fall(model.friction, motion)) ** 2 / 3.0
 
 
 @dataclass(frozen=True)

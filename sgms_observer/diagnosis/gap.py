@@ -1,8 +1,8 @@
 """The gap: measured minus predicted effort, on one band, over the rms measured effort of the same samples.
 
 Where the encoder shows no motion, its grid may hide a change of the friction that is larger than the noise. No model
-can predict it from the motion, and what the controller does there is no property of the machine. Such samples count by
-what they tell.
+can predict it from the motion, and what the controller does there is no property of the machine. Such samples count the
+less, the more force is hidden.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import in_blocks
-from sgms_observer.diagnosis.fit import Judged
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.noise import Noise
+from sgms_observer.diagnosis.noise import Noise, loudest
 from sgms_observer.diagnosis.replicates import replicate_of
 
 Floats = NDArray[np.float64]
@@ -79,14 +78,14 @@ def residuals(model: Model, motions: Sequence[Motion]) -> tuple[Floats, ...]:
     return tuple(motion.low_pass(predict(model, motion).residual) for motion in motions)
 
 
-def effort_rms(motions: Sequence[Motion], shown: Sequence[Floats]) -> float:
+def effort_rms(motions: Sequence[Motion], weights: Sequence[Floats]) -> float:
     """Return the rms measured effort below the band [N].
 
     Args:
         motions: recordings.
-        shown: weights of their samples in the gap.
+        weights: of their samples in the gap.
     """
-    return rms(weighted([motion.low_pass(motion.effort) for motion in motions], shown))
+    return rms(weighted([motion.low_pass(motion.effort) for motion in motions], weights))
 
 
 def rms(parts: Sequence[Floats]) -> float:
@@ -116,11 +115,11 @@ def interval(rest: Remainder, criteria: Criteria, seed: int) -> tuple[float, flo
 
 
 def weighted(parts: Sequence[Floats], weights: Sequence[Floats]) -> tuple[Floats, ...]:
-    """Return residuals with what a sample tells as its weight: little where the contact sticks on a coarse encoder.
+    """Return series with the weight of each sample.
 
     Args:
-        parts: residual of each motion [N].
-        weights: of each motion, as for the whitened residual.
+        parts: series of each motion [N].
+        weights: of each motion.
     """
     return tuple(part * weight for part, weight in zip(parts, weights, strict=True))
 
@@ -163,26 +162,28 @@ class Remainder:
         return in_blocks(self.weighted, self.motions, length)
 
 
-def noise_floor(
-    motions: Sequence[Motion], model: Model, noise: Sequence[Noise], seed: int, weights: Sequence[Floats] | None = None
-) -> float:
-    """Return the rms residual that noise and the encoder's grid alone leave to a perfect model [N].
+def noise_floors(
+    motions: Sequence[Motion],
+    model: Model,
+    noise: Sequence[Noise],
+    seed: int,
+    *weightings: Sequence[Floats],
+) -> tuple[float, ...]:
+    """Return the rms residual that noise and the encoder's grid alone leave to a perfect model, for each weighting [N].
 
     Args:
         motions: recordings.
         model: any model of about the right friction.
         noise: of the recordings to learn from; the loudest counts.
         seed: of all chance.
-        weights: of the samples of each recording; all alike if None.
+        weightings: each the weights of the samples of each recording.
     """
-    loudest = max(noise, key=lambda item: item.rms)
     parts: list[Floats] = []
     for number in range(FLOOR_REPLICATES):
         rng = np.random.default_rng([seed, 79, number])
         for motion in motions:
-            simulated = replicate_of(motion, model, loudest, rng)
-            parts += residuals(model, [simulated])
-    return rms(parts if weights is None else weighted(parts, list(weights) * FLOOR_REPLICATES))
+            parts += residuals(model, [replicate_of(motion, model, loudest(noise), rng)])
+    return tuple(rms(weighted(parts, list(weights) * FLOOR_REPLICATES)) for weights in weightings)
 
 
 def halves(motion: Motion) -> tuple[Motion, Motion]:
@@ -196,8 +197,3 @@ def halves(motion: Motion) -> tuple[Motion, Motion]:
         for cut in cuts
     )
     return first, second
-
-
-def loudest_rms(judged: Judged) -> float:
-    """Return the rms of the loudest noise [N]."""
-    return max(item.rms for item in judged.noise)

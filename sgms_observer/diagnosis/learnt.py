@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.evidence import Improvement, improvement
-from sgms_observer.diagnosis.gap import Remainder, weighted
+from sgms_observer.diagnosis.evidence import Improvement, improvement, in_blocks
+from sgms_observer.diagnosis.gap import Remainder
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.learnt_map import LearntMap, MotionPath, learnt_coordinates
 from sgms_observer.settings.axis import EffectSettings
@@ -80,7 +80,7 @@ def learn(known: Remainder, judge: Remainder, name: str, units: Units, criteria:
         units: of the axis.
         criteria: thresholds.
     """
-    target = np.concatenate(weighted(known.residual, known.weights))
+    target = np.concatenate(known.weighted)
     found: list[tuple[Learnt, list[Floats]]] = []
     for coordinates in COORDINATES:
         empty = _empty(coordinates, known.motions, name)
@@ -96,8 +96,8 @@ def learn(known: Remainder, judge: Remainder, name: str, units: Units, criteria:
         else:
             predicted = _columns(empty, judge.motions, judge.weights).rows @ values
         parts = np.split(predicted, np.cumsum([len(part) for part in judge.residual])[:-1])
-        left = judge.less([part / weights for part, weights in zip(parts, judge.weights, strict=True)])
-        after = left.blocks(criteria.block)
+        left = [part - guess for part, guess in zip(judge.weighted, parts, strict=True)]
+        after = in_blocks(left, judge.motions, criteria.block)
         gain = improvement(judge.blocks(criteria.block), after)
         if gain.z_score >= criteria.z_score_of(len(COORDINATES)) and gain.share >= criteria.min_closed_share:
             found.append((Learnt(filled, coordinates, gain, gain.share, sentence(filled, units)), after))

@@ -157,14 +157,11 @@ class Prediction:
         friction: simulated element friction [N].
         doubt: 0 where the contact slides, 1 where it sticks or creeps and the encoder's grid decides; empty without a
             new simulation.
-        hidden: mean square of the force that the encoder's grid hides [N^2]: where it shows no motion, the contact may
-            have gone back by anything up to the play, and the force with it.
     """
 
     residual: Floats
     friction: Floats
     doubt: Floats
-    hidden: Floats
 
 
 def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) -> Prediction:
@@ -207,8 +204,7 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
     mass = model.mass + seen.added_mass
     needed = mass * seen.acceleration + friction.viscous_coefficient * seen.velocity + elements + seen.force
     command = needed_command(on_path, needed, motion)
-    hidden = np.where(motion.still, fall_after_reversal(friction, 2.0 * PLAY * motion.resolution) ** 2 / 3.0, 0.0)
-    return Prediction(motion.effort - command, elements, doubt, hidden)
+    return Prediction(motion.effort - command, elements, doubt)
 
 
 def needed_command(on_path: Sequence[EffectSettings], needed: Floats, motion: Motion) -> Floats:
@@ -309,6 +305,18 @@ def stribeck(friction: FrictionSettings, position: Floats, period: float) -> Flo
     """Return the level of sliding friction along a motion [N]."""
     speed = np.concatenate(([0.0], np.diff(position))) / period
     return np.asarray(stribeck_level(speed, friction.static_force, friction.coulomb_force, friction.stribeck_velocity))
+
+
+def hidden_fall(friction: FrictionSettings, motion: Motion) -> Floats:
+    """Return by how much friction may have fallen at each sample without the encoder showing it [N].
+
+    Where the encoder shows no motion, the contact may have gone back by anything up to the play.
+
+    Args:
+        friction: of the contact.
+        motion: the recording.
+    """
+    return np.where(motion.still, fall_after_reversal(friction, 2.0 * PLAY * motion.resolution), 0.0)
 
 
 def fall_after_reversal(friction: FrictionSettings, distance: float) -> float:

@@ -10,6 +10,7 @@ stiffness, whether or not the recordings to learn from rest.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -68,7 +69,7 @@ class Noise:
         """
         return self._smoothed(np.maximum(self.stick * doubt**2, self._over_noise(hidden)))
 
-    def shown(self, hidden: Floats) -> Floats:
+    def gap_weights(self, hidden: Floats) -> Floats:
         """Return what residuals are multiplied with in the gap: little where the encoder's grid hides the force.
 
         Args:
@@ -104,13 +105,13 @@ class Noise:
         return np.concatenate([spectrum.real, spectrum.imag[1:]])
 
 
+def loudest(noise: Sequence[Noise]) -> Noise:
+    """Return the noise with the largest rms."""
+    return max(noise, key=lambda one: one.rms)
+
+
 def fit_noise(
-    residual: Floats,
-    doubt: Floats,
-    period: float,
-    band: float,
-    least: float = 0.0,
-    hidden: Floats | float = 0.0,
+    residual: Floats, doubt: Floats, period: float, band: float, least: float = 0.0, hidden: Floats | float = 0.0
 ) -> Noise:
     """Fit the noise of a residual.
 
@@ -122,17 +123,16 @@ def fit_noise(
         least: rms below which nobody measures a force [N]; white.
         hidden: mean square of the force that the encoder's grid hides, at the same rate [N^2].
     """
-    stick = _stick_share(residual, doubt, period)
-    lowest = LOWEST_CORNER * band
-    found = _spectrum_fit(residual, Noise(period, 1.0, lowest, 0.0, stick, band).weights(doubt), period, band, stick)
+    start = Noise(period, 1.0, LOWEST_CORNER * band, 0.0, _stick_share(residual, doubt, period), band)
+    found = _with_spectrum(start, residual, start.weights(doubt))
     if np.any(hidden):
-        found = _spectrum_fit(residual, found.weights(doubt, hidden), period, band, stick)
+        found = _with_spectrum(start, residual, found.weights(doubt, hidden))
     return replace(found, white=found.white + least**2 / (2.0 * band))
 
 
-def _spectrum_fit(residual: Floats, weights: Floats, period: float, band: float, stick: float) -> Noise:
-    """Return the noise whose spectrum a weighted residual has."""
-    lowest = LOWEST_CORNER * band
+def _with_spectrum(start: Noise, residual: Floats, weights: Floats) -> Noise:
+    """Return a noise with the spectrum that the weighted residual has."""
+    period, band, lowest = start.period, start.band, start.corner
     centred = residual - np.median(residual)
     spectrum = np.abs(np.fft.rfft(centred * weights)) ** 2 * period / max(float(np.sum(weights**2)), 1.0)
     frequency = np.fft.rfftfreq(len(residual), period)
@@ -157,7 +157,7 @@ def _spectrum_fit(residual: Floats, weights: Floats, period: float, band: float,
         key=lambda found: float(found.cost),
     )
     low, corner, white = np.exp(best.x)
-    return Noise(period, float(low), float(corner), float(white), stick, band)
+    return replace(start, low=float(low), corner=float(corner), white=float(white))
 
 
 def _stick_share(residual: Floats, doubt: Floats, period: float) -> float:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.model import Model, hidden_fall, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.noise import Noise
 from sgms_observer.offline.recording import Recording
@@ -31,8 +31,8 @@ def replicate_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Gene
     found = predict(model, motion)
     needed = motion.effort - found.residual
     rest = np.cumsum(np.diff(motion.still, prepend=False) & motion.still)
-    gone_back = rng.uniform(0.0, 1.0, rest[-1] + 1)[rest] * np.sqrt(3.0 * found.hidden)
-    effort = needed - np.sign(found.friction) * gone_back + coloured(noise, len(needed), motion.period, rng)
+    fallen = rng.uniform(0.0, 1.0, rest[-1] + 1)[rest] * hidden_fall(model.friction, motion)
+    effort = needed - np.sign(found.friction) * fallen + coloured(noise, len(needed), motion.period, rng)
     position = motion.position
     if motion.resolution > 0.0:
         shift = rng.uniform(0.0, motion.resolution)

@@ -25,7 +25,7 @@ from sgms_observer.diagnosis.decision import (
 )
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_as, judged_with
-from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
+from sgms_observer.diagnosis.gap import noise_floors, residuals, rms, weighted
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD, Motion, motion_of
@@ -142,15 +142,13 @@ class State:
         judge = self.held or self.learn
         held = judged_as(self.held, judged, self.current.model)
         own = held if self.held else judged
+        weightings = own.weights, own.gap_weights
+        floor, reported_floor = noise_floors(judge, self.current.model, judged.noise, options.seed, *weightings)
         left = residuals(first or self.current.model, judge)
-        (floor, gap), whole = (
-            (
-                noise_floor(judge, self.current.model, judged.noise, options.seed, weights),
-                rms(weighted(left, weights)),
-            )
-            for weights in (own.weights, own.shown)
+        gap, reported_gap = (rms(weighted(left, weights)) for weights in weightings)
+        return Court(
+            self.learn, judge, judged, held, floor, gap, reported_floor, reported_gap, options.criteria, options.seed
         )
-        return Court(self.learn, judge, judged, held, floor, gap, whole, options.criteria, options.seed)
 
 
 @dataclass(frozen=True)
@@ -304,7 +302,7 @@ def narrowed(state: State, options: Options) -> State:
     pair = (earlier.held, later.held) if court.has_held_out else (earlier.all, later.all)
     is_sure = improvement(*pair).z_score > options.criteria.min_z_score
     wide_gap, narrow_gap = (
-        rms(weighted(residuals(one.current.model, court.judge), court.shown)) for one in (state, narrow)
+        rms(weighted(residuals(one.current.model, court.judge), court.gap_weights)) for one in (state, narrow)
     )
     return state if is_sure and wide_gap <= narrow_gap else narrow
 

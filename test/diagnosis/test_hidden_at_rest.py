@@ -32,13 +32,13 @@ def resting(step: float, is_released: bool) -> Motion:
 
 def test_samples_at_rest_count_little_on_a_coarse_grid_only() -> None:
     motion = resting(COARSE, is_released=False)
-    (shown,) = judged_with((motion,), MODEL).shown
+    (weights,) = judged_with((motion,), MODEL).gap_weights
     still = motion.thinned(motion.still)
     assert 0.05 < np.mean(still) < 0.5
-    assert np.median(shown[still]) < 0.2
-    assert np.median(shown[~still]) == 1.0
+    assert np.median(weights[still]) < 0.2
+    assert np.median(weights[~still]) == 1.0
     fine = resting(1.0e-10, is_released=False)
-    assert np.min(judged_with((fine,), MODEL).shown[0]) > 0.99
+    assert np.min(judged_with((fine,), MODEL).gap_weights[0]) > 0.99
 
 
 def test_the_fall_after_a_reversal_is_masings() -> None:
@@ -54,8 +54,8 @@ def test_the_fall_after_a_reversal_is_masings() -> None:
 
 def test_a_ripple_closes_the_gap_although_the_effort_falls_at_rest() -> None:
     motion = resting(COARSE, is_released=True)
-    (shown,) = judged_with((motion,), MODEL).shown
+    (weights,) = judged_with((motion,), MODEL).gap_weights
     plain, rippled = (residuals(model, (motion,)) for model in (MODEL, MODEL.with_effects([COGGING])))
     alike = rms(rippled) / rms(plain)
-    told = rms(weighted(rippled, (shown,))) / rms(weighted(plain, (shown,)))
+    told = rms(weighted(rippled, (weights,))) / rms(weighted(plain, (weights,)))
     assert told**2 < 0.5 < alike**2  # more than half of the squared gap, or less

@@ -7,7 +7,7 @@ import numpy as np
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.decision import Court
 from sgms_observer.diagnosis.fit import judged_as, judged_with
-from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
+from sgms_observer.diagnosis.gap import noise_floors, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.offline.recording import Recording
@@ -79,7 +79,7 @@ def court_of(learn: Sequence[Motion], truth: Model, held: Sequence[Motion] = (),
     judge = tuple(held) or tuple(learn)
     unseen = judged_as(held, judged, truth)
     weights = unseen.weights if held else judged.weights
-    lowest = noise_floor(judge, truth, judged.noise, 1, weights) if floor is None else floor
+    lowest = noise_floors(judge, truth, judged.noise, 1, weights)[0] if floor is None else floor
     left = residuals(Model.of(AXIS), judge)
-    first, whole = rms(weighted(left, weights)), (lowest, rms(left))
-    return Court(tuple(learn), judge, judged, unseen, lowest, first, whole, Criteria(), 1)
+    first = rms(weighted(left, weights))
+    return Court(tuple(learn), judge, judged, unseen, lowest, first, lowest, rms(left), Criteria(), 1)

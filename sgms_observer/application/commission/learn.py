@@ -31,7 +31,7 @@ from sgms_observer.application.commission.session import (
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.identify import IdentifyJob, identify_bags
 from sgms_observer.diagnosis.fit import judged_with
-from sgms_observer.diagnosis.gap import effort_rms, residuals, rms, weighted
+from sgms_observer.diagnosis.gap import Remainder, effort_rms, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.errors import DataError
@@ -167,8 +167,8 @@ def unexplained(bag: str, axis: AxisSettings) -> float:
     band = choose_band(pieces, axis).corner
     motions = [motion_of(piece, band=band) for piece in pieces]
     model = Model.of(axis)
-    shown = judged_with(motions, model).shown
-    return rms(weighted(residuals(model, motions), shown)) / effort_rms(motions, shown)
+    weights = judged_with(motions, model).gap_weights
+    return Remainder(motions, residuals(model, motions), weights).rms / effort_rms(motions, weights)
 
 
 def load_motion(session: Session, name: str) -> Motion:
