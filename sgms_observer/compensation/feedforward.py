@@ -235,7 +235,7 @@ def _compensate_block(
     effects_factor: Floats,
     out: Floats,
 ) -> None:
-    """Call ``_compensate`` from Python: nothing but arrays, whose types numba sees four times as fast as a tuple's."""
+    """Call ``_compensate`` from Python with nothing but arrays: to see a named tuple's type takes numba 2 us a call."""
     path = ActuatorPath(
         path_kinds, path_p_at, path_parameters, path_numbers[0], path_numbers[1], path_numbers[2]
     )

@@ -91,7 +91,11 @@ class AllAxes:
         return {number: observed.estimates() for number, observed in self.observe(blocks).items()}
 
     def observe(self, blocks: Mapping[int, Samples]) -> dict[int, Observed]:
-        """Do all of ``step`` but the estimates' arrangement by name; arguments as there."""
+        """Do all of ``step`` but the estimates' arrangement by name, for whoever sends the compensation first.
+
+        Args:
+            blocks: number of the axis to its samples.
+        """
         if not self._other:
             return {number: self.observers[number].observe(samples) for number, samples in blocks.items()}
         filtered: dict[int, FilteredBlock] = {}

@@ -161,7 +161,12 @@ class AxisObserver:
         return self.observe(samples, other).estimates()
 
     def observe(self, samples: Samples, other: OtherMotion | None = None) -> Observed:
-        """Do all of ``step`` but the estimates' arrangement by name; arguments as there."""
+        """Do all of ``step`` but the estimates' arrangement by name, for whoever sends the compensation first.
+
+        Args:
+            samples: as for ``step``.
+            other: as for ``step``.
+        """
         return self.estimate(self.filter(samples), other)
 
     def filter(self, samples: Samples) -> FilteredBlock:
