@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from functools import partial
 
@@ -15,7 +15,7 @@ from sim_plant.table import SimulatedTable
 ObserverStep = Callable[[Samples], Estimates]
 """What turns the newest samples of one axis into estimates; ``AxisObserver.step`` is one."""
 
-TableObserver = Callable[[Mapping[int, Samples]], Iterable[tuple[int, Estimates]]]
+TableObserver = Callable[[Mapping[int, Samples]], Mapping[int, Estimates]]
 """The same for all axes together, by number; ``AllAxes.step`` is one."""
 
 
@@ -82,7 +82,7 @@ class ClosedLoop:
 
     def _observe(self, records: Sequence[StageRecord]) -> tuple[Estimates, ...]:
         if self._together is not None:
-            found = dict(self._together({number: record.samples for number, record in enumerate(records)}))
+            found = self._together({number: record.samples for number, record in enumerate(records)})
             return tuple(found[number] for number in range(len(records)))
         return tuple(observe(record.samples) for observe, record in zip(self._observers, records, strict=True))
 

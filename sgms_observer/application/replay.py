@@ -100,7 +100,7 @@ def replay_bag(
 
         observers = AllAxes(settings.axes, settings.sample_period)
         outgoing = Outgoing(settings)
-        observed = (dict(observers.step(block)) for block in samples)
+        observed = (observers.step(block) for block in samples)
         with BagWriter(out, storage, is_overwriting=is_overwriting) as written, beside(observed, _WAITING) as blocks:
             for estimates in blocks:
                 for number, estimate in estimates.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 
@@ -123,7 +123,7 @@ def _observed(settings: Settings, table: SimulatedTable) -> TableStep:
     scales = [axis.scales for axis in settings.axes]
     if observers.is_coupled:
 
-        def together(blocks: Mapping[int, Samples]) -> Iterator[tuple[int, Estimates]]:
+        def together(blocks: Mapping[int, Samples]) -> Mapping[int, Estimates]:
             return observers.step({i: block.in_topic_units(scales[i]).in_si(scales[i]) for i, block in blocks.items()})
 
         steps: TableObserver | list[ObserverStep] = together

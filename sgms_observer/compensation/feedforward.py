@@ -216,6 +216,35 @@ def _compensate(
         out[k] = state[OUTPUT]
 
 
+@njit
+def _compensate_block(
+    state: Floats,
+    carried: Floats,
+    carried_modes: Integers,
+    scalars: Floats,
+    elements: Floats,
+    kinds: Floats,
+    path_kinds: Integers,
+    path_p_at: Integers,
+    path_parameters: Floats,
+    path_numbers: Floats,
+    motion: Floats,
+    results: Floats,
+    ahead: Floats,
+    effects_force: Floats,
+    effects_factor: Floats,
+    out: Floats,
+) -> None:
+    """Call ``_compensate`` from Python with nothing but arrays: to see a named tuple's type takes numba 2 us a call."""
+    path = ActuatorPath(
+        path_kinds, path_p_at, path_parameters, path_numbers[0], path_numbers[1], path_numbers[2]
+    )
+    _compensate(
+        state, carried, carried_modes, scalars, elements, kinds, path, motion, results, ahead,
+        effects_force, effects_factor, out,
+    )  # fmt: skip
+
+
 class Compensator:
     """Compensation of one axis, block by block; the split into blocks does not change a bit.
 
@@ -257,6 +286,12 @@ class Compensator:
         self._carried = np.zeros(n_z)
         self._modes = np.zeros(n_z, dtype=np.int64)
         self._memory = np.zeros(MEMORY_SIZE)
+        path = self._path
+        numbers = np.array([path.delay, path.mass, path.added_mass])
+        self._fixed = (
+            *(self._state, self._carried, self._modes, model.scalars, model.elements, self._kinds),
+            *(path.kinds, path.p_at, path.parameters, numbers),
+        )
         self.configure(settings)
 
     def configure(self, settings: CompensationSettings) -> None:
@@ -276,6 +311,8 @@ class Compensator:
             settings.fade_std,
             settings.timeout,
         )
+        time, standstill, at_rest = self._state[[LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL]].tolist()
+        self._reach: tuple[float, float, float] = time, standstill, at_rest
 
     @property
     def path(self) -> ActuatorPath:
@@ -344,8 +381,7 @@ class Compensator:
             Columns as named in ``motion_ahead`` [SI units], shape (n, AHEAD_WIDTH).
         """
         ahead = np.empty((len(motion), AHEAD_WIDTH))
-        time, standstill, at_rest = self._state[[LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL]]
-        look_ahead_block(self._memory, time, standstill, at_rest, motion, reference_position, reference_velocity, ahead)
+        look_ahead_block(self._memory, *self._reach, motion, reference_position, reference_velocity, ahead)
         return ahead
 
     @property
@@ -406,19 +442,5 @@ class Compensator:
             The force to add to the controller's output [N], shape (n,).
         """
         out = np.empty(len(motion))
-        _compensate(
-            self._state,
-            self._carried,
-            self._modes,
-            self._model.scalars,
-            self._model.elements,
-            self._kinds,
-            self._path,
-            motion,
-            results,
-            ahead,
-            effects_force,
-            effects_factor,
-            out,
-        )
+        _compensate_block(*self._fixed, motion, results, ahead, effects_force, effects_factor, out)
         return out

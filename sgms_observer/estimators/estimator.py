@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,7 @@ _REAL_TIME_TOLERANCE = 1e-12
 _SMALLEST_PROCESS_STD = 1e-6  # N; a model without any doubt makes the window's weights infinite
 
 
-@dataclass(frozen=True)
-class Results:
+class Results(NamedTuple):
     """What the estimator says of a block of n samples; row i belongs to sample i's own stamp.
 
     Args:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,7 @@ def row_width(delay_samples: int) -> int:
     return LEAD + 2 * delay_samples
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """Filtered motion of n samples; row i was returned with sample i and belongs to the *instant* ``delay`` before it.
 
     Args:

@@ -3,15 +3,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from sgms_observer.nodes.horizons import HorizonExchange
 from sgms_observer.nodes.intake import Intake
@@ -20,12 +15,10 @@ from sgms_observer.observer.all_axes import AllAxes
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.learnt import learnt_changes, learnt_remarks
 from sgms_observer.observer.outgoing import Outgoing, OutgoingBlock, ParameterReport
-from sgms_observer.observer.samples import Estimates, Floats, Samples
+from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.observer.trial import run_all_kernels
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.write import write_settings
-
-Stamps = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -63,12 +56,6 @@ class Engine:
         self.latest: dict[int, Estimates] = {}
         self.intake = Intake(settings.scales, settings.sample_period)
         self.horizons = HorizonExchange(settings, self._all_axes)
-        for number, observer in enumerate(self.observers):
-            observer.on_compensation = partial(self._take_compensation, number)
-        self._send: Callable[[OutgoingBlock], None] | None = None
-        self._forces: dict[int, tuple[Stamps, Floats]] = {}
-        self._expected = 0
-        self._is_sent = False
         self._outgoing = Outgoing(settings)
 
     def warm_up(self) -> None:
@@ -86,32 +73,23 @@ class Engine:
         blocks: list[OutgoingBlock] = []
         reports: list[ParameterReport] = []
         estimates: dict[int, Estimates] = {}
-        self._send = send
         for group in self._groups():
-            estimates = {}
-            self._forces, self._expected, self._is_sent = {}, len(group), False
-            start = time.perf_counter()
-            for number, block in self._all_axes.step(group):
-                self.clock.add(time.perf_counter() - start, len(group[number].stamp_ns))
-                estimates[number] = self.latest[number] = block
-                start = time.perf_counter()
-            if not self._is_sent:
+            observed = self._all_axes.observe(group)
+            compensation = self._outgoing.compensation_of_all(observed) if send is not None else None
+            if send is not None and compensation is not None:
+                send(compensation)
+            estimates = {number: found.estimates() for number, found in observed.items()}
+            self.latest.update(estimates)
+            for found in observed.values():
+                self.clock.add(found.seconds, len(found.stamp_ns))
+            if compensation is None:
                 for outgoing in self._outgoing.compensations(estimates):
                     blocks.append(outgoing) if send is None else send(outgoing)
             blocks += self._outgoing.others(estimates)
-            for number, found in estimates.items():
-                self.statistics[number].add(found)
+            for number, block in estimates.items():
+                self.statistics[number].add(block)
             reports += self._outgoing.reports(estimates)
         return Processed(estimates, blocks, reports)
-
-    def _take_compensation(self, number: int, stamps: Stamps, forces: Floats) -> None:
-        """Send the compensations of a group as soon as its last axis has its own."""
-        self._forces[number] = stamps, forces
-        if self._send is not None and len(self._forces) == self._expected:
-            block = self._outgoing.compensation_of_all(self._forces)
-            if block is not None:
-                self._is_sent = True
-                self._send(block)
 
     def _groups(self) -> list[dict[int, Samples]]:
         """Return the new samples by axis; a second block of an axis, after a reset of the clock, comes later."""

@@ -74,37 +74,49 @@ class Intake:
         self._known: dict[tuple[str, ...], _Places] = {}
         self._decoders = {topic: JointStateDecoder() for topic in ("position", "control_effort", "reference")}
 
-    def position(self, message: bytes) -> None:
+    def position(self, message: bytes) -> bool:
         """Take in a message of the topic ``position``, as bytes.
 
         Args:
             message: a serialized JointState.
-        """
-        self._take("position", message, _push_position)
 
-    def effort(self, message: bytes) -> None:
+        Returns:
+            Whether ``pop`` would yield anything of the axes that it names.
+        """
+        return self._take("position", message, _push_position)
+
+    def effort(self, message: bytes) -> bool:
         """Take in a message of the topic ``control_effort``, as bytes.
 
         Args:
             message: a serialized JointState.
-        """
-        self._take("control_effort", message, _push_effort)
 
-    def position_and_effort(self, message: bytes) -> None:
+        Returns:
+            Whether ``pop`` would yield anything of the axes that it names.
+        """
+        return self._take("control_effort", message, _push_effort)
+
+    def position_and_effort(self, message: bytes) -> bool:
         """Take in a message of a topic that is ``position`` and ``control_effort`` at once, as bytes.
 
         Args:
             message: a serialized JointState.
-        """
-        self._take("position", message, _push_both)
 
-    def reference(self, message: bytes) -> None:
+        Returns:
+            Whether ``pop`` would yield anything of the axes that it names.
+        """
+        return self._take("position", message, _push_both)
+
+    def reference(self, message: bytes) -> bool:
         """Take in a message of the topic ``reference``, as bytes.
 
         Args:
             message: a serialized JointState.
+
+        Returns:
+            Whether ``pop`` would yield anything of the axes that it names.
         """
-        self._take("reference", message, _push_reference)
+        return self._take("reference", message, _push_reference)
 
     def pop(self) -> Iterator[tuple[int, Samples]]:
         """Yield the number of an axis and its complete samples, until there are no more."""
@@ -112,27 +124,25 @@ class Intake:
             while (samples := pairing.pop()) is not None:
                 yield number, samples
 
-    @property
-    def has_samples(self) -> bool:
-        """Return whether ``pop`` would yield anything."""
-        return any(pairing.has_samples for pairing in self.pairings)
-
-    def _take(self, topic: str, message: bytes, push: _Push) -> None:
+    def _take(self, topic: str, message: bytes, push: _Push) -> bool:
         self.counts.messages += 1
         try:
             stamp, names, position, velocity, effort = self._decoders[topic].decode(message)
         except DataError:
             self.counts.malformed += 1
-            return
+            return False
         places = self._known.get(names)
         if places is None:
             places = self._find(names)
         if not places:
             self.counts.foreign += 1
-            return
+            return False
+        has_samples = False
         for pairing, place in places:
             if not push(pairing, place, stamp, position, velocity, effort):
                 self.counts.short += 1
+            has_samples = has_samples or pairing.has_samples
+        return has_samples
 
     def _find(self, names: tuple[str, ...]) -> _Places:
         """Return each axis's pairing with its place in this list of names, and remember it."""

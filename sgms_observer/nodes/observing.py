@@ -191,24 +191,20 @@ class ObserverNode(ManagedNode):
         return self._engine
 
     def _on_position(self, message: bytes) -> None:
-        if self.is_active:
-            self._working_engine().intake.position(message)
-            self._schedule()
+        if self.is_active and self._engine is not None:
+            self._schedule(self._engine.intake.position(message))
 
     def _on_effort(self, message: bytes) -> None:
-        if self.is_active:
-            self._working_engine().intake.effort(message)
-            self._schedule()
+        if self.is_active and self._engine is not None:
+            self._schedule(self._engine.intake.effort(message))
 
     def _on_both(self, message: bytes) -> None:
-        if self.is_active:
-            self._working_engine().intake.position_and_effort(message)
-            self._schedule()
+        if self.is_active and self._engine is not None:
+            self._schedule(self._engine.intake.position_and_effort(message))
 
     def _on_reference(self, message: bytes) -> None:
-        if self.is_active:
-            self._working_engine().intake.reference(message)
-            self._schedule()
+        if self.is_active and self._engine is not None:
+            self._schedule(self._engine.intake.reference(message))
 
     def _on_reference_horizon(self, message: bytes) -> None:
         if self.is_active:
@@ -217,9 +213,9 @@ class ObserverNode(ManagedNode):
             if not engine.horizons.take_reference(message, self.get_clock().now().nanoseconds):
                 engine.intake.counts.malformed += 1
 
-    def _schedule(self) -> None:
+    def _schedule(self, has_samples: bool) -> None:
         """Have complete samples processed: at once, or behind the events that wait already where there may be some."""
-        if self._is_scheduled or not self._working_engine().intake.has_samples:
+        if self._is_scheduled or not has_samples:
             return
         if time.monotonic() - self._idle_since > self._surely_idle:
             self._process()
@@ -251,10 +247,10 @@ class ObserverNode(ManagedNode):
 
         A stamp that is far from this node's clock belongs to another one: nobody knows how old it is.
         """
-        age_ns = time.time_ns() - block.stamp_ns  # twenty times as quick as the node's own clock
-        self._is_late = self._oldest_ns < age_ns[-1] < _OWN_CLOCK_NS
-        if age_ns[0] > self._oldest_ns:
-            late = np.count_nonzero((age_ns > self._oldest_ns) & (age_ns < _OWN_CLOCK_NS))
+        now, stamps = time.time_ns(), block.stamp_ns  # twenty times as quick as the node's own clock
+        self._is_late = self._oldest_ns < now - int(stamps[-1]) < _OWN_CLOCK_NS
+        if now - int(stamps[0]) > self._oldest_ns:
+            late = np.count_nonzero((now - stamps > self._oldest_ns) & (now - stamps < _OWN_CLOCK_NS))
             self._working_engine().intake.counts.too_late += int(late)
         if self._topics is not None:
             self._topics.publish(block, is_heard=True)

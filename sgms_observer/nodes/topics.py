@@ -89,7 +89,7 @@ class JointStateTopics:
         if encoder is None:
             encoder = self._encoders[block.topic, block.names] = JointStateEncoder(block.names, tuple(block.values))
         if len(block.stamp_ns) == 1:
-            publish(encoder.encode(int(block.stamp_ns[0]), *(values[0].tolist() for values in block.values.values())))
+            publish(encoder.encode(int(block.stamp_ns[0]), *[values[0].tolist() for values in block.values.values()]))
             return
         columns = [values.tolist() for values in block.values.values()]
         for stamp, *fields in zip(block.stamp_ns.tolist(), *columns, strict=True):

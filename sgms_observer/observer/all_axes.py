@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.compensation.horizon import Horizon, KnownMotion
-from sgms_observer.observer.axis_observer import AxisObserver, FilteredBlock, OtherMotion
+from sgms_observer.observer.axis_observer import AxisObserver, FilteredBlock, Observed, OtherMotion
 from sgms_observer.observer.samples import Estimates, Floats, Samples
 from sgms_observer.settings.axis import AxisSettings, coupled_number
 
@@ -82,25 +82,33 @@ class AllAxes:
             observer.reset()
         self._tracks = {other: _Track() for other in self._tracks}
 
-    def step(self, blocks: Mapping[int, Samples]) -> Iterator[tuple[int, Estimates]]:
-        """Take in one block of each axis that has one, and yield each axis's number with its estimates.
+    def step(self, blocks: Mapping[int, Samples]) -> dict[int, Estimates]:
+        """Take in one block of each axis that has one, and return each axis's number with its estimates.
+
+        Args:
+            blocks: number of the axis to its samples.
+        """
+        return {number: observed.estimates() for number, observed in self.observe(blocks).items()}
+
+    def observe(self, blocks: Mapping[int, Samples]) -> dict[int, Observed]:
+        """Do all of ``step`` but the estimates' arrangement by name, for whoever sends the compensation first.
 
         Args:
             blocks: number of the axis to its samples.
         """
         if not self._other:
-            for number, samples in blocks.items():
-                yield number, self.observers[number].step(samples)
-            return
+            return {number: self.observers[number].observe(samples) for number, samples in blocks.items()}
         filtered: dict[int, FilteredBlock] = {}
         for number, samples in blocks.items():
             filtered[number] = self.observers[number].filter(samples)
             if number in self._tracks:
                 self._tracks[number].add(samples.stamp_ns, filtered[number].as_other())
+        observed = {}
         for number, block in filtered.items():
             other = self._other.get(number)
             motion = None if other is None else self._tracks[other].at(block.samples.stamp_ns)
-            yield number, self.observers[number].estimate(block, motion)
+            observed[number] = self.observers[number].estimate(block, motion)
+        return observed
 
     def horizons(
         self,

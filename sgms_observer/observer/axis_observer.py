@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,7 +14,7 @@ from sgms_observer.compensation.horizon import Horizon, KnownMotion, grid_of
 from sgms_observer.compensation.motion_ahead import AHEAD_ACCELERATION, AHEAD_POSITION, AHEAD_VELOCITY
 from sgms_observer.compensation.trust import standstill_velocity
 from sgms_observer.effects.compiled import CompiledEffects
-from sgms_observer.estimators.estimator import Estimator
+from sgms_observer.estimators.estimator import Estimator, Results
 from sgms_observer.estimators.interval import stribeck_level
 from sgms_observer.estimators.layout import COULOMB, STATIC, STRIBECK, Floats, ModelArrays
 from sgms_observer.filters.differentiator import Differentiator
@@ -70,16 +69,50 @@ class FilteredBlock(NamedTuple):
         return OtherMotion(motion.velocity, motion.acceleration, ahead[:, AHEAD_VELOCITY], ahead[:, AHEAD_ACCELERATION])
 
 
+class Observed(NamedTuple):
+    """A block after ``AxisObserver.observe``: its compensation can be sent before anything else is made of it.
+
+    Attributes:
+        stamp_ns: sample time [ns], shape (n,).
+        motion: filtered motion.
+        results: of the estimator.
+        compensation: feedforward to add to the controller's output [N], shape (n,).
+        seconds: time that all of it took [s].
+    """
+
+    stamp_ns: NDArray[np.int64]
+    motion: Motion
+    results: Results
+    compensation: Floats
+    seconds: float
+
+    def estimates(self) -> Estimates:
+        """Return what is published and recorded of the block."""
+        motion, results = self.motion, self.results
+        return Estimates.of(
+            stamp_ns=self.stamp_ns,
+            position=motion.present_position,
+            velocity=motion.present_velocity,
+            acceleration=motion.present_acceleration,
+            friction=results.friction,
+            friction_std=results.friction_std,
+            element_force=results.element_force,
+            element_deflection=results.element_deflection,
+            parameters=results.parameters,
+            parameter_std=results.parameter_std,
+            innovation=results.innovation,
+            innovation_std=results.innovation_std,
+            compensation=self.compensation,
+            status=results.status,
+        )
+
+
 class AxisObserver:
     """Blocks V, Y, Z and F of the paper's Fig. 4 for one axis, and the compensation.
 
     Args:
         axis: checked settings of the axis.
         sample_period: nominal time between two samples [s].
-
-    Attributes:
-        on_compensation: told stamps [ns] and compensations [N] of each block as soon as they are there, before anything
-            else is made of them.
 
     Raises:
         ConfigurationError: if the settings do not fit the sample period.
@@ -103,7 +136,6 @@ class AxisObserver:
         self._ahead_state = self.effects.initial_state()
         self._origin_ns: int | None = None
         self._latest_effort = 0.0
-        self.on_compensation: Callable[[NDArray[np.int64], Floats], None] | None = None
         self._zeros, self._ones = np.zeros(1), np.ones(1)
 
     def reset(self) -> None:
@@ -126,10 +158,19 @@ class AxisObserver:
         Returns:
             Estimates, one row per sample; the same bits for any split of the samples into blocks.
         """
+        return self.observe(samples, other).estimates()
+
+    def observe(self, samples: Samples, other: OtherMotion | None = None) -> Observed:
+        """Do all of ``step`` but the estimates' arrangement by name, for whoever sends the compensation first.
+
+        Args:
+            samples: as for ``step``.
+            other: as for ``step``.
+        """
         return self.estimate(self.filter(samples), other)
 
     def filter(self, samples: Samples) -> FilteredBlock:
-        """Do the first half of ``step``: what needs no other axis.
+        """Do the first half of ``observe``: what needs no other axis.
 
         Args:
             samples: as for ``step``.
@@ -144,15 +185,15 @@ class AxisObserver:
         ahead = self.compensator.look_ahead(motion.table, samples.reference_position, samples.reference_velocity)
         return FilteredBlock(samples, motion, ahead, time.perf_counter() - start)
 
-    def estimate(self, block: FilteredBlock, other: OtherMotion | None = None) -> Estimates:
-        """Do the second half of ``step``.
+    def estimate(self, block: FilteredBlock, other: OtherMotion | None = None) -> Observed:
+        """Do the second half of ``observe``.
 
         Args:
             block: from ``filter``.
             other: as for ``step``.
 
         Returns:
-            As ``step``.
+            As ``observe``.
         """
         start = time.perf_counter()
         samples, motion, ahead = block.samples, block.motion, block.ahead
@@ -168,24 +209,7 @@ class AxisObserver:
         if self.effects.has_force_or_level:
             force, factor = self._effects_ahead(samples, motion, ahead, other)
         compensation = self.compensator.step_tables(motion.table, results.table, ahead, force, factor)
-        if self.on_compensation is not None:
-            self.on_compensation(samples.stamp_ns, compensation)
-        return Estimates.of(
-            stamp_ns=samples.stamp_ns,
-            position=motion.present_position,
-            velocity=motion.present_velocity,
-            acceleration=motion.present_acceleration,
-            friction=results.friction,
-            friction_std=results.friction_std,
-            element_force=results.element_force,
-            element_deflection=results.element_deflection,
-            parameters=results.parameters,
-            parameter_std=results.parameter_std,
-            innovation=results.innovation,
-            innovation_std=results.innovation_std,
-            compensation=compensation,
-            status=results.status,
-        )
+        return Observed(samples.stamp_ns, motion, results, compensation, block.seconds + time.perf_counter() - start)
 
     def horizon(
         self, latest: Estimates, known: KnownMotion, reach: float, other: KnownMotion | None = None
@@ -238,10 +262,10 @@ class AxisObserver:
         return bool(abs(known.at(np.array([stamp]))[0][0] - self.compensator.set_point) <= allowed)
 
     def _no_effects(self, count: int) -> tuple[Floats, Floats]:
-        """Return a force of zero [N] and a factor of one on the Stribeck level, from arrays that are made once."""
-        if len(self._zeros) < count:
+        """Return no force [N] and a factor of one on the Stribeck level; the same arrays while blocks are as long."""
+        if len(self._zeros) != count:
             self._zeros, self._ones = np.zeros(count), np.ones(count)
-        return self._zeros[:count], self._ones[:count]
+        return self._zeros, self._ones
 
     def _effects_on(self, samples: Samples, motion: Motion, other: OtherMotion | None) -> tuple[Floats, Floats]:
         """Return the effects' force [N] and factor on the Stribeck level at the rows' instants."""

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.observer.axis_observer import Observed
 from sgms_observer.observer.samples import Estimates
 from sgms_observer.settings.axis import Settings
 
@@ -29,8 +31,7 @@ PARAMETERS_EVERY_NS = 100_000_000
 """Sample time from one message of ``friction_parameters`` to the next [ns]."""
 
 
-@dataclass(frozen=True)
-class OutgoingBlock:
+class OutgoingBlock(NamedTuple):
     """n JointStates of one topic.
 
     Attributes:
@@ -74,6 +75,7 @@ class Outgoing:
 
     def __init__(self, settings: Settings) -> None:
         self._axes = tuple(axis.name for axis in settings.axes)
+        self._alone = tuple((name,) for name in self._axes)
         self._elements = tuple(
             tuple(f"{axis.name}/{i + 1}" for i in range(len(axis.friction.element_stiffness))) for axis in settings.axes
         )
@@ -101,21 +103,22 @@ class Outgoing:
         """
         return [self._effort(COMPENSATION, axes, group, "compensation") for axes, group in _by_stamps(estimates)]
 
-    def compensation_of_all(self, forces: Mapping[int, tuple[NDArray[np.int64], Floats]]) -> OutgoingBlock | None:
+    def compensation_of_all(self, observed: Mapping[int, Observed]) -> OutgoingBlock | None:
         """Return what ``compensations`` gives for axes whose stamps agree, without their estimates; None for others.
 
         Args:
-            forces: number of the axis to the stamps [ns] of its block and the compensations [N].
+            observed: number of the axis to what was observed of its new samples.
         """
-        if len(forces) == 1:
-            ((axis, (stamps, force)),) = forces.items()
-            return OutgoingBlock(COMPENSATION, (self._axes[axis],), stamps, {"effort": force[:, np.newaxis]})
-        blocks = list(forces.values())
-        stamps = blocks[0][0]
-        names = tuple(self._axes[axis] for axis in forces)
-        if any(not np.array_equal(stamps, others) for others, _ in blocks[1:]):
+        first, *others = observed.values()
+        if not others:
+            (axis,) = observed
+            effort = first.compensation[:, np.newaxis]
+            return OutgoingBlock(COMPENSATION, self._alone[axis], first.stamp_ns, {"effort": effort})
+        if any(not np.array_equal(first.stamp_ns, block.stamp_ns) for block in others):
             return None
-        return OutgoingBlock(COMPENSATION, names, stamps, {"effort": np.stack([force for _, force in blocks], axis=1)})
+        names = tuple(self._axes[axis] for axis in observed)
+        effort = np.stack([block.compensation for block in observed.values()], axis=1)
+        return OutgoingBlock(COMPENSATION, names, first.stamp_ns, {"effort": effort})
 
     def others(self, estimates: Mapping[int, Estimates]) -> list[OutgoingBlock]:
         """Return the rest of ``blocks``.

@@ -215,12 +215,12 @@ class Pairing:
         self._first = last
         if last == _ROWS:
             self._allocate()
-        return Samples(
-            stamps[first:last],
-            values[0, first:last],
-            values[1, first:last],
-            values[2, first:last],
-            values[3, first:last],
+        return Samples.of(
+            stamp_ns=stamps[first:last],
+            position=values[0, first:last],
+            effort=values[1, first:last],
+            reference_position=values[2, first:last],
+            reference_velocity=values[3, first:last],
         )
 
     def _allocate(self) -> None:

@@ -31,6 +31,17 @@ class Samples:
     reference_position: Floats
     reference_velocity: Floats
 
+    @classmethod
+    def of(cls, **fields: Any) -> Samples:
+        """Return samples as ``Estimates.of`` returns estimates: for every live sample.
+
+        Args:
+            fields: all fields by name.
+        """
+        samples = object.__new__(cls)
+        samples.__dict__.update(fields)
+        return samples
+
     def in_si(self, scales: Scales) -> Samples:
         """Return samples in SI from samples as topics and bags carry them.
 

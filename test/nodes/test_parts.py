@@ -65,8 +65,8 @@ class TestIntake:
     def test_garbage_is_counted(self, message: bytes) -> None:
         intake = Intake(["x"], 1.0e-3)
         for take in (intake.position, intake.effort, intake.position_and_effort, intake.reference):
-            take(message)
-        assert intake.counts.malformed == 4 and not intake.has_samples
+            assert not take(message)
+        assert intake.counts.malformed == 4 and not list(intake.pop())
 
     def test_foreign_and_short_messages_are_counted_and_told(self) -> None:
         intake = Intake(["x"], 1.0e-3)

@@ -47,7 +47,7 @@ def in_blocks(axes: tuple[AxisSettings, ...], size: int, silent_from: int = COUN
         blocks = {0: part(X, first, first + size)}
         if first < silent_from:
             blocks[1] = part(Y, first, min(first + size, silent_from))
-        found.append(dict(everything.step(blocks))[0])
+        found.append(everything.step(blocks)[0])
     return found
 
 
