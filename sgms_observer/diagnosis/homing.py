@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sgms_observer.diagnosis.decision import Court
+from sgms_observer.diagnosis.court import Court
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.candidates import LAST_STEPS, to_the_end
+from sgms_observer.diagnosis.court import evidence_of
 from sgms_observer.diagnosis.criteria import Test, at_least
-from sgms_observer.diagnosis.decision import evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, judged_with
 from sgms_observer.diagnosis.model import Model

@@ -9,12 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.coordinates import is_law
+from sgms_observer.diagnosis.court import Court
 from sgms_observer.diagnosis.criteria import Criteria, Test
-from sgms_observer.diagnosis.decision import (
-    Court,
-    Decision,
-    strength_of,
-)
+from sgms_observer.diagnosis.decision import Decision, strength_of
 from sgms_observer.diagnosis.fit import Refit, Refits, judged_as, judged_with
 from sgms_observer.diagnosis.gap import noise_floors, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model

@@ -9,21 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis import audit
-from sgms_observer.diagnosis.candidates import LAST_STEPS, MOST_COMPARED, Candidate, effect_candidates, to_the_end
-from sgms_observer.diagnosis.contact_start import contact_start
+from sgms_observer.diagnosis.candidates import MOST_COMPARED, effect_candidates, to_the_end
+from sgms_observer.diagnosis.changed_contact import CHANGED, changed_candidate, is_possible
 from sgms_observer.diagnosis.coordinates import is_law, is_like_contact
-from sgms_observer.diagnosis.decision import (
-    CHANGED,
-    Court,
-    Decision,
-    alternatives,
-    apart,
-    changed_refits,
-    decide,
-    evidence_of,
-)
+from sgms_observer.diagnosis.court import Court, evidence_of
+from sgms_observer.diagnosis.decision import Decision, alternatives, apart, decide
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_with
+from sgms_observer.diagnosis.fit import Freedom, Refits, judged_with
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
@@ -225,31 +217,6 @@ def _preferred(passed: Sequence[Decision], court: Court) -> Decision:
             if item not in waiting and is_simpler and not is_beaten:
                 return item
     return best
-
-
-def is_possible(refits: Refits, name: str) -> bool:
-    """Return whether values of the file can still be let go."""
-    if name == CHANGED[0]:
-        return not refits.freedom.friction
-    if name == CHANGED[1]:
-        return not refits.freedom.elements
-    if name == CHANGED[3]:
-        return not refits.freedom.elements or refits.nominal.relaxation == 0.0
-    return refits.nominal.friction.model != "gms" and not refits.nominal.is_sharp
-
-
-def changed_candidate(refits: Refits, current: Refit, name: str) -> Candidate:
-    """Return the hypothesis that values of the owner's file changed.
-
-    Args:
-        refits: so far.
-        current: fit so far.
-        name: one of ``CHANGED``.
-    """
-    free = changed_refits(refits, name)
-    is_same = free.nominal.parameter_names() == refits.nominal.parameter_names() and not free.freedom.elements
-    start = current.logs if is_same else contact_start(free, current.effects)
-    return Candidate(name, free, free.of(current.effects, start, LAST_STEPS), 1)
 
 
 def own_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:

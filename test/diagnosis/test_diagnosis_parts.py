@@ -9,8 +9,9 @@ from workflow_case import AXIS, FRICTION, PERIOD, record
 
 from sgms_observer.diagnosis.candidates import Candidate, effect_candidates
 from sgms_observer.diagnosis.contact import element_friction
+from sgms_observer.diagnosis.court import Evidence
 from sgms_observer.diagnosis.criteria import Criteria, at_least
-from sgms_observer.diagnosis.decision import Decision, Evidence, alternatives
+from sgms_observer.diagnosis.decision import Decision, alternatives
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, Refits, judged_with, refit
 from sgms_observer.diagnosis.model import Model, predict

@@ -8,8 +8,9 @@ from workflow_case import AXIS, court_of, record
 
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.ceiling import ALL, free_form
+from sgms_observer.diagnosis.court import evidence_of
 from sgms_observer.diagnosis.criteria import Criteria, at_least, at_most
-from sgms_observer.diagnosis.decision import bounds, decide, earned, evidence_of, physical, term
+from sgms_observer.diagnosis.decision import bounds, decide, earned, physical, term
 from sgms_observer.diagnosis.evidence import blocks_of, improvement, left_out_residuals
 from sgms_observer.diagnosis.fit import Judged, Refit, Refits, judged_with
 from sgms_observer.diagnosis.gap import Remainder

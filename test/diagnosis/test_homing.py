@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from workflow_case import AXIS, court_of, record
 
-from sgms_observer.diagnosis.decision import Court
+from sgms_observer.diagnosis.court import Court
 from sgms_observer.diagnosis.homing import PLACES, pitch_of, place_of, unhomed
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of

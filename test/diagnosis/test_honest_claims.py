@@ -8,7 +8,9 @@ import pytest
 from workflow_case import AXIS, PERIOD, court_of, record
 
 from sgms_observer.diagnosis.candidates import Candidate, fitted, to_the_end
-from sgms_observer.diagnosis.decision import CHANGED, Court, Decision, decide, evidence_of, strength_of
+from sgms_observer.diagnosis.changed_contact import CHANGED, changed_candidate
+from sgms_observer.diagnosis.court import Court, evidence_of
+from sgms_observer.diagnosis.decision import Decision, decide, strength_of
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_with, refit
 from sgms_observer.diagnosis.gap import residuals
@@ -20,7 +22,7 @@ from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.diagnosis.state import Options, Recordings, Round, State
 from sgms_observer.diagnosis.timing import timing
 from sgms_observer.diagnosis.uncertainty import between_deviation, between_variance, deviations, in_time, left_out
-from sgms_observer.diagnosis.workflow import changed_candidate, diagnose
+from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.effects.catalogue import names
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings

@@ -12,8 +12,9 @@ from workflow_case import AXIS, record
 from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.coordinates import is_law
+from sgms_observer.diagnosis.court import Evidence
 from sgms_observer.diagnosis.criteria import Criteria, Test
-from sgms_observer.diagnosis.decision import Decision, Evidence, alternatives, apart
+from sgms_observer.diagnosis.decision import Decision, alternatives, apart
 from sgms_observer.diagnosis.evidence import Improvement
 from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.workflow import diagnose

@@ -9,7 +9,8 @@ from workflow_case import AXIS, FRICTION, PERIOD, court_of, record
 
 from sgms_observer.diagnosis.candidates import Candidate, fitted, to_the_end
 from sgms_observer.diagnosis.contact import element_friction
-from sgms_observer.diagnosis.decision import bounds, decide, evidence_of
+from sgms_observer.diagnosis.court import evidence_of
+from sgms_observer.diagnosis.decision import bounds, decide
 from sgms_observer.diagnosis.fit import Freedom, Refits, judged_with, refit
 from sgms_observer.diagnosis.level import measured_level, measured_start
 from sgms_observer.diagnosis.model import COULOMB, KNEE, STATIC, Model, held_over_steps, predict

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sgms_observer.diagnosis.court import Court
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.decision import Court
 from sgms_observer.diagnosis.fit import judged_as, judged_with
 from sgms_observer.diagnosis.gap import noise_floors, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model, predict
