@@ -172,8 +172,15 @@ def _diagnosed(
     file's values. Where those are not at fault either, nothing is named or learnt.
     """
     options, axis, refused = step.options, step.axis, list[Test]()
+    done = 0.0
+
+    def go_on(_: str, share: float) -> None:
+        nonlocal done  # a search that begins again goes on from where the first one was
+        done = max(done, share)
+        show(done)
+
     while True:
-        found = diagnose(learn, judge, axis, options, lambda _text, share: show(share))
+        found = diagnose(learn, judge, axis, options, go_on)
         answer = answer_of(found, axis, options)
         written = step.written(answer)
         later = step.of(written)
