@@ -28,7 +28,8 @@ class Closing:
         compensation: rms of what the feedforward leaves of effort minus mass times acceleration, below the band of
             residuals, with the acceleration as it was and not as an observer knows it at the time, while the
             feedforward follows the motion and does not hold [N]; NaN where it never does.
-        blocks: what the feedforward along the measured motion leaves, always, in blocks of time [N].
+        blocks: what the feedforward along the measured motion leaves while the stage moves, in blocks of time [N]; 0
+            while it rests, where the contact holds and the effort does not show what the feedforward should have been.
         share: share of the time in which the feedforward follows the motion.
         has_reference: whether the feedforward of ``compensation`` goes along the recorded reference.
     """
@@ -72,9 +73,10 @@ def closing(record: Recording, axis: AxisSettings, band: float, block: float) ->
         applied = later(np.nan_to_num(feedforward), motion.lag)[:: motion.step]
         return motion.low_pass(needed - applied)[counted]
 
-    left = along_measured = left_by(estimates.compensation)
+    left = left_by(estimates.compensation)
     standstill = axis.compensation.standstill_velocity or standstill_velocity(axis.filter, period)
     follows = motion.thinned(np.abs(estimates.velocity)[:: motion.step] > standstill)[counted]
+    along_measured = np.where(follows, left, 0.0)
     reference = record.whole_reference
     if reference is not None:
         along = AxisObserver(axis, period).step(replace(samples, reference_position=reference))
