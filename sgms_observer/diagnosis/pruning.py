@@ -54,7 +54,8 @@ def told_from_none(
         rounds: passes so far.
         options: how to run.
     """
-    title, least = "strength over its standard error, as reported", options.criteria.interval_z_score
+    title = "strength over its standard error, as reported"
+    least = options.criteria.interval_z_score
     names = [item.accepted.candidate.name for item in _with_effects(rounds) if item.accepted]
     tests = [at_least(name, title, written.strength(name), least) for name in names]
     weakest = min(tests, key=lambda test: test.value, default=None)
