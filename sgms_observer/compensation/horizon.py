@@ -27,7 +27,7 @@ from sgms_observer.estimators.layout import (
 from sgms_observer.jit import njit
 
 if TYPE_CHECKING:
-    from sgms_observer.compensation.feedforward import ActuatorPath
+    from sgms_observer.compensation.feedforward_kernel import ActuatorPath
 
 SHORTEST_STEP = 1.0e-3
 """Time between two points [s], or the sample period where that is longer. Between reversal and sliding the friction of

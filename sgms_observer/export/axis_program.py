@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.compensation.feedforward import VERDICT
+from sgms_observer.compensation.feedforward_kernel import VERDICT
 from sgms_observer.compensation.motion_ahead import AHEAD_WIDTH, MEMORY_SIZE
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import SCRATCH, CompiledEffects

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from sgms_observer.compensation.feedforward import ENABLED, OUTPUT
+from sgms_observer.compensation.feedforward_kernel import ENABLED, OUTPUT
 from sgms_observer.estimators import block
 from sgms_observer.export import vector
 from sgms_observer.export.axis_program import AxisProgram, constant_text, record_text, translate_axis

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sgms_observer.compensation.feedforward import LOOK_AHEAD, SET_POINT_STANDSTILL, STANDSTILL, _compensate
+from sgms_observer.compensation.feedforward_kernel import LOOK_AHEAD, SET_POINT_STANDSTILL, STANDSTILL, compensate
 from sgms_observer.compensation.motion_ahead import (
     AHEAD_ACCELERATION,
     AHEAD_POSITION,
@@ -73,7 +73,7 @@ def observe_sample(
         estimator: the estimator's memory.
         results: the estimator's row, shape (1, width).
         scalars, elements, estimated: the nominal model, and which parameters are estimated.
-        path: what lies between command and force (``compensation.feedforward.ActuatorPath``).
+        path: what lies between command and force (``compensation.feedforward_kernel.ActuatorPath``).
         feedforward, carried, carried_modes, set_points: of the compensation.
         ahead: the look-ahead's row, shape (1, AHEAD_WIDTH).
         force, factor: of the effects, shape (1,).
@@ -124,7 +124,7 @@ def observe_sample(
         )  # fmt: skip
         force[0] = scratch[0]
         factor[0] = scratch[1]
-    _compensate(
+    compensate(
         feedforward, carried, carried_modes, scalars, elements, estimated, path, motion, results, ahead, force, factor,
         compensation,
     )  # fmt: skip

@@ -1,0 +1,192 @@
+"""The feedforward sample by sample: state, settings and tables in, force out."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sgms_observer.compensation.motion_ahead import (
+    ACCELERATION,
+    AHEAD_ACCELERATION,
+    HAS_REFERENCE,
+    JERK,
+    SET_VELOCITY,
+    TRAVEL,
+)
+from sgms_observer.compensation.preview import advance_elements, preview_elements
+from sgms_observer.compensation.safety import safe_output
+from sgms_observer.compensation.trust import contradicts, fade, next_steady, next_trust
+from sgms_observer.effects.kernels import needed_command
+from sgms_observer.estimators.block import FRICTION_STD, RESULT_SIZE, STATUS
+from sgms_observer.estimators.layout import (
+    MODEL_SIZE,
+    OFFSET,
+    VISCOUS,
+    Floats,
+    Integers,
+    apply_parameters,
+)
+from sgms_observer.filters.motion import ELAPSED
+from sgms_observer.jit import njit
+
+# one array: the state that evolves, the settings, then what each status means (0 good, 1 bad, 2 start again)
+OUTPUT, TRUST, RAW, IS_ALIGNED, STEADY, HELD, STATE_SIZE = range(7)
+(
+    ENABLED, GAIN, LIMIT, SLEW, LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL, FADE_STD, TIMEOUT, VERDICT,
+) = range(STATE_SIZE, STATE_SIZE + 10)  # fmt: skip
+
+# Without a reference a motion counts once the estimated velocity has kept its sign for so long, or is this many times
+# the standstill velocity: the noise of a velocity at rest does neither.
+_STEADY_TIME = 5.0e-3
+_CLEARLY_MOVING = 10.0
+
+
+class ActuatorPath(NamedTuple):
+    """What lies between the command and the force, and the masses along a reference.
+
+    Attributes:
+        kinds, p_at, parameters: effects as ``needed_command`` takes them; no kinds where the path changes no force.
+        delay: from the command to the force [s].
+        mass: that the controller commands the force of itself, for the present and not for what is ahead [kg].
+        added_mass: that effects add to it, and nobody else commands the force of [kg].
+    """
+
+    kinds: Integers
+    p_at: Integers
+    parameters: Floats
+    delay: float
+    mass: float
+    added_mass: float
+
+
+@njit
+def _is_finite(values: Floats) -> bool:
+    """Return whether every value is a finite number."""
+    total = 0.0
+    for value in values:
+        total += value
+    return math.isfinite(total)
+
+
+@njit
+def compensate(
+    state: Floats,
+    carried: Floats,
+    carried_modes: Integers,
+    scalars: Floats,
+    elements: Floats,
+    kinds: Floats,
+    path: ActuatorPath,
+    motion: Floats,
+    results: Floats,
+    ahead: Floats,
+    effects_force: Floats,
+    effects_factor: Floats,
+    out: Floats,
+) -> None:
+    """Compute the compensation sample by sample; ``state``, ``carried`` and ``carried_modes`` evolve in place."""
+    n_z, n_p = elements.shape[1], kinds.shape[0]
+    first_parameter = RESULT_SIZE + 3 * n_z
+    row = np.empty(MODEL_SIZE)
+    bars = np.empty((3, n_z))
+    unit = np.ones(n_p)
+    forces = np.empty(n_z)
+    modes = np.zeros(n_z, dtype=np.int64)
+    apply_parameters(scalars, elements, kinds[:0], unit[:0], unit[:0], row, bars)
+    for k in range(motion.shape[0]):
+        h = motion[k, ELAPSED]
+        verdict = state[VERDICT + int(results[k, STATUS])]
+        element_force = results[k, RESULT_SIZE : RESULT_SIZE + n_z]
+        is_enabled = state[ENABLED] > 0.5
+        trust = next_trust(state[TRUST], verdict, h, state[TIMEOUT]) if is_enabled else 0.0
+        state[TRUST] = trust
+        if n_p > 0:
+            apply_parameters(scalars, elements, kinds, unit, results[k, first_parameter:], row, bars)
+        factor = effects_factor[k] if effects_factor[k] > 0.0 else 1.0
+        if verdict == 2 or not is_enabled:
+            state[RAW] = 0.0
+        set_velocity = ahead[k, SET_VELOCITY]
+        if ahead[k, HAS_REFERENCE] > 0.5:
+            if state[IS_ALIGNED] < 0.5 or verdict == 2 or not _is_finite(carried):
+                for i in range(n_z):
+                    carried[i] = element_force[i] if math.isfinite(element_force[i]) else 0.0
+                    carried_modes[i] = 0
+                state[IS_ALIGNED] = 1.0
+            elif h > 0.0:
+                travel = ahead[k, TRAVEL]
+                advance_elements(carried, carried_modes, travel, abs(travel) / h, factor, row, bars)
+            limit = state[SET_POINT_STANDSTILL]
+            is_moving = limit == 0.0 or abs(set_velocity) > limit or ahead[k, TRAVEL] != 0.0
+            acceleration, jerk = ahead[k, ACCELERATION], ahead[k, JERK]
+            state[HELD] = 0.0 if is_moving else state[HELD] + h
+            if state[HELD] > state[LOOK_AHEAD]:  # what was predicted has come or not: where the set-point is counts
+                is_moving = True
+                set_velocity = acceleration = jerk = 0.0
+            for i in range(n_z):
+                forces[i] = carried[i]
+                modes[i] = carried_modes[i]
+        else:
+            state[IS_ALIGNED] = 0.0
+            acceleration = jerk = 0.0
+            state[STEADY] = next_steady(state[STEADY], set_velocity, h, state[STANDSTILL])
+            is_moving = abs(state[STEADY]) >= _STEADY_TIME or abs(set_velocity) > _CLEARLY_MOVING * state[STANDSTILL]
+            estimated = 0.0
+            for i in range(n_z):
+                forces[i] = element_force[i]
+                modes[i] = 0
+                estimated += element_force[i]
+            if not is_moving and contradicts(estimated, results[k, FRICTION_STD], state[RAW]):
+                state[RAW] = 0.0
+        if is_enabled and is_moving and math.isfinite(set_velocity):
+            velocity = preview_elements(
+                forces, modes, set_velocity, acceleration, jerk, state[LOOK_AHEAD], factor, row, bars
+            )
+            total = row[VISCOUS] * velocity
+            for i in range(n_z):
+                total += forces[i]
+            state[RAW] = total
+        wanted = 0.0
+        if trust > 0.0:
+            share = state[GAIN] * trust * fade(results[k, FRICTION_STD], state[FADE_STD])
+            needed = state[RAW] + row[OFFSET] + effects_force[k]
+            inertia = commanded = 0.0
+            if ahead[k, HAS_REFERENCE] > 0.5:
+                needed += path.added_mass * ahead[k, AHEAD_ACCELERATION]
+                inertia = path.mass * ahead[k, AHEAD_ACCELERATION]
+                commanded = inertia - path.mass * ahead[k, JERK] * path.delay
+            if path.kinds.shape[0] > 0:
+                needed = needed_command(path.kinds, path.p_at, path.parameters, needed + inertia) - commanded
+            wanted = share * needed
+        state[OUTPUT] = safe_output(state[OUTPUT], wanted, h, state[LIMIT], state[SLEW])
+        out[k] = state[OUTPUT]
+
+
+@njit
+def compensate_block(
+    state: Floats,
+    carried: Floats,
+    carried_modes: Integers,
+    scalars: Floats,
+    elements: Floats,
+    kinds: Floats,
+    path_kinds: Integers,
+    path_p_at: Integers,
+    path_parameters: Floats,
+    path_numbers: Floats,
+    motion: Floats,
+    results: Floats,
+    ahead: Floats,
+    effects_force: Floats,
+    effects_factor: Floats,
+    out: Floats,
+) -> None:
+    """Call ``compensate`` from Python with nothing but arrays: to see a named tuple's type takes numba 2 us a call."""
+    path = ActuatorPath(
+        path_kinds, path_p_at, path_parameters, path_numbers[0], path_numbers[1], path_numbers[2]
+    )
+    compensate(
+        state, carried, carried_modes, scalars, elements, kinds, path, motion, results, ahead,
+        effects_force, effects_factor, out,
+    )  # fmt: skip
