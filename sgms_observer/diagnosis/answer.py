@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -186,7 +186,8 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     learnt: tuple[Learnt, ...] = ()
     rest_to_judge = left_by(after)
     free = _ceiling(found, model, rest_to_judge, options)
-    surely = free.improvement.share if free.improvement.z_score > criteria.min_z_score else 0.0
+    stands_out = over_noise(after) >= criteria.min_gap_over_floor
+    surely = free.improvement.share if stands_out and free.improvement.z_score > criteria.min_z_score else 0.0
     if surely > criteria.min_predictable_share and not found.is_poor and contradiction is None:
         known = _known(found, model)
         judge = rest_to_judge if has_held_out else known  # parts left out in turn, not halves
@@ -197,7 +198,7 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     total = after
     if learnt:
         total = residuals(final, motions)
-    unnamed = _unnamed(found, criteria) if has_held_out else None
+    unnamed = _unnamed(found, criteria) if has_held_out and stands_out else None
     floor = _floor(noise, [gap_of(before), gap_of(after), gap_of(total)], rest_to_judge, free, surely, unnamed)
     surely = max(surely, unnamed.predictable(criteria) if unnamed else 0.0)
     percent = 100.0 / effort
@@ -334,7 +335,7 @@ def _named(
     gap: Gap,
     gap_with: Callable[[Model], float],
 ) -> list[Named]:
-    """Return the effects that were accepted, in their order.
+    """Return the effects that were accepted, the one first that closes most, then what closes most beside it.
 
     Args:
         found: the diagnosis.
@@ -343,32 +344,51 @@ def _named(
         gap: before and after.
         gap_with: gives the gap of a model on the same recordings [%].
     """
-    if not accepted:
-        return []
-    names = [item.accepted.candidate.name for item in accepted if item.accepted]
-    listed, last = [], gap.before
-    for number, item in enumerate(accepted):
-        assert item.accepted is not None
-        index = [one.name for one in fit.effects].index(names[number])
-        settings = fit.effects[index]
-        std = tuple(found.errors.get((index, j), 0.0) for j in range(len(settings.values)))
-        without = [one for one in fit.model.effects if one.name not in names[number + 1 :]]
-        now = gap.after
-        if number + 1 < len(accepted):
-            now = gap_with(replace(fit.model, effects=tuple(without)))
-        others = [
-            apart(item.accepted, other)
-            for other in item.decisions
-            if other.candidate.settings is not None and other.candidate.name not in names and other.passed
-        ]
-        confidence = float(np.prod([stats.norm.cdf(z) for z in others])) if others else 1.0
-        confidence = min(confidence, float(stats.norm.cdf(item.accepted.improvement.z_score)))
-        if not found.state.held:
-            confidence = min(confidence, ONE_RECORDING_CONFIDENCE)
-        alternatives = tuple(name for name in item.alternatives if name not in names)
-        listed.append(Named(settings, std, confidence, alternatives, last, now))
-        last = now
+    rounds = {item.accepted.candidate.name: item for item in accepted if item.accepted}
+    left, listed, last = list(rounds), list[Named](), gap.before
+    while left:
+        gaps = {left[0]: gap.after}
+        if len(left) > 1:
+            others = [[one for one in left if one != name] for name in left]
+            gaps = {
+                name: gap_with(replace(fit.model, effects=tuple(e for e in fit.model.effects if e.name not in later)))
+                for name, later in zip(left, others, strict=True)
+            }
+        name = min(gaps, key=lambda one: gaps[one])
+        listed.append(_as_named(found, fit, rounds, name, last, gaps[name]))
+        last = gaps[name]
+        left.remove(name)
     return listed
+
+
+def _as_named(
+    found: Diagnosis, fit: Refit, rounds: Mapping[str, Round], name: str, before: float, after: float
+) -> Named:
+    """Return one of the effects that were accepted.
+
+    Args:
+        found: the diagnosis.
+        fit: model with all of them.
+        rounds: that named each of them.
+        name: of the effect.
+        before, after: gap without it and with it [%].
+    """
+    item = rounds[name]
+    assert item.accepted is not None
+    index = [one.name for one in fit.effects].index(name)
+    settings = fit.effects[index]
+    std = tuple(found.errors.get((index, j), 0.0) for j in range(len(settings.values)))
+    others = [
+        apart(item.accepted, other)
+        for other in item.decisions
+        if other.candidate.settings is not None and other.candidate.name not in rounds and other.passed
+    ]
+    confidence = float(np.prod([stats.norm.cdf(z) for z in others])) if others else 1.0
+    confidence = min(confidence, float(stats.norm.cdf(item.accepted.improvement.z_score)))
+    if not found.state.held:
+        confidence = min(confidence, ONE_RECORDING_CONFIDENCE)
+    alternatives = tuple(one for one in item.alternatives if one not in rounds)
+    return Named(settings, std, confidence, alternatives, before, after)
 
 
 def _read_off(found: Diagnosis) -> list[Named]:

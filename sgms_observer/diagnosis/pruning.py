@@ -43,26 +43,34 @@ def pruned(state: State, rounds: Sequence[Round], options: Options) -> tuple[Sta
 
 
 def told_from_none(
-    written: Written, rounds: Sequence[Round], options: Options
-) -> tuple[tuple[Round, ...], Test | None]:
-    """Return the passes without the weakest effect whose reported interval holds none of it, and the test it failed.
+    found: State, state: State, rounds: Sequence[Round], nominal: Model, options: Options
+) -> tuple[State, tuple[Round, ...], Written]:
+    """Leave out each effect, the weakest first, whose reported interval holds none of it.
 
     What recordings differ by belongs to the interval: an effect of the machine has one size in all of them.
 
     Args:
-        written: the model as it is written.
+        found: state after the refit within the tolerance.
+        state: with everything that was accepted.
         rounds: passes so far.
+        nominal: the model as it is given.
         options: how to run.
     """
     title = "strength over its standard error, as reported"
-    least = options.criteria.interval_z_score
-    names = [item.accepted.candidate.name for item in _with_effects(rounds) if item.accepted]
-    tests = [at_least(name, title, written.strength(name), least) for name in names]
-    weakest = min(tests, key=lambda test: test.value, default=None)
-    failed = None if weakest is None or weakest.passed else weakest
-    for test in [failed] if failed else tests:
-        rounds = _with_test(rounds, test)
-    return tuple(rounds), failed
+    while True:
+        written = _as_written(found, state, nominal)
+        tests = [
+            at_least(name, title, written.strength(name), options.criteria.interval_z_score)
+            for name in (item.accepted.candidate.name for item in _with_effects(rounds) if item.accepted)
+        ]
+        weakest = min(tests, key=lambda test: test.value, default=None)
+        if weakest is None or weakest.passed:
+            for test in tests:
+                rounds = _with_test(rounds, test)
+            return state, tuple(rounds), written
+        rounds = _with_test(rounds, weakest)
+        nothing_is_left = not any(item.accepted for item in rounds)
+        state = found if nothing_is_left else state.refitted(_fit_without(state, weakest.of), AGAIN)
 
 
 def _with_effects(rounds: Sequence[Round]) -> list[Round]:
@@ -83,7 +91,7 @@ def _with_test(rounds: Sequence[Round], test: Test) -> tuple[Round, ...]:
     )
 
 
-def as_written(found: State, state: State, nominal: Model) -> Written:
+def _as_written(found: State, state: State, nominal: Model) -> Written:
     """Return the fits with the owner's own elements, without and with what was accepted.
 
     Args:

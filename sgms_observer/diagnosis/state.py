@@ -155,10 +155,6 @@ class Round:
         listed = tuple(decision if one.candidate is decision.candidate else one for one in self.decisions)
         return replace(self, accepted=decision if test.passed else None, decisions=listed)
 
-    def holds(self, test: Test) -> bool:
-        """Return whether a test is one of this pass."""
-        return any(test in one.tests for one in self.decisions)
-
 
 @dataclass(frozen=True)
 class Written:

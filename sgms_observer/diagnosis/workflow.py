@@ -20,7 +20,7 @@ from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD
-from sgms_observer.diagnosis.pruning import as_written, pruned, told_from_none
+from sgms_observer.diagnosis.pruning import pruned, told_from_none
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.diagnosis.state import AGAIN, STEPS, Diagnosis, Options, Recordings, Round, State
 from sgms_observer.diagnosis.timing import NOT_HELD
@@ -78,20 +78,11 @@ def diagnose(
     if axis.filter.effort_is_held and state.recordings.lag < NOT_HELD:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
     found = state
-    refused: tuple[Round, ...] = ()
     rounds: tuple[Round, ...] = ()
-    while True:
-        state = found
-        if not audited.is_poor:
-            state, rounds = pruned(*_search(found, own, options, report), options)
-        report("refit of the file's own elements", 0.85)
-        written = as_written(found, state, nominal)
-        rounds, failed = told_from_none(written, rounds, options)
-        if failed is None:
-            break
-        refused += tuple(item for item in rounds if item.holds(failed))
-        options = replace(options, excluded=options.excluded | {failed.of})
-    rounds = (*refused, *rounds)
+    if not audited.is_poor:
+        state, rounds = pruned(*_search(state, own, options, report), options)
+    report("refit of the file's own elements", 0.85)
+    state, rounds, written = told_from_none(found, state, rounds, nominal, options)
     court = state.court(options)
     return Diagnosis(
         nominal, own, found, state, written.before, written.after, written.refits, written.errors, rounds, court,
