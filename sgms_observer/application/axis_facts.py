@@ -160,7 +160,7 @@ def read_axis_facts(
     except DataError as error:
         fault = str(error)
     gravity = axis.joint_type == REVOLUTE if has_gravity is None else has_gravity
-    step = max((piece.encoder_step for piece in recordings), default=encoder_step(finite))
+    step = recordings[0].encoder_step if recordings else encoder_step(finite)
     return AxisFacts(
         name=axis.name,
         samples=len(position),

@@ -140,11 +140,11 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     accepted = list(found.accepted)
     before_refits = replace(found.found.refits, nominal=found.nominal)
     given = residuals(replace(Model.of(axis), effects=found.own), motions)
-    before = bench.residuals(found.before.model, before_refits, found.before.effects)
-    model, fit = found.after.model, found.after
-    after = before if fit is found.before else bench.residuals(model, found.after_refits, fit.effects)
+    before = bench.residuals(found.written.before.model, before_refits, found.written.before.effects)
+    model, fit = found.written.after.model, found.written.after
+    after = before if fit is found.written.before else bench.residuals(model, found.written.refits, fit.effects)
     tests = [test for item in found.rounds for decision in item.decisions for test in decision.tests]
-    own = judged_as(motions, found.court.judged, found.before.model)
+    own = judged_as(motions, found.court.judged, found.written.before.model)
 
     def left_by(parts: Sequence[Floats]) -> Remainder:
         return Remainder(motions, parts, own.gap_weights)
@@ -165,7 +165,7 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     def over_noise(parts: Sequence[Floats]) -> float:
         return gap_of(parts) / noise if noise > 0.0 else math.inf
 
-    if fit is not found.before:
+    if fit is not found.written.before:
         names = ", ".join(item.accepted.candidate.name for item in found.rounds if item.accepted)
         test = at_least(names, "gap as reported: z-score", shrinks.z_score, criteria.interval_z_score)
         part = at_most(names, "gap as reported, as a share of the effort", gap_of(after) / effort, 1.0)
@@ -182,7 +182,7 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         tests += written
         is_borne_out = all(item.passed for item in written) and contradiction is None
         if not is_borne_out:  # the model as it is written does not bear the names out
-            accepted, model, fit, after = [], found.before.model, found.before, before
+            accepted, model, fit, after = [], found.written.before.model, found.written.before, before
     learnt: tuple[Learnt, ...] = ()
     rest_to_judge = left_by(after)
     free = _ceiling(found, model, rest_to_judge, options)
@@ -226,7 +226,7 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         )
     effects = _named(found, accepted, fit, gap, lambda one: percent * gap_of(residuals(one, motions)))
     effects += _read_off(found)
-    changed = changed_values(found, fit, options) if fit is not found.before else ()
+    changed = changed_values(found, fit, options) if fit is not found.written.before else ()
     verdict = _verdict(found, effects, rest, bool(learnt), whole, (near, misled))
     if verdict == "cannot_tell" and whole.passed and not found.is_poor:
         warnings.append(
@@ -377,7 +377,7 @@ def _as_named(
     assert item.accepted is not None
     index = [one.name for one in fit.effects].index(name)
     settings = fit.effects[index]
-    std = tuple(found.errors.get((index, j), 0.0) for j in range(len(settings.values)))
+    std = tuple(found.written.errors.get((index, j), 0.0) for j in range(len(settings.values)))
     others = [
         apart(item.accepted, other)
         for other in item.decisions

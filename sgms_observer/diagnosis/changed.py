@@ -44,7 +44,7 @@ def changed_values(found: Diagnosis, fit: Refit, options: Options) -> tuple[Chan
     listed: list[Changed] = []
     closes = _closed(found)
     criteria = options.criteria
-    freedom = found.after_refits.freedom
+    freedom = found.written.refits.freedom
     errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.jacobian.T @ fit.jacobian)), 0.0))
     old, new = found.nominal.friction, fit.model.friction
     names = [name for name in fit.model.parameter_names() if not name.startswith("element")]
@@ -85,5 +85,5 @@ def changed_values(found: Diagnosis, fit: Refit, options: Options) -> tuple[Chan
 def _closed(found: Diagnosis) -> float:
     """Return the share of the closable gap that the changed values close on the recordings to judge on."""
     court = found.court
-    one, other = (court.rms(fit.model) for fit in (found.before, found.after))
+    one, other = (court.rms(fit.model) for fit in (found.written.before, found.written.after))
     return float(max(0.0, (one - other) / max(one - court.floor, 1e-300)))

@@ -1,4 +1,4 @@
-"""Effects that go again: not needed beside later ones, or not told from none by their reported interval."""
+"""Effects that are left out again: needless beside later ones, or not significant as they are reported."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ def pruned(state: State, rounds: Sequence[Round], options: Options) -> tuple[Sta
     return state, tuple(rounds)
 
 
-def told_from_none(
+def significant(
     found: State, state: State, rounds: Sequence[Round], nominal: Model, options: Options
 ) -> tuple[State, tuple[Round, ...], Written]:
-    """Leave out each effect, the weakest first, whose reported interval holds none of it.
+    """Leave out, the weakest first, each effect whose reported 90 % interval includes a strength of zero.
 
-    What recordings differ by belongs to the interval: an effect of the machine has one size in all of them.
+    The scatter between recordings belongs to the interval: an effect of the machine has one size in all of them.
 
     Args:
         found: state after the refit within the tolerance.

@@ -79,10 +79,9 @@ def _held_out(answer: Answer) -> Light:
 
 def _fits(answer: Answer) -> Light:
     """Ask whether the fits ended by themselves."""
-    found = answer.diagnosis
-    open_ends = [
-        name for name, fit in (("the file", found.before), ("the augmented model", found.after)) if not fit.is_converged
-    ]
+    written = answer.diagnosis.written
+    fits = (("the file", written.before), ("the augmented model", written.after))
+    open_ends = [name for name, fit in fits if not fit.is_converged]
     question = "Did the fits converge?"
     if not open_ends:
         return Light(CONVERGENCE, question, GOOD, "The last steps changed the fits by less than chance does.")
@@ -93,7 +92,7 @@ def _fits(answer: Answer) -> Light:
 def _tolerance(answer: Answer, options: Options) -> Light:
     """Ask whether the values of the file stayed inside their tolerance."""
     found = answer.diagnosis
-    names = at_limit(found.before, options.tolerance)
+    names = at_limit(found.written.before, options.tolerance)
     question = "Are the values of the file right within their tolerance?"
     inside = f"The refit before any effect stayed inside {100 * options.tolerance:.3g} %."
     if not names:

@@ -117,9 +117,9 @@ def detectable_table(answer: Answer) -> Table:
 
 def refit_table(answer: Answer, options: Options) -> Table:
     """Return how far the refit within the tolerance moved the values of the file."""
-    found = answer.diagnosis
-    names = found.before.model.parameter_names()
-    rows = [(name, f"{100 * (np.exp(one) - 1):+.2f} %") for name, one in zip(names, found.before.logs, strict=True)]
+    before = answer.diagnosis.written.before
+    names = before.model.parameter_names()
+    rows = [(name, f"{100 * (np.exp(one) - 1):+.2f} %") for name, one in zip(names, before.logs, strict=True)]
     caption = f"Change of the file's values by the refit within the tolerance of {100 * options.tolerance:.3g} %"
     return Table(("parameter", "change"), rows, caption, is_folded=True)
 

@@ -187,10 +187,7 @@ class Diagnosis:
         own: the effects it was given with.
         found: state after the refit within the tolerance.
         state: state with everything that was accepted.
-        before: refit of the model with its own elements.
-        after: the same with everything that was accepted.
-        after_refits: how the latter was fitted.
-        errors: standard error of each free effect parameter of the latter, by effect and number.
+        written: the fits with its own elements, without and with what was accepted.
         rounds: passes through the loop.
         court: recordings that evidence was taken from, with the noise that is left in the end.
         resolution: coarser encoder step than the settings say [its unit], or None.
@@ -205,10 +202,7 @@ class Diagnosis:
     own: tuple[EffectSettings, ...]
     found: State
     state: State
-    before: Refit
-    after: Refit
-    after_refits: Refits
-    errors: Mapping[tuple[int, int], float]
+    written: Written
     rounds: tuple[Round, ...]
     court: Court
     resolution: float | None

@@ -20,7 +20,7 @@ from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.learnt import LEARNT_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD
-from sgms_observer.diagnosis.pruning import pruned, told_from_none
+from sgms_observer.diagnosis.pruning import pruned, significant
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.diagnosis.state import AGAIN, STEPS, Diagnosis, Options, Recordings, Round, State
 from sgms_observer.diagnosis.timing import NOT_HELD
@@ -82,11 +82,11 @@ def diagnose(
     if not audited.is_poor:
         state, rounds = pruned(*_search(state, own, options, report), options)
     report("refit of the file's own elements", 0.85)
-    state, rounds, written = told_from_none(found, state, rounds, nominal, options)
+    state, rounds, written = significant(found, state, rounds, nominal, options)
     court = state.court(options)
     return Diagnosis(
-        nominal, own, found, state, written.before, written.after, written.refits, written.errors, rounds, court,
-        audited.resolution, audited.notes, tuple(warnings), audited.is_poor,
+        nominal, own, found, state, written, rounds, court, audited.resolution, audited.notes, tuple(warnings),
+        audited.is_poor,
         explains_all=court.explains_all(state.current.model, found.current.model),
     )  # fmt: skip
 

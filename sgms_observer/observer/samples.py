@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,23 @@ from sgms_observer.settings.units import Scales
 Floats = NDArray[np.float64]
 
 
+class _Block:
+    """A frozen dataclass of arrays that is made for every live sample."""
+
+    @classmethod
+    def of(cls, **fields: Any) -> Self:
+        """Return a block without the calls of a frozen dataclass's constructor, which take longer than all the rest.
+
+        Args:
+            fields: all fields by name.
+        """
+        block = object.__new__(cls)
+        block.__dict__.update(fields)
+        return block
+
+
 @dataclass(frozen=True)
-class Samples:
+class Samples(_Block):
     """A block of n samples of one axis, in the order of their stamps.
 
     Attributes:
@@ -30,17 +45,6 @@ class Samples:
     effort: Floats
     reference_position: Floats
     reference_velocity: Floats
-
-    @classmethod
-    def of(cls, **fields: Any) -> Samples:
-        """Return samples as ``Estimates.of`` returns estimates: for every live sample.
-
-        Args:
-            fields: all fields by name.
-        """
-        samples = object.__new__(cls)
-        samples.__dict__.update(fields)
-        return samples
 
     def in_si(self, scales: Scales) -> Samples:
         """Return samples in SI from samples as topics and bags carry them.
@@ -78,7 +82,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Estimates:
+class Estimates(_Block):
     """What the observer says about a block of n samples of one axis; row i belongs to ``stamp_ns[i]``.
 
     Attributes:
@@ -112,14 +116,3 @@ class Estimates:
     innovation_std: Floats
     compensation: Floats
     status: NDArray[np.uint8]
-
-    @classmethod
-    def of(cls, **fields: Any) -> Estimates:
-        """Return estimates without the checks and calls of a frozen dataclass's constructor, for every live sample.
-
-        Args:
-            fields: all fields by name.
-        """
-        estimates = object.__new__(cls)
-        estimates.__dict__.update(fields)
-        return estimates

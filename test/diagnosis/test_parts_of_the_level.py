@@ -65,6 +65,6 @@ def test_a_missing_element_is_one_too_few_never_one_too_many() -> None:
 
 def test_a_missing_element_is_found_and_leaves_no_more_cost() -> None:
     found = diagnose([record((MISSING,))], [record((MISSING,), seed=2, duration=12.0)], AXIS, Options(workers=2))
-    assert [item.name for item in found.after.effects] == ["presliding"]
-    assert found.after.cost < found.before.cost
+    assert [item.name for item in found.written.after.effects] == ["presliding"]
+    assert found.written.after.cost < found.written.before.cost
     assert FRICTION.coulomb_force > MISSING.values[0]

@@ -39,8 +39,9 @@ def answer(**changes: Any) -> Any:
     state = SimpleNamespace(learn=(motion(),), held=(motion(),))
     score = at_least("cogging", "z-score, held-out recordings", 9.1, 3.0)
     accepted = SimpleNamespace(candidate=SimpleNamespace(name="cogging"), tests=(score,))
+    written = SimpleNamespace(before=fit, after=fit)
     run = SimpleNamespace(
-        state=state, before=fit, after=fit, is_poor=False, warnings=(), rounds=(SimpleNamespace(accepted=accepted),)
+        state=state, written=written, is_poor=False, warnings=(), rounds=(SimpleNamespace(accepted=accepted),)
     )
     values = {
         "gap": gap,
@@ -59,7 +60,7 @@ def answer(**changes: Any) -> Any:
         if key in values:
             values[key] = value
         else:
-            setattr(run, key, value)
+            setattr(written if key in ("before", "after") else run, key, value)
     return SimpleNamespace(**values)
 
 
