@@ -112,6 +112,7 @@ def identify(session: Session) -> Found:
 
 def diagnose(session: Session) -> Found:
     """Find what the model misses."""
+    session.ledger.facts["experiments"] = []
     return diagnose_bags_of(session, [LEARN_BAG], "diagnosis")
 
 
