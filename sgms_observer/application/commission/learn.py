@@ -94,7 +94,9 @@ def identify(session: Session) -> Found:
     """Identify the axis; its values replace the file's where they predict the own motion clearly better."""
     request, axis = session.plan.request, session.axis
     learn, own = str(session.path(LEARN_BAG)), str(session.path(OWN_BAG))
-    job = IdentifyJob((learn,), request.config, str(session.path(IDENTIFIED)), (axis.name,), is_overwriting=True)
+    job = IdentifyJob(
+        (learn,), request.config, str(session.path(IDENTIFIED)), (axis.name,), axis.friction.model, is_overwriting=True
+    )
     identified = identify_bags(job, _titled(session))
     found = next(one for one in load_settings(identified.path).axes if one.name == axis.name)
     given, fitted = (unexplained(own, one) for one in (axis, found))
