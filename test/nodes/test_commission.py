@@ -35,7 +35,7 @@ START = """/**:
       compensation: {limit: 10.0}
 """
 HIDDEN = "effects: {names: [cogging], cogging: {amplitude: 1.4, pitch: 2.0e-3, phase: 0.3}}"
-WEAK = "effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.02}}"
+WEAK = "effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.03}}"
 """Friction that depends on the direction: an offset wherever the axis slides. In much noise the first recording, which
 reverses little, does not tell the two apart."""
 QUIET, NOISY = (
@@ -203,7 +203,7 @@ def test_what_is_ambiguous_is_separated(start: Start, graph: Graph, commission: 
     sentence = next(one["sentence"] for one in result["steps"] if one["name"] == "next_experiment")
     assert "experiment 1 for asymmetric_coulomb, offset: effect_found" in sentence, said
     assert [(one["name"], one["alternatives"]) for one in result["effects"]] == [("asymmetric_coulomb", [])]
-    assert result["effects"][0]["parameters"]["share"] == pytest.approx(0.02, abs=0.005)
+    assert result["effects"][0]["parameters"]["share"] == pytest.approx(0.03, abs=0.005)
     assert code == 0 and result["usable"] is True, said
     assert said.count("done before") == 5
 
