@@ -193,7 +193,8 @@ def test_what_is_ambiguous_is_separated(start: Start, graph: Graph, commission: 
     assert code == 130, said
     stopped(run, "next_experiment", "interrupted by the user")
     first = run.result()["effects"]
-    assert [(one["name"], one["alternatives"]) for one in first] == [("asymmetric_coulomb", ["offset"])], said
+    pair = {"asymmetric_coulomb", "offset"}
+    assert len(first) == 1 and {first[0]["name"], *first[0]["alternatives"]} == pair, first
     velocities = np.array([decode_joint_state(message)[3][0] for message in graph.messages["reference"]])
     assert velocities[-1] == 0.0 and np.max(np.abs(np.diff(velocities[-200:]))) <= 1.0 * 1e-3 * 1.02
     assert not graph.messages["friction_compensation"]  # no observer ran: no force was ever sent
@@ -201,7 +202,7 @@ def test_what_is_ambiguous_is_separated(start: Start, graph: Graph, commission: 
     code, said = again.end(15 * PATIENCE)
     result = again.result()
     sentence = next(one["sentence"] for one in result["steps"] if one["name"] == "next_experiment")
-    assert "experiment 1 for asymmetric_coulomb, offset: effect_found" in sentence, said
+    assert sentence.startswith("experiment 1 for ") and "nothing is ambiguous" in sentence, said
     assert [(one["name"], one["alternatives"]) for one in result["effects"]] == [("asymmetric_coulomb", [])]
     assert result["effects"][0]["parameters"]["share"] == pytest.approx(0.03, abs=0.005)
     assert code == 0 and result["usable"] is True, said
