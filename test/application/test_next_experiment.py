@@ -52,6 +52,7 @@ class Bench:
         self.played: list[Motion] = []
         self.diagnosed: list[list[str]] = []
         self.said: list[str] = []
+        self.gaps: list[float] = []
         self.on_motion: Callable[[], None] = lambda: None
         self.on_diagnosis: Callable[[], None] = lambda: None
         monkeypatch.setattr(step, "diagnose_bags_of", self._diagnose)
@@ -88,7 +89,9 @@ class Bench:
         (folder / "augmented.yaml").write_text(START)
         (folder / "result.json").write_text("{}")
         session.ledger.effects = self.answers.pop(0)
-        session.ledger.facts |= {"diagnosis": out, "diagnosis_seconds": 40.0}
+        gap = self.gaps.pop(0) if self.gaps else 3.0
+        session.ledger.facts |= {"diagnosis": out, "diagnosis_seconds": 40.0, "gap": {
+            "after": gap, "interval_after": [0.9 * gap, 1.1 * gap]}}  # fmt: skip
         return f"named {session.ledger.effects[0]['name']}", []
 
 
@@ -119,6 +122,16 @@ def test_what_stays_ambiguous_ends_after_three_experiments(bench: Callable[..., 
     sentence, _ = step.next_experiment(table.session(AMBIGUOUS))
     assert len(table.played) == step.MOST_EXPERIMENTS == len(table.diagnosed[-1]) - 1
     assert "asymmetric_coulomb, offset stay ambiguous after 3 experiments" in sentence
+
+
+def test_a_diagnosis_that_predicts_worse_does_not_go_on(bench: Callable[..., Bench]) -> None:
+    table = bench([found("spring")])
+    table.gaps = [3.0, 3.5]
+    session = table.session(AMBIGUOUS)
+    sentence, _ = step.next_experiment(session)
+    assert len(table.played) == 1 and "predicts your own motion better" in sentence
+    assert session.ledger.effects == AMBIGUOUS and session.ledger.facts["diagnosis"] == "diagnosis"
+    assert session.ledger.facts["gap"]["after"] == 3.0
 
 
 def test_what_was_not_tried_goes_first(bench: Callable[..., Bench]) -> None:

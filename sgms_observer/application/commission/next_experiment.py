@@ -23,6 +23,8 @@ DIAGNOSIS_MARGIN = 1.5
 """Time of a diagnosis with one more recording, as a multiple of the one before."""
 TIME_TO_COMPENSATE = 90.0
 """Time that observer and compensation need behind the last diagnosis [s]."""
+_OF_A_DIAGNOSIS = ("gap", "verdict", "diagnosis", "bags")
+"""Facts of the ledger that a diagnosis writes."""
 EXPERIMENTS = "experiments"
 """Fact of the ledger: the experiments that were recorded since the first diagnosis."""
 
@@ -95,9 +97,7 @@ def next_experiment(session: Session) -> Found:
     reason = ""
     while not reason:
         if done and not _is_diagnosed(session, done[-1]):
-            bags = [LEARN_BAG, *(one["bag"] for one in done)]
-            sentence, _ = diagnose_bags_of(session, bags, done[-1]["diagnosis"])
-            done[-1]["sentence"] = f"experiment {len(done)} for {', '.join(done[-1]['effects'])}: {sentence}"
+            reason = _diagnose_again(session, done)
             ledger.write()
             session.say(f"  {done[-1]['sentence']}")
         else:
@@ -110,9 +110,29 @@ def next_experiment(session: Session) -> Found:
 
 
 def _is_diagnosed(session: Session, experiment: Mapping[str, Any]) -> bool:
-    """Return whether the model so far was learnt with this experiment, the last one."""
-    out = experiment["diagnosis"]
-    return session.ledger.facts["diagnosis"] == out and session.path(f"{out}/augmented.yaml").exists()
+    """Return whether an experiment was diagnosed, together with those before it."""
+    return "sentence" in experiment and session.path(f"{experiment['diagnosis']}/augmented.yaml").exists()
+
+
+def _diagnose_again(session: Session, done: list[dict[str, Any]]) -> str:
+    """Diagnose with the last experiment too; return why no other one follows, or nothing.
+
+    The diagnosis before stays where it predicts the own motion surely better.
+    """
+    ledger = session.ledger
+    earlier = {name: ledger.facts.get(name) for name in _OF_A_DIAGNOSIS}
+    effects = ledger.effects
+    bags = [LEARN_BAG, *(one["bag"] for one in done)]
+    sentence, _ = diagnose_bags_of(session, bags, done[-1]["diagnosis"])
+    done[-1]["sentence"] = f"experiment {len(done)} for {', '.join(done[-1]['effects'])}: {sentence}"
+    if ledger.facts["gap"]["after"] <= earlier["gap"]["interval_after"][1]:
+        return ""
+    ledger.facts |= earlier
+    ledger.effects = effects
+    return (
+        f"the diagnosis before predicts your own motion better (gap {earlier['gap']['after']:.3g} %), so it goes on and"
+        f" {', '.join(done[-1]['effects'])} stay ambiguous"
+    )
 
 
 def _run_another(session: Session, done: list[dict[str, Any]]) -> str:
