@@ -27,7 +27,7 @@ from sgms_observer.diagnosis.gap import (
     residuals,
 )
 from sgms_observer.diagnosis.homing import unhomed
-from sgms_observer.diagnosis.learnt import LEARNT_NAMES, Learnt, learn
+from sgms_observer.diagnosis.learnt import LEARNT_NAMES, Learnt, joined, learn
 from sgms_observer.diagnosis.locate import Located, locate
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
@@ -183,21 +183,30 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         is_borne_out = all(item.passed for item in written) and contradiction is None
         if not is_borne_out:  # the model as it is written does not bear the names out
             accepted, model, fit, after = [], found.written.before.model, found.written.before, before
-    learnt: tuple[Learnt, ...] = ()
     rest_to_judge = left_by(after)
-    free = _ceiling(found, model, rest_to_judge, options)
+
+    def predictable(rest: Remainder, mapped: Model) -> tuple[FreeForm, float]:
+        """Return a free-form term of what a model leaves, and the squared share that it surely predicts."""
+        free = _ceiling(found, mapped, rest, options)
+        return free, free.improvement.share if free.improvement.z_score > criteria.min_z_score else 0.0
+
+    free, surely = predictable(rest_to_judge, model)
     stands_out = over_noise(after) >= criteria.min_gap_over_floor
-    surely = free.improvement.share if stands_out and free.improvement.z_score > criteria.min_z_score else 0.0
-    if surely > criteria.min_predictable_share and not found.is_poor and contradiction is None:
-        known = _known(found, model)
-        judge = rest_to_judge if has_held_out else known  # parts left out in turn, not halves
-        map_found = learn(known, judge, _free_name(fit.effects), axis.units, criteria)
-        if map_found is not None:
-            learnt = (map_found,)
-    final = model.with_effects([item.settings for item in learnt])
-    total = after
-    if learnt:
+    surely = surely if stands_out else 0.0
+    learnt: list[Learnt] = []
+    final, total, share = model, after, surely
+    free_names = [] if found.is_poor or contradiction is not None else _free_names(fit.effects)
+    while free_names and share > criteria.min_predictable_share:
+        known = _known(found, final)
+        judge = left_by(total) if has_held_out else known  # parts left out in turn, not halves
+        another = learn(known, judge, free_names[0], axis.units, criteria)
+        if another is None:
+            break
+        learnt = joined(learnt, another, axis.units)
+        free_names = _free_names([*fit.effects, *(item.settings for item in learnt)])
+        final = model.with_effects([item.settings for item in learnt])
         total = residuals(final, motions)
+        share = predictable(left_by(total), final)[1] if free_names else 0.0
     unnamed = _unnamed(found, criteria) if has_held_out and stands_out else None
     floor = _floor(noise, [gap_of(before), gap_of(after), gap_of(total)], rest_to_judge, free, surely, unnamed)
     surely = max(surely, unnamed.predictable(criteria) if unnamed else 0.0)
@@ -239,7 +248,7 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     significant = [item for item in everywhere if item.p_value < LOCATED_P_VALUE][:MAX_LOCATED] if is_alarm else []
     afterwards = {item.coordinate: item for item in locate(total, motions, options.seed)}
     return Answer(
-        verdict, gap, tuple(effects), learnt, tuple(changed), remainder, tuple(significant), tuple(everywhere),
+        verdict, gap, tuple(effects), tuple(learnt), tuple(changed), remainder, tuple(significant), tuple(everywhere),
         tuple(afterwards[item.coordinate] for item in significant if item.coordinate in afterwards),
         detectable(found, axis, options), next_experiment(verdict, effects, significant, found, axis.units),
         tuple(tests), whole.passed and not found.is_poor, tuple(warnings), final, found, motions, before, total,
@@ -286,10 +295,10 @@ def _unnamed(found: Diagnosis, criteria: Criteria) -> Decision | None:
     return max(sure, key=lambda item: item.predictable(criteria), default=None)
 
 
-def _free_name(effects: Sequence[EffectSettings]) -> str:
-    """Return the name of a learnt map that the model does not have yet."""
+def _free_names(effects: Sequence[EffectSettings]) -> list[str]:
+    """Return the names of learnt maps that the model does not have yet."""
     taken = {item.name for item in effects}
-    return next((name for name in LEARNT_NAMES if name not in taken), LEARNT_NAMES[-1])
+    return [name for name in LEARNT_NAMES if name not in taken]
 
 
 def _added(before: Remainder, given: Sequence[Floats], criteria: Criteria) -> float:

@@ -33,7 +33,7 @@ class Court:
         judged: ``learn`` with their noise.
         held: held-out recordings with the noise to whiten with; none where there are none.
         floor: rms weighted residual that noise and encoder leave to a perfect model on ``judge`` [N].
-        first_gap: the same of the file refitted within its tolerance, before anything was added [N].
+        gap_so_far: the same of the model so far [N].
         reported_floor, reported_gap: the same two with the weights of the gap as it is reported [N].
         criteria: thresholds.
         seed: of the free-form regression.
@@ -44,7 +44,7 @@ class Court:
     judged: Judged
     held: Judged
     floor: float
-    first_gap: float
+    gap_so_far: float
     reported_floor: float
     reported_gap: float
     criteria: Criteria
@@ -72,8 +72,8 @@ class Court:
     def closed_share(self, gap: Improvement, reported: Improvement) -> float:
         """Return the share of the closable squared gap that an improvement closes.
 
-        Closable is what stands out of the floor in the beginning; all of it where nothing does: an effect may pass for
-        noise there. Of the share with weights and that of the gap as it is reported the smaller one counts.
+        Closable is what stands out of the floor before the improvement; all of it where nothing does, because an effect
+        may pass for noise there. Of the shares with the weights of the whitening and of the gap the smaller one counts.
 
         Args:
             gap: fall of the weighted squared residual on ``judge`` [N^2].
@@ -86,7 +86,7 @@ class Court:
             return one.fall / closable if closable > 0.0 else 0.0
 
         return min(
-            share(gap, self.floor, self.first_gap), share(reported, self.reported_floor, self.reported_gap)
+            share(gap, self.floor, self.gap_so_far), share(reported, self.reported_floor, self.reported_gap)
         )
 
     def is_closed(self, model: Model) -> bool:

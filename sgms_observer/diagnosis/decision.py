@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.candidates import MOST_COMPARED, Candidate
-from sgms_observer.diagnosis.ceiling import FreeForm, free_form
+from sgms_observer.diagnosis.ceiling import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.coordinates import FREE_FORM
 from sgms_observer.diagnosis.court import Court, Evidence, evidence_of
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
@@ -91,7 +91,7 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> D
     if item.settings is not None:
         tests += physical(item, court)
         if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
-            tests += earned(item, before, later, court)
+            tests += earned(item, before, court)
     return Decision(item, later, gain, gap, reported, tuple(tests))
 
 
@@ -190,17 +190,39 @@ def strength_of(settings: EffectSettings, errors: Mapping[int, float]) -> float:
     return max(found, default=math.inf)
 
 
-def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> list[Test]:
-    """Return the test that a free-form term over the same coordinates predicts no better than the effect."""
+def earned(item: Candidate, before: Refit, court: Court) -> list[Test]:
+    """Return the test that a free-form term over the same coordinates predicts no better than the effect.
+
+    Other effects may still be in the residual, and a recording relates coordinates: a stage that repeats one move has
+    the same velocity at the same position. Both sides may therefore use all other coordinates freely.
+
+    Args:
+        item: the hypothesis.
+        before: fit without it.
+        court: the recordings.
+    """
     names = FREE_FORM.get(item.name)
     if names is None:
         return []
-    criteria = court.criteria
-    free = term(names, before.model, court)
-    judge = Remainder(court.judge, residuals(before.model, court.judge), court.weights)
-    better = improvement(later.force, judge.less(free.predicted).blocks(criteria.block))
+    others = tuple(name for name in ALL if name not in names)
+    effect_blocks = _best_blocks(item.refit.model, ((), others), court)
+    free_blocks = _best_blocks(before.model, (names, ALL), court)
+    better = improvement(effect_blocks, free_blocks)
     title = f"z-score of a free-form term over {', '.join(names)}"
-    return [at_most(item.name, title, better.z_score, criteria.min_z_score)]
+    return [at_most(item.name, title, better.z_score, court.criteria.min_z_score)]
+
+
+def _best_blocks(model: Model, choices: Sequence[Sequence[str]], court: Court) -> list[Floats]:
+    """Return the blocks of the smallest residual that a free-form term over one of several choices leaves.
+
+    Args:
+        model: that the term is added to.
+        choices: coordinates of each term; none for no term.
+        court: the recordings.
+    """
+    judge = Remainder(court.judge, residuals(model, court.judge), court.weights)
+    left = [judge.less(term(names, model, court).predicted) if names else judge for names in choices]
+    return min(left, key=lambda one: one.rms).blocks(court.criteria.block)
 
 
 def term(names: Sequence[str], model: Model, court: Court) -> FreeForm:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +109,24 @@ def learn(known: Remainder, judge: Remainder, name: str, units: Units, criteria:
         if is_simpler and improvement(item[1], best[1]).z_score < criteria.min_z_score:
             return item[0]
     return best[0]
+
+
+def joined(maps: Sequence[Learnt], another: Learnt, units: Units) -> list[Learnt]:
+    """Return maps with one more; a map over the same coordinates as an earlier one is added to that one.
+
+    Args:
+        maps: learnt so far.
+        another: learnt from what they leave of the same recordings, so that equal coordinates have equal grids.
+        units: of the axis.
+    """
+    same = next((item for item in maps if item.coordinates == another.coordinates), None)
+    if same is None:
+        return [*maps, another]
+    values = np.add(same.map.values, another.map.values)
+    gain = replace(same.improvement, fall=same.improvement.fall + another.improvement.fall)
+    total = replace(same.map, values=tuple(values.tolist()))
+    both = Learnt(total, same.coordinates, gain, gain.share, sentence(total, units))
+    return [both if item is same else item for item in maps]
 
 
 def _path(motion: Motion) -> MotionPath:

@@ -112,12 +112,11 @@ class State:
             state = state.refitted(state.current, AGAIN)
         return state
 
-    def court(self, options: Options, first: Model | None = None) -> Court:
+    def court(self, options: Options) -> Court:
         """Return the recordings that evidence is taken from.
 
         Args:
             options: how to run.
-            first: model of the file refitted within its tolerance; the current one if None.
         """
         judged = self.refits.judged
         judge = self.held or self.learn
@@ -125,7 +124,7 @@ class State:
         own = held if self.held else judged
         weightings = own.weights, own.gap_weights
         floor, reported_floor = noise_floors(judge, self.current.model, judged.noise, options.seed, *weightings)
-        left = residuals(first or self.current.model, judge)
+        left = residuals(self.current.model, judge)
         gap, reported_gap = (rms(weighted(left, weights)) for weights in weightings)
         return Court(
             self.learn, judge, judged, held, floor, gap, reported_floor, reported_gap, options.criteria, options.seed

@@ -122,13 +122,12 @@ def _search(
     names = [name for name in catalogue_names() if name not in READ_OFF and name not in options.excluded]
     changed = [name for name in CHANGED if name not in options.excluded]
     most = options.criteria.max_effects + len(changed)
-    first = state.current.model
     for number in range(most):
         share = 0.1 + 0.7 * number / most
         report(f"first look at {len(names)} effects", share)
         refits, current = state.refits, to_the_end(state.refits, state.current)  # as many steps as the hypotheses get
         state = replace(state, current=current)
-        court = state.court(options, first)
+        court = state.court(options)
         if rounds and court.is_closed(current.model):
             break
         earlier = evidence_of(current, court)
@@ -161,7 +160,8 @@ def _search(
 def chosen(decisions: Sequence[Decision], court: Court, listed: Sequence[str] = ()) -> Decision | None:
     """Return the hypothesis to add, or None where none passes every test.
 
-    Of effects that the data do not tell apart it is one that the file lists: that a known value moved is the simplest.
+    Of effects that the data do not tell apart it is one that the file lists, because a known value that moved is the
+    simplest explanation; else the one with the fewest parameters.
 
     Args:
         decisions: the best predicting first.
@@ -175,7 +175,23 @@ def chosen(decisions: Sequence[Decision], court: Court, listed: Sequence[str] = 
     known = [item for item in passed if item.candidate.name in listed]
     if best.candidate.settings is None:
         return best
-    return next((item for item in known if apart(best, item) <= court.criteria.min_z_score), best)
+    equal = [item for item in passed if apart(best, item) <= court.criteria.min_z_score]
+    return next((item for item in equal if item in known), _simplest(best, equal))
+
+
+def _simplest(best: Decision, equal: Sequence[Decision]) -> Decision:
+    """Return the effect with the fewest parameters of those that the data do not tell from the best one.
+
+    Args:
+        best: the effect that would be added.
+        equal: hypotheses that the data do not tell from it, the best predicting first.
+    """
+    is_contact = is_like_contact(best.candidate.name)
+    others = [
+        item for item in equal
+        if item.candidate.settings is not None and (is_contact or not is_like_contact(item.candidate.name))
+    ]  # fmt: skip
+    return min((best, *others), key=lambda item: item.candidate.parameter_count)
 
 
 def _preferred(passed: Sequence[Decision], court: Court) -> Decision:
@@ -195,7 +211,7 @@ def _preferred(passed: Sequence[Decision], court: Court) -> Decision:
     bent = [item for item in passed if is_law(item.candidate.name)]
     others = [item for item in passed if item not in bent]
     effects = [item for item in others if item.candidate.settings is not None]
-    if not court.is_noise(court.first_gap):
+    if not court.is_noise(court.gap_so_far):
         for item in (*effects, *bent):
             if court.is_closed(item.candidate.refit.model):
                 return item
