@@ -11,27 +11,27 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from sgms_observer.diagnosis.advice import Named, detectable, next_experiment
-from sgms_observer.diagnosis.ceiling import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
-from sgms_observer.diagnosis.decision import Decision, apart, within_range
+from sgms_observer.diagnosis.decision import Decision, within_range, z_score_between
+from sgms_observer.diagnosis.diagnosis import Diagnosis, Options, Round
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import Refit, Refits, judged_as, judged_with
+from sgms_observer.diagnosis.fit import Refit, RefitSetup, data_with_noise_of, data_with_own_noise
+from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.gap import (
     Gap,
-    Remainder,
+    WeightedResidual,
     effort_rms,
     halves,
     interval,
     noise_floors,
     residuals,
 )
-from sgms_observer.diagnosis.homing import unhomed
-from sgms_observer.diagnosis.learnt import LEARNT_NAMES, Learnt, learn
+from sgms_observer.diagnosis.homing import homing_warnings
 from sgms_observer.diagnosis.locate import Located, locate
+from sgms_observer.diagnosis.map_fit import MAP_NAMES, FittedMap, fit_map
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.state import Diagnosis, Options, Round
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 Floats = NDArray[np.float64]
@@ -77,7 +77,7 @@ class Answer:
     verdict: str
     gap: Gap
     effects: tuple[Named, ...]
-    learnt: tuple[Learnt, ...]
+    learnt: tuple[FittedMap, ...]
     changed: tuple[Changed, ...]
     remainder: str
     located: tuple[Located, ...]
@@ -97,7 +97,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class _Bench:
+class _GapRecordings:
     """The recordings that the gap is measured on, and how a model's residual there comes about.
 
     Attributes:
@@ -107,24 +107,24 @@ class _Bench:
     """
 
     motions: tuple[Motion, ...]
-    found: Diagnosis
+    diagnosis: Diagnosis
     has_held_out: bool
 
-    def residuals(self, model: Model, refits: Refits, effects: Sequence[EffectSettings]) -> tuple[Floats, ...]:
+    def residuals(self, model: Model, setup: RefitSetup, effects: Sequence[EffectSettings]) -> tuple[Floats, ...]:
         """Return the residual of each motion; of halves, with the parameters that the other halves give."""
         if self.has_held_out:
             return residuals(model, self.motions)
         parts: list[Floats] = [np.zeros(0)] * len(self.motions)
         for side in (0, 1):
             learn_from = tuple(self.motions[i] for i in range(len(self.motions)) if i % 2 == side)
-            again = replace(refits, judged=judged_with(learn_from, model)).of(effects, None, CROSS_STEPS)
+            again = replace(setup, data=data_with_own_noise(learn_from, model)).fit(effects, None, CROSS_STEPS)
             for i in range(len(self.motions)):
                 if i % 2 != side:
                     parts[i] = residuals(again.model, (self.motions[i],))[0]
         return tuple(parts)
 
 
-def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradiction: Test | None = None) -> Answer:
+def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contradiction: Test | None = None) -> Answer:
     """Turn a diagnosis into an answer, judged on data that nothing was fitted to.
 
     Args:
@@ -134,45 +134,51 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         contradiction: a test of the whole that what was found did not pass; then nothing of it is named or learnt.
     """
     criteria = options.criteria
-    has_held_out = bool(found.state.held)
-    motions = found.state.held if has_held_out else tuple(h for motion in found.state.learn for h in halves(motion))
-    bench = _Bench(motions, found, has_held_out)
-    accepted = list(found.accepted)
-    before_refits = replace(found.found.refits, nominal=found.nominal)
-    given = residuals(replace(Model.of(axis), effects=found.own), motions)
-    before = bench.residuals(found.written.before.model, before_refits, found.written.before.effects)
-    model, fit = found.written.after.model, found.written.after
-    after = before if fit is found.written.before else bench.residuals(model, found.written.refits, fit.effects)
-    tests = [test for item in found.rounds for decision in item.decisions for test in decision.tests]
-    own = judged_as(motions, found.court.judged, found.written.before.model)
+    has_held_out = bool(diagnosis.final_state.held_out_motions)
+    motions = (
+        diagnosis.final_state.held_out_motions
+        if has_held_out
+        else tuple(h for motion in diagnosis.final_state.fit_motions for h in halves(motion))
+    )
+    bench = _GapRecordings(motions, diagnosis, has_held_out)
+    accepted = list(diagnosis.accepted)
+    before_refits = replace(diagnosis.file_state.setup, nominal=diagnosis.nominal)
+    given = residuals(replace(Model.of(axis), effects=diagnosis.file_effects), motions)
+    before = bench.residuals(diagnosis.written.before.model, before_refits, diagnosis.written.before.effects)
+    model, fit = diagnosis.written.after.model, diagnosis.written.after
+    after = before if fit is diagnosis.written.before else bench.residuals(model, diagnosis.written.setup, fit.effects)
+    tests = [test for item in diagnosis.rounds for decision in item.decisions for test in decision.tests]
+    own = data_with_noise_of(motions, diagnosis.evaluation.fit_data, diagnosis.written.before.model)
 
-    def left_by(parts: Sequence[Floats]) -> Remainder:
-        return Remainder(motions, parts, own.gap_weights)
+    def left_by(parts: Sequence[Floats]) -> WeightedResidual:
+        return WeightedResidual(motions, parts, own.gap_weights)
 
     def gap_of(parts: Sequence[Floats]) -> float:
         return left_by(parts).rms
 
     effort = effort_rms(motions, own.gap_weights)
     shrinks = improvement(
-        *(Remainder(motions, parts, own.weights).blocks(criteria.block) for parts in (before, after))
+        *(WeightedResidual(motions, parts, own.weights).blocks(criteria.block) for parts in (before, after))
     )
-    whole_motions = found.state.held or found.state.learn
+    whole_motions = diagnosis.final_state.held_out_motions or diagnosis.final_state.fit_motions
     (noise,) = noise_floors(
-        whole_motions, found.state.current.model, found.state.refits.judged.noise, options.seed,
-        own.gap_weights if has_held_out else found.court.judged.gap_weights,
+        whole_motions, diagnosis.final_state.current.model, diagnosis.final_state.setup.data.noise, options.seed,
+        own.gap_weights if has_held_out else diagnosis.evaluation.fit_data.gap_weights,
     )  # fmt: skip
 
     def over_noise(parts: Sequence[Floats]) -> float:
         return gap_of(parts) / noise if noise > 0.0 else math.inf
 
-    if fit is not found.written.before:
-        names = ", ".join(item.accepted.candidate.name for item in found.rounds if item.accepted)
+    if fit is not diagnosis.written.before:
+        names = ", ".join(item.accepted.candidate.name for item in diagnosis.rounds if item.accepted)
         test = at_least(names, "gap as reported: z-score", shrinks.z_score, criteria.interval_z_score)
         part = at_most(names, "gap as reported, as a share of the effort", gap_of(after) / effort, 1.0)
         grown = at_most(names, "gap as reported, over the gap before", gap_of(after) / max(gap_of(before), 1e-300), 1.0)
         named = {item.accepted.candidate.name for item in accepted if item.accepted}
         inside = [
-            within_range(item, found.state.learn, found.nominal) for item in fit.effects if item.name in named
+            within_range(item, diagnosis.final_state.fit_motions, diagnosis.nominal)
+            for item in fit.effects
+            if item.name in named
         ]
         explained = at_most(
             names, "share of the effort that is unexplained", gap_of(after) / effort, criteria.max_unexplained
@@ -182,23 +188,23 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         tests += written
         is_borne_out = all(item.passed for item in written) and contradiction is None
         if not is_borne_out:  # the model as it is written does not bear the names out
-            accepted, model, fit, after = [], found.written.before.model, found.written.before, before
-    learnt: tuple[Learnt, ...] = ()
+            accepted, model, fit, after = [], diagnosis.written.before.model, diagnosis.written.before, before
+    learnt: tuple[FittedMap, ...] = ()
     rest_to_judge = left_by(after)
-    free = _ceiling(found, model, rest_to_judge, options)
+    free = _ceiling(diagnosis, model, rest_to_judge, options)
     stands_out = over_noise(after) >= criteria.min_gap_over_floor
     surely = free.improvement.share if stands_out and free.improvement.z_score > criteria.min_z_score else 0.0
-    if surely > criteria.min_predictable_share and not found.is_poor and contradiction is None:
-        known = _known(found, model)
+    if surely > criteria.min_predictable_share and not diagnosis.is_poor and contradiction is None:
+        known = _known(diagnosis, model)
         judge = rest_to_judge if has_held_out else known  # parts left out in turn, not halves
-        map_found = learn(known, judge, _free_name(fit.effects), axis.units, criteria)
+        map_found = fit_map(known, judge, _free_name(fit.effects), axis.units, criteria)
         if map_found is not None:
             learnt = (map_found,)
     final = model.with_effects([item.settings for item in learnt])
     total = after
     if learnt:
         total = residuals(final, motions)
-    unnamed = _unnamed(found, criteria) if has_held_out and stands_out else None
+    unnamed = _unnamed(diagnosis, criteria) if has_held_out and stands_out else None
     floor = _floor(noise, [gap_of(before), gap_of(after), gap_of(total)], rest_to_judge, free, surely, unnamed)
     surely = max(surely, unnamed.predictable(criteria) if unnamed else 0.0)
     percent = 100.0 / effort
@@ -207,7 +213,8 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
         gap_of(given) * percent, gap_of(before) * percent, named_after, min(floor * percent, named_after),
         noise * percent,
         interval(left_by(before), criteria, options.seed), interval(left_by(after), criteria, options.seed),
-        "held-out" if has_held_out else "cross-validated", found.state.learn[0].band, criteria.min_gap_over_floor,
+        "held-out" if has_held_out else "cross-validated", diagnosis.final_state.fit_motions[0].band,
+        criteria.min_gap_over_floor,
     )  # fmt: skip
     whole = at_most("model", "share of the effort that is unexplained", 0.01 * gap.after, criteria.max_unexplained)
     rest = at_most("model", "surely predictable share of the rest", surely, criteria.min_predictable_share)
@@ -216,19 +223,19 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     added = _added(left_by(before), given, criteria)
     misled = at_most("model", "share of the squared gap that the refit adds", added, criteria.min_predictable_share)
     tests += [whole, rest, near, misled, *([] if contradiction is None else [contradiction])]
-    warnings = list(found.warnings)
-    models = [decision.candidate.refit.model for item in found.rounds for decision in item.decisions]
-    warnings += unhomed(models, found.court, axis.units)
+    warnings = list(diagnosis.warnings)
+    models = [decision.candidate.refit.model for item in diagnosis.rounds for decision in item.decisions]
+    warnings += homing_warnings(models, diagnosis.evaluation, axis.units)
     if not whole.passed:
         warnings.append(
             f"unusable model: {gap.after:.0f} % of the effort is unexplained; identify the axis first, or record more"
             " motion"
         )
-    effects = _named(found, accepted, fit, gap, lambda one: percent * gap_of(residuals(one, motions)))
-    effects += _read_off(found)
-    changed = changed_values(found, fit, options) if fit is not found.written.before else ()
-    verdict = _verdict(found, effects, rest, bool(learnt), whole, (near, misled))
-    if verdict == "cannot_tell" and whole.passed and not found.is_poor:
+    effects = _named(diagnosis, accepted, fit, gap, lambda one: percent * gap_of(residuals(one, motions)))
+    effects += _measured_quantisation(diagnosis)
+    changed = changed_values(diagnosis, fit, options) if fit is not diagnosis.written.before else ()
+    verdict = _verdict(diagnosis, effects, rest, bool(learnt), whole, (near, misled))
+    if verdict == "cannot_tell" and whole.passed and not diagnosis.is_poor:
         warnings.append(
             f"the gap is {over:.0f} times the noise, and the recordings to learn from do not show why: learn from"
             " recordings with the motion that is judged"
@@ -241,25 +248,29 @@ def answer_of(found: Diagnosis, axis: AxisSettings, options: Options, contradict
     return Answer(
         verdict, gap, tuple(effects), learnt, tuple(changed), remainder, tuple(significant), tuple(everywhere),
         tuple(afterwards[item.coordinate] for item in significant if item.coordinate in afterwards),
-        detectable(found, axis, options), next_experiment(verdict, effects, significant, found, axis.units),
-        tuple(tests), whole.passed and not found.is_poor, tuple(warnings), final, found, motions, before, total,
+        detectable(diagnosis, axis, options), next_experiment(verdict, effects, significant, diagnosis, axis.units),
+        tuple(tests), whole.passed and not diagnosis.is_poor, tuple(warnings), final, diagnosis, motions, before, total,
         percent * gap_of(total),
     )  # fmt: skip
 
 
-def _known(found: Diagnosis, model: Model) -> Remainder:
+def _known(diagnosis: Diagnosis, model: Model) -> WeightedResidual:
     """Return what a model leaves of the recordings to learn from."""
-    return Remainder(found.state.learn, residuals(model, found.state.learn), found.court.judged.gap_weights)
+    return WeightedResidual(
+        diagnosis.final_state.fit_motions,
+        residuals(model, diagnosis.final_state.fit_motions),
+        diagnosis.evaluation.fit_data.gap_weights,
+    )
 
 
-def _ceiling(found: Diagnosis, model: Model, rest: Remainder, options: Options) -> FreeForm:
+def _ceiling(diagnosis: Diagnosis, model: Model, rest: WeightedResidual, options: Options) -> FreeForm:
     """Return what a free-form term over all coordinates predicts of the rest."""
-    known = _known(found, model) if found.state.held else rest
+    known = _known(diagnosis, model) if diagnosis.final_state.held_out_motions else rest
     return free_form(ALL, known, rest, options.criteria, options.seed)
 
 
 def _floor(
-    noise: float, left: Sequence[float], rest: Remainder, free: FreeForm, surely: float, unnamed: Decision | None
+    noise: float, left: Sequence[float], rest: WeightedResidual, free: FreeForm, surely: float, unnamed: Decision | None
 ) -> float:
     """Return what no predictor removes [N]: noise and encoder, or what the best predictor leaves if that is more.
 
@@ -271,17 +282,17 @@ def _floor(
         surely: share of it that the term surely predicts.
         unnamed: effect that surely predicts most of it without a name, or None.
     """
-    found = list(left)
+    gaps = list(left)
     if surely > 0.0:
-        found.append(rest.less(free.predicted).rms)
+        gaps.append(rest.minus(free.predicted).rms)
     if unnamed is not None:
-        found.append(rest.rms * math.sqrt(max(0.0, 1.0 - unnamed.reported.share)))
-    return max(noise, min(found))
+        gaps.append(rest.rms * math.sqrt(max(0.0, 1.0 - unnamed.reported.share)))
+    return max(noise, min(gaps))
 
 
-def _unnamed(found: Diagnosis, criteria: Criteria) -> Decision | None:
+def _unnamed(diagnosis: Diagnosis, criteria: Criteria) -> Decision | None:
     """Return the effect that surely predicts most of the rest although it did not pass every test, or None."""
-    last = found.rounds[-1].decisions if found.rounds and found.rounds[-1].accepted is None else ()
+    last = diagnosis.rounds[-1].decisions if diagnosis.rounds and diagnosis.rounds[-1].accepted is None else ()
     sure = [item for item in last if item.candidate.settings is not None and item.predictable(criteria) > 0.0]
     return max(sure, key=lambda item: item.predictable(criteria), default=None)
 
@@ -289,10 +300,10 @@ def _unnamed(found: Diagnosis, criteria: Criteria) -> Decision | None:
 def _free_name(effects: Sequence[EffectSettings]) -> str:
     """Return the name of a learnt map that the model does not have yet."""
     taken = {item.name for item in effects}
-    return next((name for name in LEARNT_NAMES if name not in taken), LEARNT_NAMES[-1])
+    return next((name for name in MAP_NAMES if name not in taken), MAP_NAMES[-1])
 
 
-def _added(before: Remainder, given: Sequence[Floats], criteria: Criteria) -> float:
+def _added(before: WeightedResidual, given: Sequence[Floats], criteria: Criteria) -> float:
     """Return the share of the squared gap that the refit adds to the file's own on held-out data; 0 if unsure.
 
     Args:
@@ -305,7 +316,7 @@ def _added(before: Remainder, given: Sequence[Floats], criteria: Criteria) -> fl
 
 
 def _verdict(
-    found: Diagnosis, effects: Sequence[Named], rest: Test, is_learnt: bool, whole: Test, trust: Sequence[Test]
+    diagnosis: Diagnosis, effects: Sequence[Named], rest: Test, is_learnt: bool, whole: Test, trust: Sequence[Test]
 ) -> str:
     """Return the verdict.
 
@@ -317,7 +328,7 @@ def _verdict(
         whole: test that the model with the names explains the effort.
         trust: tests that the silence of the recordings means something.
     """
-    if found.is_poor:
+    if diagnosis.is_poor:
         return "cannot_tell"
     if effects:
         return "ambiguous" if any(item.alternatives for item in effects) else "effect_found"
@@ -329,7 +340,7 @@ def _verdict(
 
 
 def _named(
-    found: Diagnosis,
+    diagnosis: Diagnosis,
     accepted: Sequence[Round],
     fit: Refit,
     gap: Gap,
@@ -355,14 +366,14 @@ def _named(
                 for name, later in zip(left, others, strict=True)
             }
         name = min(gaps, key=lambda one: gaps[one])
-        listed.append(_as_named(found, fit, rounds, name, last, gaps[name]))
+        listed.append(_as_named(diagnosis, fit, rounds, name, last, gaps[name]))
         last = gaps[name]
         left.remove(name)
     return listed
 
 
 def _as_named(
-    found: Diagnosis, fit: Refit, rounds: Mapping[str, Round], name: str, before: float, after: float
+    diagnosis: Diagnosis, fit: Refit, rounds: Mapping[str, Round], name: str, before: float, after: float
 ) -> Named:
     """Return one of the effects that were accepted.
 
@@ -377,23 +388,23 @@ def _as_named(
     assert item.accepted is not None
     index = [one.name for one in fit.effects].index(name)
     settings = fit.effects[index]
-    std = tuple(found.written.errors.get((index, j), 0.0) for j in range(len(settings.values)))
+    std = tuple(diagnosis.written.errors.get((index, j), 0.0) for j in range(len(settings.values)))
     others = [
-        apart(item.accepted, other)
+        z_score_between(item.accepted, other)
         for other in item.decisions
         if other.candidate.settings is not None and other.candidate.name not in rounds and other.passed
     ]
     confidence = float(np.prod([stats.norm.cdf(z) for z in others])) if others else 1.0
     confidence = min(confidence, float(stats.norm.cdf(item.accepted.improvement.z_score)))
-    if not found.state.held:
+    if not diagnosis.final_state.held_out_motions:
         confidence = min(confidence, ONE_RECORDING_CONFIDENCE)
     alternatives = tuple(one for one in item.alternatives if one not in rounds)
     return Named(settings, std, confidence, alternatives, before, after)
 
 
-def _read_off(found: Diagnosis) -> list[Named]:
+def _measured_quantisation(diagnosis: Diagnosis) -> list[Named]:
     """Return what is read off the positions: a coarser grid than the settings say."""
-    if found.resolution is None or found.is_poor:
+    if diagnosis.resolution is None or diagnosis.is_poor:
         return []
-    settings = EffectSettings("quantisation", (found.resolution,))
-    return [Named(settings, (0.005 * found.resolution,), 0.99, (), math.nan, math.nan)]
+    settings = EffectSettings("quantisation", (diagnosis.resolution,))
+    return [Named(settings, (0.005 * diagnosis.resolution,), 0.99, (), math.nan, math.nan)]

@@ -12,9 +12,9 @@ from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.settings.axis import AxisSettings
 
-COARSER = 1.5
+MIN_GRID_RATIO = 1.5
 """A grid this many times the configured resolution is a discrepancy."""
-MIN_TRAVEL_OVER_REACH = 50.0
+MIN_TRAVEL_OVER_SLIP_DEFLECTION = 50.0
 """Least travel over the contact's largest slip deflection: below it the contact hardly slides."""
 MIN_GRID_STEPS = 50
 """Least range of the position in steps of the encoder's grid: below it the encoder is too coarse for the motion."""
@@ -54,7 +54,7 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
     """
     units = axis.units
     friction = Model.of(axis).friction
-    reach = max(
+    slip_deflection = max(
         share * friction.static_force / kappa
         for share, kappa in zip(friction.element_fraction, friction.element_stiffness, strict=True)
     )
@@ -69,7 +69,7 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
     position = np.concatenate([motion.position for motion in motions])
     grid_step = max(motion.resolution for motion in motions)
     poor = []
-    if sliding < MIN_TRAVEL_OVER_REACH * reach:
+    if sliding < MIN_TRAVEL_OVER_SLIP_DEFLECTION * slip_deflection:
         poor.append("the axis hardly slides: record moves over the stroke in both directions")
     if reversals < MIN_REVERSALS:
         poor.append("the axis hardly reverses: record moves in both directions, at least ten reversals")
@@ -87,7 +87,7 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
         notes.append(f"only {reversals} reversals: little can be said about presliding and break-away")
     warnings += poor
     configured = axis.stage.encoder.resolution
-    coarser = configured > 0.0 and grid_step > COARSER * configured
+    coarser = configured > 0.0 and grid_step > MIN_GRID_RATIO * configured
     return Audit(tuple(notes), tuple(warnings), bool(poor), grid_step if coarser else None)
 
 
@@ -116,9 +116,7 @@ def is_reversed(motions: Sequence[Motion]) -> bool:
         speed = motion.low_pass(motion.velocity)
         sign = np.tanh(speed / (MOVING * float(np.quantile(np.abs(speed), 0.99)) + 1e-300))
         work += float(motion.effort @ motion.velocity) * motion.period
-        columns.append(
-            np.column_stack([sign, motion.low_pass(motion.acceleration), *_conservative(motion)])
-        )
+        columns.append(np.column_stack([sign, motion.low_pass(motion.acceleration), *_conservative(motion)]))
         target.append(motion.low_pass(motion.effort))
     rows, effort = np.vstack(columns), np.concatenate(target)
     rows = rows / np.maximum(np.std(rows, axis=0), 1e-12)

@@ -21,7 +21,7 @@ CONTACT_EFFECTS = (
     "dwell_breakaway", "presliding", "backlash", "frictional_lag",
 )  # fmt: skip
 """Effects that a contact law other than the file's may look like."""
-LAW_EFFECTS = (
+CONTACT_LAW_EFFECTS = (
     "nonlinear_viscous", "eddy_current", "stribeck", "load_dependent_friction", "presliding", "backlash",
     "frictional_lag",
 )  # fmt: skip
@@ -41,16 +41,16 @@ FREE_FORM = {
 """Coordinates of the free-form term that an effect has to match; effects periodic in time have none."""
 
 
-def is_law(name: str) -> bool:
+def is_contact_law_effect(name: str) -> bool:
     """Return whether an effect describes nothing but another contact law.
 
     Args:
         name: of an effect.
     """
-    return name in LAW_EFFECTS
+    return name in CONTACT_LAW_EFFECTS
 
 
-def is_like_contact(name: str) -> bool:
+def is_confusable_with_contact(name: str) -> bool:
     """Return whether a contact law other than the file's may look like an effect.
 
     Args:
@@ -88,7 +88,7 @@ def coordinates_of(motion: Motion, names: Sequence[str]) -> Floats:
     Returns:
         Shape (n, len(names)), SI units; the direction is -1, 0 or 1.
     """
-    made = motion.kept("coordinates", "all", lambda: _all(motion))
+    made = motion.cached("coordinates", "all", lambda: _all(motion))
     return np.column_stack([made[name] for name in names])
 
 

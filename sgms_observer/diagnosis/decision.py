@@ -9,27 +9,27 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.candidates import MOST_COMPARED, Candidate
-from sgms_observer.diagnosis.ceiling import FreeForm, free_form
+from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate
 from sgms_observer.diagnosis.coordinates import FREE_FORM
-from sgms_observer.diagnosis.court import Court, Evidence, evidence_of
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
+from sgms_observer.diagnosis.evaluation import EvaluationData, Evidence, evidence_of
 from sgms_observer.diagnosis.evidence import Improvement, improvement
 from sgms_observer.diagnosis.fit import Refit
-from sgms_observer.diagnosis.gap import Remainder, residuals
+from sgms_observer.diagnosis.free_form import FreeForm, free_form
+from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.ranges import believable
+from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
-LEAST_DELAY = 0.5
+MIN_DELAY = 0.5
 """Shortest delay with a name, in sample periods: whether an effort is held between samples makes as much."""
-AT_END = 1.0e-6
+RANGE_END_TOLERANCE = 1.0e-6
 """A parameter lies at the end of its range when it is this near, relative to the end."""
-WHOLE_RANGE = ("motion_share", "attraction_rate", "stop")
+ANY_VALUE_PARAMETERS = ("motion_share", "attraction_rate", "stop")
 """Parameters that may well lie at an end of their range."""
 
 
@@ -69,7 +69,7 @@ class Decision:
         return all(test.passed for test in self.tests)
 
 
-def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> Decision:
+def decide(item: Candidate, before: Refit, earlier: Evidence, evaluation: EvaluationData) -> Decision:
     """Test one hypothesis against the model without it.
 
     Args:
@@ -78,46 +78,48 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> D
         earlier: what that fit predicts.
         court: the recordings.
     """
-    criteria = court.criteria
-    later = evidence_of(item.refit, court)
+    criteria = evaluation.criteria
+    later = evidence_of(item.refit, evaluation)
     gain = improvement(earlier.all, later.all)
-    tests = [_predictive(item, gain, earlier, later, court)]
+    tests = [_predictive(item, gain, earlier, later, evaluation)]
     gap, reported = improvement(earlier.force, later.force), improvement(earlier.reported, later.reported)
-    if court.has_held_out:
+    if evaluation.has_held_out:
         tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
-    share = court.closed_share(gap, reported)
+    share = evaluation.closed_share(gap, reported)
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
-    tests += bounds(item, court)
+    tests += range_tests(item, evaluation)
     if item.settings is not None:
-        tests += physical(item, court)
+        tests += physical_tests(item, evaluation)
         if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
-            tests += earned(item, before, later, court)
+            tests += free_form_tests(item, before, later, evaluation)
     return Decision(item, later, gain, gap, reported, tuple(tests))
 
 
-def _predictive(item: Candidate, gain: Improvement, earlier: Evidence, later: Evidence, court: Court) -> Test:
+def _predictive(
+    item: Candidate, gain: Improvement, earlier: Evidence, later: Evidence, evaluation: EvaluationData
+) -> Test:
     """Return the test that the hypothesis surely predicts better.
 
     Held-out recordings were not searched; all of them together were, over every shape that was tried. Either may tell:
     a held-out recording need not excite an effect as much as the one that was made to show it.
     """
-    criteria = court.criteria
+    criteria = evaluation.criteria
     title = "z-score on data not fitted to"
-    if court.has_held_out:
-        held = improvement(earlier.held, later.held)
-        alone = at_least(item.name, f"{title}, held-out recordings", held.z_score, criteria.z_score_of(MOST_COMPARED))
+    if evaluation.has_held_out:
+        held = improvement(earlier.held_out, later.held_out)
+        alone = at_least(item.name, f"{title}, held-out recordings", held.z_score, criteria.z_score_of(MAX_COMPARED))
         if alone.passed:
             return alone
         title = "z-score over all recordings"
     return at_least(item.name, title, gain.z_score, criteria.z_score_of(item.trials))
 
 
-def bounds(item: Candidate, court: Court) -> list[Test]:
+def range_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
     """Return the test that no parameter of an effect lies at the end of its physical or believable range."""
     settings = item.settings
     if settings is None:
         return []
-    return [within_range(settings, court.learn, item.refits.nominal)]
+    return [within_range(settings, evaluation.fit_motions, item.setup.nominal)]
 
 
 def within_range(settings: EffectSettings, motions: Sequence[Motion], nominal: Model) -> Test:
@@ -130,33 +132,35 @@ def within_range(settings: EffectSettings, motions: Sequence[Motion], nominal: M
     """
     at_end = 0
     for parameter, value in zip(effect(settings.name).parameters, settings.values, strict=True):
-        if parameter.name in WHOLE_RANGE or parameter.unit == "rad" or value == parameter.default:
+        if parameter.name in ANY_VALUE_PARAMETERS or parameter.unit == "rad" or value == parameter.default:
             continue
-        limits = believable(settings.name, parameter.name, motions, nominal)
+        limits = plausible_range(settings.name, parameter.name, motions, nominal)
         ends = [end for end in (parameter.minimum, parameter.maximum, *limits) if math.isfinite(end)]
-        at_end += any(abs(value - end) <= AT_END * abs(end) for end in ends)
+        at_end += any(abs(value - end) <= RANGE_END_TOLERANCE * abs(end) for end in ends)
     return at_most(settings.name, "parameters at the end of their range", at_end, 0.0)
 
 
-def physical(item: Candidate, court: Court) -> list[Test]:
+def physical_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
     """Return tests that the recordings reach what the effect acts on."""
     settings = item.settings
     assert settings is not None
-    tests = [at_least(item.name, "strength over its standard error", strength(item), court.criteria.min_z_score)]
+    tests = [at_least(item.name, "strength over its standard error", strength(item), evaluation.criteria.min_z_score)]
     values = dict(zip((p.name for p in effect(settings.name).parameters), settings.values, strict=True))
-    rate = min(motion.step / motion.period for motion in court.learn)
+    rate = min(motion.step / motion.period for motion in evaluation.fit_motions)
     if "frequency" in values:
         tests.append(
-            at_most(item.name, "frequency over sample rate", values["frequency"] / rate, court.criteria.max_rate_share)
+            at_most(
+                item.name, "frequency over sample rate", values["frequency"] / rate, evaluation.criteria.max_rate_share
+            )
         )
     if settings.name == "actuator_delay":
-        tests.append(at_least(item.name, "delay over sample period", values["delay"] * rate, LEAST_DELAY))
+        tests.append(at_least(item.name, "delay over sample period", values["delay"] * rate, MIN_DELAY))
     if settings.name == "actuator_saturation":
-        effort = np.abs(np.concatenate([motion.effort for motion in court.learn]))
+        effort = np.abs(np.concatenate([motion.effort for motion in evaluation.fit_motions]))
         tests.append(
             at_most(
                 item.name, "share of samples beyond the limit", float(np.mean(effort > values["limit"])),
-                court.criteria.max_unexplained,
+                evaluation.criteria.max_unexplained,
             )
         )  # fmt: skip
     return tests
@@ -167,7 +171,7 @@ def strength(item: Candidate) -> float:
     assert item.settings is not None
     found = item.refit
     place = [one.name for one in found.effects].index(item.settings.name)
-    errors = {j: error for (i, j), error in zip(found.free, found.deviations(), strict=True) if i == place}
+    errors = {j: error for (i, j), error in zip(found.free, found.standard_errors(), strict=True) if i == place}
     return strength_of(item.settings, errors)
 
 
@@ -190,29 +194,31 @@ def strength_of(settings: EffectSettings, errors: Mapping[int, float]) -> float:
     return max(found, default=math.inf)
 
 
-def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> list[Test]:
+def free_form_tests(item: Candidate, before: Refit, later: Evidence, evaluation: EvaluationData) -> list[Test]:
     """Return the test that a free-form term over the same coordinates predicts no better than the effect."""
     names = FREE_FORM.get(item.name)
     if names is None:
         return []
-    criteria = court.criteria
-    free = term(names, before.model, court)
-    judge = Remainder(court.judge, residuals(before.model, court.judge), court.weights)
-    better = improvement(later.force, judge.less(free.predicted).blocks(criteria.block))
+    criteria = evaluation.criteria
+    free = free_form_prediction(names, before.model, evaluation)
+    judge = WeightedResidual(evaluation.motions, residuals(before.model, evaluation.motions), evaluation.weights)
+    better = improvement(later.force, judge.minus(free.predicted).blocks(criteria.block))
     title = f"z-score of a free-form term over {', '.join(names)}"
     return [at_most(item.name, title, better.z_score, criteria.min_z_score)]
 
 
-def term(names: Sequence[str], model: Model, court: Court) -> FreeForm:
+def free_form_prediction(names: Sequence[str], model: Model, evaluation: EvaluationData) -> FreeForm:
     """Return what a free-form term predicts of a model's residual on the recordings to judge on."""
-    learn = Remainder(court.learn, residuals(model, court.learn), court.judged.gap_weights)
+    learn = WeightedResidual(
+        evaluation.fit_motions, residuals(model, evaluation.fit_motions), evaluation.fit_data.gap_weights
+    )
     judge = learn
-    if court.has_held_out:
-        judge = Remainder(court.judge, residuals(model, court.judge), court.gap_weights)
-    return free_form(names, learn, judge, court.criteria, court.seed)
+    if evaluation.has_held_out:
+        judge = WeightedResidual(evaluation.motions, residuals(model, evaluation.motions), evaluation.gap_weights)
+    return free_form(names, learn, judge, evaluation.criteria, evaluation.seed)
 
 
-def apart(one: Decision, other: Decision) -> float:
+def z_score_between(one: Decision, other: Decision) -> float:
     """Return the z-score by which one hypothesis predicts better than another.
 
     Over all recordings; over the held-out ones alone where these say the opposite.
@@ -221,8 +227,8 @@ def apart(one: Decision, other: Decision) -> float:
         one, other: decisions of the same round.
     """
     z_score = improvement(other.evidence.all, one.evidence.all).z_score
-    if one.evidence.held:
-        held = improvement(other.evidence.held, one.evidence.held).z_score
+    if one.evidence.held_out:
+        held = improvement(other.evidence.held_out, one.evidence.held_out).z_score
         return z_score if held * z_score >= 0.0 else held
     return z_score
 
@@ -239,8 +245,8 @@ def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria)
     for item in others:
         if item.candidate.settings is None or item.candidate.name == best.candidate.name:
             continue
-        is_apart = apart(best, item) > criteria.min_z_score
+        is_distinguished = z_score_between(best, item) > criteria.min_z_score
         is_possible = all(test.passed for test in item.tests)
-        if not is_apart and is_possible:
+        if not is_distinguished and is_possible:
             found.append(item.candidate.name)
     return tuple(found)

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.fit import Judged, Refit
+from sgms_observer.diagnosis.fit import Refit, WhitenedData
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.uncertainty import in_time, left_out
+from sgms_observer.diagnosis.uncertainty import as_time_series, leave_one_out_shifts
 
 Floats = NDArray[np.float64]
 
@@ -26,19 +26,19 @@ class Improvement:
     """What a later model predicts better than an earlier one.
 
     Attributes:
-        fall: fall of the squared residual, in units of the noise or N^2.
+        decrease: decrease of the squared residual, in units of the noise or N^2.
         z_score: the fall over its standard error.
         before: squared residual of the earlier model, in the same unit.
     """
 
-    fall: float
+    decrease: float
     z_score: float
     before: float
 
     @property
     def share(self) -> float:
         """Return the share of the squared residual that the later model takes off; 0 where it does harm."""
-        return max(0.0, self.fall / self.before) if self.before > 0.0 else 0.0
+        return max(0.0, self.decrease / self.before) if self.before > 0.0 else 0.0
 
 
 def improvement(before: Sequence[Floats], after: Sequence[Floats]) -> Improvement:
@@ -86,34 +86,34 @@ def in_blocks(parts: Sequence[Floats], motions: Sequence[Motion], length: float)
     ]
 
 
-def left_out_residuals(found: Refit, judged: Judged, length: float) -> list[Floats]:
+def left_out_residuals(found: Refit, data: WhitenedData, length: float) -> list[Floats]:
     """Return the whitened residual of each block of the recordings to learn from, by the fit without the block.
 
     Args:
         found: a fit with derivatives at its solution.
-        judged: the recordings it was fitted to.
+        data: the recordings it was fitted to.
         length: of a block [s].
     """
     rows = len(found.residual)
     columns = np.column_stack([found.jacobian[:rows], found.residual])
     parts: list[Floats] = []
-    for motion, series in zip(judged.motions, in_time(columns, judged), strict=True):
+    for motion, series in zip(data.motions, as_time_series(columns, data), strict=True):
         duration = len(motion.time) * motion.period
         parts += blocks_of(series, duration / len(series), length)
-    moved = left_out(parts, found.jacobian.T @ found.jacobian)
+    moved = leave_one_out_shifts(parts, found.jacobian.T @ found.jacobian)
     return [part[:, -1] + part[:, :-1] @ step for part, step in zip(parts, moved, strict=True)]
 
 
-def learnt_residuals(found: Refit, judged: Judged, length: float) -> list[Floats]:
+def fit_residuals(found: Refit, data: WhitenedData, length: float) -> list[Floats]:
     """Return the whitened residual of each block of the recordings that were learnt from; arguments as above."""
     parts: list[Floats] = []
-    for motion, series in zip(judged.motions, in_time(found.residual[:, None], judged), strict=True):
+    for motion, series in zip(data.motions, as_time_series(found.residual[:, None], data), strict=True):
         duration = len(motion.time) * motion.period
         parts += [part[:, 0] for part in blocks_of(series, duration / len(series), length)]
     return parts
 
 
-def held_out_residuals(model: Model, held: Judged, length: float) -> list[Floats]:
+def held_out_residuals(model: Model, held: WhitenedData, length: float) -> list[Floats]:
     """Return the whitened residual of each block of held-out recordings.
 
     Args:
@@ -125,7 +125,7 @@ def held_out_residuals(model: Model, held: Judged, length: float) -> list[Floats
         return []
     whitened = held.residual(model)[:, None]
     parts: list[Floats] = []
-    for motion, series in zip(held.motions, in_time(whitened, held), strict=True):
+    for motion, series in zip(held.motions, as_time_series(whitened, held), strict=True):
         duration = len(motion.time) * motion.period
         parts += [part[:, 0] for part in blocks_of(series, duration / len(series), length)]
     return parts

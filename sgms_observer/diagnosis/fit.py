@@ -9,17 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.level import PARTS_OF_THE_LEVEL, measured_level
-from sgms_observer.diagnosis.model import COULOMB, DAMPING, STATIC, Model, hidden_fall, predict
+from sgms_observer.diagnosis.model import COULOMB, DAMPING, STATIC, Model, hidden_friction_drop, predict
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.noise import Noise, fit_noise, loudest
-from sgms_observer.diagnosis.ranges import believable, unit_of
+from sgms_observer.diagnosis.noise import Noise, fit_noise, largest_noise
+from sgms_observer.diagnosis.ranges import plausible_range, unit_of
+from sgms_observer.diagnosis.sliding_force import PARTS_OF_SLIDING_FORCE, owner_logs
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
-ELEMENT_SLACK = 15.0
+ELEMENT_TOLERANCE_RATIO = 15.0
 """How much further than the tolerance elements may be off: few of them stand for a continuous contact."""
 FREED_FRICTION = np.log(2.0)
 """Standard deviation of the logarithm of a friction value that its owner's file no longer holds: a factor of two."""
@@ -27,24 +27,24 @@ FREED_DAMPING = np.log(10.0)
 """The same of the damping of the elements, which files seldom know: a factor of ten."""
 FREED_ELEMENTS = np.log(3.0)
 """The same of an element's stiffness and share: a factor of three."""
-STEP = 1.0e-4
+DERIVATIVE_STEP = 1.0e-4
 """Step of numerical derivatives, in units of the parameters."""
-UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,), "dwell_breakaway": (3,), "gravity": (2,)}
+REFERENCE_PARAMETERS = {"nonlinear_viscous": (2,), "thermal_drift": (3,), "dwell_breakaway": (3,), "gravity": (2,)}
 """Parameters that are a unit of others, or follow from the joint, and are never fitted: (effect, indices)."""
-REFRESH = 3
+JACOBIAN_REFRESH_STEPS = 3
 """Steps after which derivatives by the nominal parameters are computed anew."""
-BY_RATIO = (
+FITTED_BY_LOGARITHM = (
     "attraction_rate", "distance", "memory_distance", "gap", "stop", "time_constant", "dwell_time", "width", "velocity",
     "peak_velocity",
 )  # fmt: skip
 """Positive parameters that may be off by a factor: they are moved by their logarithm."""
-LEAST_NOISE = 1.0e-3
+MIN_NOISE_SHARE = 1.0e-3
 """Least rms noise of a measured force, as a share of the effort."""
 _MAX_ITERATIONS = 12
 
 
 @dataclass(frozen=True)
-class Judged:
+class WhitenedData:
     """Motions with the noise and weights every column passes.
 
     Attributes:
@@ -77,44 +77,44 @@ class Judged:
         return len(self.whitened([np.zeros(len(motion.time)) for motion in self.motions]))
 
 
-def judged_with(motions: Sequence[Motion], model: Model) -> Judged:
+def data_with_own_noise(motions: Sequence[Motion], model: Model) -> WhitenedData:
     """Return motions with the noise that the model's residual has."""
-    noises, doubts, hidden = [], [], [_hidden_square(model, motion) for motion in motions]
+    noises, stick_indicators, hidden = [], [], [_hidden_square(model, motion) for motion in motions]
     for motion, square in zip(motions, hidden, strict=True):
         found = predict(model, motion)
-        least = LEAST_NOISE * float(np.std(motion.effort))
-        residual, doubt = motion.low_pass(found.residual), motion.thinned(found.doubt)
-        noises.append(fit_noise(residual, doubt, motion.residual_period, motion.band, least, square))
-        doubts.append(doubt)
-    return _judged(motions, noises, doubts, hidden)
+        least = MIN_NOISE_SHARE * float(np.std(motion.effort))
+        residual, stick_indicator = motion.low_pass(found.residual), motion.thinned(found.stick_indicator)
+        noises.append(fit_noise(residual, stick_indicator, motion.residual_period, motion.band, least, square))
+        stick_indicators.append(stick_indicator)
+    return _whitened_data(motions, noises, stick_indicators, hidden)
 
 
-def judged_as(motions: Sequence[Motion], judged: Judged, model: Model) -> Judged:
+def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Model) -> WhitenedData:
     """Return motions with the noise of other recordings.
 
     Args:
         motions: recordings; may be none.
-        judged: the others; the loudest noise counts.
+        data: the others; the loudest noise counts.
         model: says where the contact sticks.
     """
-    noise = loudest(judged.noise)
+    noise = largest_noise(data.noise)
     noises = [replace(noise, period=motion.residual_period) for motion in motions]
-    doubts = [motion.thinned(predict(model, motion).doubt) for motion in motions]
-    return _judged(motions, noises, doubts, [_hidden_square(model, motion) for motion in motions])
+    stick_indicators = [motion.thinned(predict(model, motion).stick_indicator) for motion in motions]
+    return _whitened_data(motions, noises, stick_indicators, [_hidden_square(model, motion) for motion in motions])
 
 
-def _judged(
-    motions: Sequence[Motion], noises: Sequence[Noise], doubts: Sequence[Floats], hidden: Sequence[Floats]
-) -> Judged:
+def _whitened_data(
+    motions: Sequence[Motion], noises: Sequence[Noise], stick_indicators: Sequence[Floats], hidden: Sequence[Floats]
+) -> WhitenedData:
     """Return motions with their noise, and the weights that follow from it."""
-    weights = [noise.weights(*pair) for noise, *pair in zip(noises, doubts, hidden, strict=True)]
+    weights = [noise.weights(*pair) for noise, *pair in zip(noises, stick_indicators, hidden, strict=True)]
     gap_weights = [noise.gap_weights(square) for noise, square in zip(noises, hidden, strict=True)]
-    return Judged(tuple(motions), tuple(noises), tuple(weights), tuple(gap_weights))
+    return WhitenedData(tuple(motions), tuple(noises), tuple(weights), tuple(gap_weights))
 
 
 def _hidden_square(model: Model, motion: Motion) -> Floats:
     """Return the mean square of the force that the encoder's grid hides, evenly spread from zero on [N^2]."""
-    return motion.thinned(hidden_fall(model.friction, motion)) ** 2 / 3.0
+    return motion.thinned(hidden_friction_drop(model.friction, motion)) ** 2 / 3.0
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Freedom:
 
     friction: bool = False
     elements: bool = False
-    is_narrow: bool = False
+    has_narrow_elements: bool = False
 
 
 def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -> Floats:
@@ -137,8 +137,8 @@ def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -
 
     Args:
         model: the nominal model.
-        tolerance: largest relative error its owner expects; elements may be off ``ELEMENT_SLACK`` times as far, because
-            few elements stand for a continuous contact, unless the freedom is narrow.
+        tolerance: largest expected relative error of the file's values. Elements may be off
+            ``ELEMENT_TOLERANCE_RATIO`` times as far, unless the freedom has narrow elements.
         freedom: what is let go.
     """
     one = tolerance / np.sqrt(3.0)
@@ -147,7 +147,11 @@ def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -
         if name == DAMPING:
             widths.append(FREED_DAMPING)
         elif name.startswith("element"):
-            widths.append(FREED_ELEMENTS if freedom.elements else (1.0 if freedom.is_narrow else ELEMENT_SLACK) * one)
+            widths.append(
+                FREED_ELEMENTS
+                if freedom.elements
+                else (1.0 if freedom.has_narrow_elements else ELEMENT_TOLERANCE_RATIO) * one
+            )
         else:
             widths.append(FREED_FRICTION if freedom.friction and name != "mass" else one)
     return np.array(widths)
@@ -189,7 +193,7 @@ class Refit:
     free: tuple[tuple[int, int], ...]
     is_converged: bool = True
 
-    def deviations(self) -> Floats:
+    def standard_errors(self) -> Floats:
         """Return the standard deviation of each free effect parameter, SI units."""
         n = len(self.free)
         if n == 0:
@@ -200,7 +204,7 @@ class Refit:
 
 
 def refit(
-    judged: Judged,
+    data: WhitenedData,
     nominal: Model,
     tolerance: float,
     effects: Sequence[EffectSettings] = (),
@@ -214,7 +218,7 @@ def refit(
     """Fit nominal parameters and effects by Levenberg-Marquardt with numerical derivatives.
 
     Args:
-        judged: recordings.
+        data: recordings.
         nominal: the given model.
         tolerance: of its parameters, see ``prior_widths``.
         effects: effects to add, at their start values.
@@ -235,22 +239,22 @@ def refit(
     minimum = np.array([catalogue[i].parameters[j].minimum for i, j in free])
     maximum = np.array([catalogue[i].parameters[j].maximum for i, j in free])
     for k, (i, j) in enumerate(free):
-        low_limit, high_limit = believable(effects[i].name, catalogue[i].parameters[j].name, judged.motions, nominal)
+        low_limit, high_limit = plausible_range(effects[i].name, catalogue[i].parameters[j].name, data.motions, nominal)
         minimum[k], maximum[k] = max(minimum[k], low_limit), min(maximum[k], high_limit)
     values = np.array([effects[i].values[j] for i, j in free])
-    stroke = float(np.ptp(np.concatenate([motion.position for motion in judged.motions])))
+    stroke = float(np.ptp(np.concatenate([motion.position for motion in data.motions])))
     scales = np.array([unit_of(effects[i], j, nominal, stroke) for i, j in free])
     n = len(widths)
-    ratio = np.array([catalogue[i].parameters[j].name in BY_RATIO for i, j in free], dtype=bool)
+    ratio = np.array([catalogue[i].parameters[j].name in FITTED_BY_LOGARITHM for i, j in free], dtype=bool)
 
     def coordinate(value: Floats) -> Floats:
         shares = value / np.where(scales > 0, scales, 1.0)
         return np.where(ratio, np.log(np.where(ratio, np.maximum(shares, 1e-12), 1.0)), shares)
 
     x = np.concatenate([np.zeros(n) if start is None else start, coordinate(values)])
-    reach = limits(nominal, tolerance, freedom)
-    low, high = np.concatenate([-reach, coordinate(minimum)]), np.concatenate([reach, coordinate(maximum)])
-    if any(item.name in PARTS_OF_THE_LEVEL for item in effects):
+    bound = limits(nominal, tolerance, freedom)
+    low, high = np.concatenate([-bound, coordinate(minimum)]), np.concatenate([bound, coordinate(maximum)])
+    if any(item.name in PARTS_OF_SLIDING_FORCE for item in effects):
         low[[COULOMB, STATIC]] = -1.0
     x = np.clip(x, low, high)
 
@@ -264,7 +268,7 @@ def refit(
 
     def residual(z: Floats) -> Floats:
         model, moved = unpack(z)
-        return np.concatenate([judged.residual(model), measured_level(z[:n], nominal, moved) / widths])
+        return np.concatenate([data.residual(model), owner_logs(z[:n], nominal, moved) / widths])
 
     here = residual(x)
     cost = 0.5 * float(here @ here)
@@ -275,7 +279,7 @@ def refit(
     units = np.concatenate([1.0 / widths, np.ones(len(free))])
 
     def derivative(k: int) -> Floats:
-        step = STEP if x[k] + STEP <= high[k] else -STEP
+        step = DERIVATIVE_STEP if x[k] + DERIVATIVE_STEP <= high[k] else -DERIVATIVE_STEP
         shifted = x.copy()
         shifted[k] += step
         return np.asarray((residual(shifted) - here) / step)
@@ -306,45 +310,45 @@ def refit(
             is_small = improved < 1.0e-4 * cost + 0.2
             if is_small and (age == 0 or nominal_columns is not None):
                 break
-            age = 0 if is_small else (age + 1) % REFRESH
+            age = 0 if is_small else (age + 1) % JACOBIAN_REFRESH_STEPS
     model, moved = unpack(x)
     units = np.where(ratio, scales * np.exp(x[n:] * ratio), scales)
     return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free, is_small)
 
 
-def units(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+def reference_parameters(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
     """Return the parameters that are a unit of others, (effect, parameter)."""
-    return [(i, j) for i, item in enumerate(effects) for j in UNITS.get(item.name, ())]
+    return [(i, j) for i, item in enumerate(effects) for j in REFERENCE_PARAMETERS.get(item.name, ())]
 
 
-def kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+def fixed_parameters(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
     """Return the parameters that are never fitted: units of others, an absent second harmonic, a learnt table."""
     absent = [i for i, item in enumerate(effects) if item.name == "cogging" and item.values[3] == 0.0]
     tables = [(i, j) for i, item in enumerate(effects) if effect(item.name).lists for j in range(len(item.values))]
-    return units(effects) + [(i, j) for i in absent for j in (3, 4)] + tables
+    return reference_parameters(effects) + [(i, j) for i in absent for j in (3, 4)] + tables
 
 
 @dataclass(frozen=True)
-class Refits:
+class RefitSetup:
     """Refits to the same recordings that differ in their effects.
 
     Attributes:
-        judged: recordings to learn from.
+        data: recordings to learn from.
         nominal: the given model.
         tolerance: of its parameters.
         freedom: nominal parameters that may move beyond the tolerance.
-        held: effects of the owner's file that keep their values.
+        fixed_effects: effects of the owner's file that keep their values.
         workers: threads that share the derivatives of one fit.
     """
 
-    judged: Judged
+    data: WhitenedData
     nominal: Model
     tolerance: float
     freedom: Freedom = Freedom()
-    held: frozenset[str] = frozenset()
+    fixed_effects: frozenset[str] = frozenset()
     workers: int = 1
 
-    def of(
+    def fit(
         self,
         effects: Sequence[EffectSettings],
         start: Floats | None,
@@ -361,11 +365,13 @@ class Refits:
             fixed: parameters that keep their value, see ``refit``; those that are never fitted if None.
             columns: derivatives by the nominal parameters where they are known, see ``refit``.
         """
-        still = [*(kept(effects) if fixed is None else fixed), *self.held_parameters(effects)]
+        still = [*(fixed_parameters(effects) if fixed is None else fixed), *self.fixed_effect_parameters(effects)]
         return refit(
-            self.judged, self.nominal, self.tolerance, effects, start, still, steps, columns, self.freedom, self.workers
+            self.data, self.nominal, self.tolerance, effects, start, still, steps, columns, self.freedom, self.workers
         )
 
-    def held_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+    def fixed_effect_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
         """Return the parameters of effects that keep the values of the owner's file, (effect, parameter)."""
-        return [(i, j) for i, item in enumerate(effects) if item.name in self.held for j in range(len(item.values))]
+        return [
+            (i, j) for i, item in enumerate(effects) if item.name in self.fixed_effects for j in range(len(item.values))
+        ]

@@ -17,7 +17,7 @@ from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import in_blocks
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.noise import Noise, loudest
+from sgms_observer.diagnosis.noise import Noise, largest_noise
 from sgms_observer.diagnosis.replicates import replicate_of
 
 Floats = NDArray[np.float64]
@@ -93,7 +93,7 @@ def rms(parts: Sequence[Floats]) -> float:
     return float(np.sqrt(np.mean(np.square(np.concatenate(list(parts))))))
 
 
-def interval(rest: Remainder, criteria: Criteria, seed: int) -> tuple[float, float]:
+def interval(rest: WeightedResidual, criteria: Criteria, seed: int) -> tuple[float, float]:
     """Return the 90 % interval of the gap by moving blocks [%].
 
     Args:
@@ -125,7 +125,7 @@ def weighted(parts: Sequence[Floats], weights: Sequence[Floats]) -> tuple[Floats
 
 
 @dataclass(frozen=True)
-class Remainder:
+class WeightedResidual:
     """What a model leaves of recordings.
 
     Attributes:
@@ -148,7 +148,7 @@ class Remainder:
         """Return the rms weighted residual [N]."""
         return rms(self.weighted)
 
-    def less(self, predicted: Sequence[Floats]) -> Remainder:
+    def minus(self, predicted: Sequence[Floats]) -> WeightedResidual:
         """Return what is left once ``predicted`` [N] of each recording is taken off."""
         left = [residual - guess for residual, guess in zip(self.residual, predicted, strict=True)]
         return replace(self, residual=left)
@@ -182,7 +182,7 @@ def noise_floors(
     for number in range(FLOOR_REPLICATES):
         rng = np.random.default_rng([seed, 79, number])
         for motion in motions:
-            parts += residuals(model, [replicate_of(motion, model, loudest(noise), rng)])
+            parts += residuals(model, [replicate_of(motion, model, largest_noise(noise), rng)])
     return tuple(rms(weighted(parts, list(weights) * FLOOR_REPLICATES)) for weights in weightings)
 
 

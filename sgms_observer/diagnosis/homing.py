@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sgms_observer.diagnosis.court import Court
+from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
@@ -16,9 +16,9 @@ from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.units import Units
 
 PITCH = "pitch"
-PLACES = 60
+PLACES_PER_PITCH = 60
 """Places that are tried over one pitch."""
-CLOSES = 0.5
+MIN_CLOSED_SHARE = 0.5
 """A recording counts from elsewhere when another place closes this share of its closable squared residual."""
 
 
@@ -33,17 +33,17 @@ def pitch_of(effects: Sequence[EffectSettings]) -> float | None:
     return max(pitches, default=None)
 
 
-def moved(motion: Motion, place: float) -> Motion:
+def with_position_offset(motion: Motion, offset: float) -> Motion:
     """Return a motion that counts its position from another place.
 
     Args:
         motion: the recording.
         place: what its positions lack [m].
     """
-    return replace(motion, position=motion.position + place, raw=motion.raw + place)
+    return replace(motion, position=motion.position + offset, raw=motion.raw + offset)
 
 
-def place_of(model: Model, motion: Motion, seconds: float | None = None) -> float:
+def position_offset(model: Model, motion: Motion, seconds: float | None = None) -> float:
     """Return where within one pitch a motion counts its position from, as the model's ripple tells [m].
 
     Args:
@@ -59,15 +59,15 @@ def place_of(model: Model, motion: Motion, seconds: float | None = None) -> floa
         raise ValueError("no effect of the model returns with the position, so nothing tells the place")
     count = None if seconds is None else round(seconds / motion.residual_period)
 
-    def error(place: float) -> float:
-        there = moved(motion, place)
-        return float(np.sum(np.square(there.low_pass(predict(model, there).residual)[:count])))
+    def error(offset: float) -> float:
+        shifted = with_position_offset(motion, offset)
+        return float(np.sum(np.square(shifted.low_pass(predict(model, shifted).residual)[:count])))
 
-    places = np.linspace(0.0, pitch, PLACES, endpoint=False)
-    return float(places[int(np.argmin([error(place) for place in places]))])
+    offsets = np.linspace(0.0, pitch, PLACES_PER_PITCH, endpoint=False)
+    return float(offsets[int(np.argmin([error(offset) for offset in offsets]))])
 
 
-def unhomed(models: Sequence[Model], court: Court, units: Units) -> list[str]:
+def homing_warnings(models: Sequence[Model], evaluation: EvaluationData, units: Units) -> list[str]:
     """Return a sentence for each held-out recording that counts its position from elsewhere.
 
     Args:
@@ -76,20 +76,20 @@ def unhomed(models: Sequence[Model], court: Court, units: Units) -> list[str]:
         units: of the axis.
     """
     rippled = [model for model in models if pitch_of(model.effects) is not None]
-    if not rippled or not court.has_held_out:
+    if not rippled or not evaluation.has_held_out:
         return []
-    model, criteria = rippled[0], court.criteria
-    said = []
-    for motion, weights in zip(court.judge, court.weights, strict=True):
+    model, criteria = rippled[0], evaluation.criteria
+    warnings = []
+    for motion, weights in zip(evaluation.motions, evaluation.weights, strict=True):
         here = weights * motion.low_pass(predict(model, motion).residual)
-        place = place_of(model, motion)
-        there = moved(motion, place)
-        after = weights * there.low_pass(predict(model, there).residual)
+        offset = position_offset(model, motion)
+        shifted = with_position_offset(motion, offset)
+        after = weights * shifted.low_pass(predict(model, shifted).residual)
         gain = improvement(*(in_blocks([part], [motion], criteria.block) for part in (here, after)))
-        closable = gain.before - court.floor**2 * len(here)
-        if gain.z_score > criteria.z_score_of(PLACES) and gain.fall > CLOSES * closable > 0.0:
-            said.append(
-                f"{motion.name} fits if it counts its position from {units.readable(place)} further along: home the"
+        closable = gain.before - evaluation.floor**2 * len(here)
+        if gain.z_score > criteria.z_score_of(PLACES_PER_PITCH) and gain.decrease > MIN_CLOSED_SHARE * closable > 0.0:
+            warnings.append(
+                f"{motion.name} fits if it counts its position from {units.readable(offset)} further along: home the"
                 " axis before each recording, or no effect that is bound to a place can be judged on it"
             )
-    return said
+    return warnings

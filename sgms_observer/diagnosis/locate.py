@@ -43,7 +43,7 @@ class Located:
     high: float
 
 
-UNITS = {
+COORDINATE_UNITS = {
     "position": "m", "velocity": "m/s", "acceleration": "m/s^2", "time": "s", "effort": "N", "time since reversal": "s",
     "distance since reversal": "m", "dwell": "s",
 }  # fmt: skip
@@ -69,8 +69,8 @@ def locate(residual: Sequence[Floats], motions: Sequence[Motion], seed: int) -> 
     direction = np.sign(np.concatenate([motion.thinned(motion.velocity) for motion in motions]))
     shifts = rng.integers(int(0.05 * len(slow)), int(0.95 * len(slow)), SHIFTS)
     found = []
-    known = np.vstack([coordinates_of(motion, tuple(UNITS)) for motion in motions])
-    for place, (name, unit) in enumerate(UNITS.items()):
+    known = np.vstack([coordinates_of(motion, tuple(COORDINATE_UNITS)) for motion in motions])
+    for place, (name, unit) in enumerate(COORDINATE_UNITS.items()):
         coordinate = known[:, place]
         for label, signal in ((name, slow), (f"{name}, along the motion", slow * direction)):
             item = _binned(label, unit, coordinate, signal, shifts)

@@ -21,7 +21,7 @@ from sgms_observer.offline.recording import Recording
 
 Floats = NDArray[np.float64]
 Scalar = TypeVar("Scalar", bound=np.generic)
-Kept = TypeVar("Kept")
+Cached = TypeVar("Cached")
 
 BAND = 100.0
 """Residuals are judged below this frequency [Hz] where the recording's rate and encoder allow it."""
@@ -33,15 +33,15 @@ MAX_BAND_SHARE = 0.35
 """Largest band over the sample rate: what the low-pass needs below Nyquist's frequency."""
 MIN_DURATION = 3.0
 """Shortest record that is judged [s]."""
-PLAY = 0.6
+PLAY_HALF_WIDTH = 0.6
 """Half the play that takes the encoder's flicker off the contact's motion, in steps of its grid."""
-CREEP = 20.0
+CREEP_SPEED = 20.0
 """Slower than this many steps of the encoder's grid per sample the contact is judged by its stiffness."""
-HELD = 0.5
+HELD_LAG = 0.5
 """How late an effort arrives that is held from one sample to the next, in samples."""
-MOST_KEPT = 4
+MAX_CACHED = 4
 """Results kept per motion and kind: a parameter that leaves the contact alone needs no new simulation."""
-EDGE = 0.1
+EDGE_TIME = 0.1
 """Time dropped at either end, where the low-pass has no past or future [s]."""
 
 
@@ -86,7 +86,7 @@ class Motion:
     step: int
     raw: Floats
     resolution: float
-    lag: float = HELD
+    lag: float = HELD_LAG
     band: float = BAND
 
     def smoothed(self, raw: Floats) -> Floats:
@@ -96,52 +96,52 @@ class Motion:
     def low_pass(self, values: Floats) -> Floats:
         """Return ``values`` below the band, at the rate of residuals, edges dropped."""
         filtered = signal.sosfiltfilt(_band_filter(self.period, self.band), values)
-        return np.asarray(filtered[self._judged], dtype=np.float64)
+        return np.asarray(filtered[self._residual_samples], dtype=np.float64)
 
     def thinned(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """Return ``values`` at the samples of ``low_pass``."""
-        return values[self._judged]
+        return values[self._residual_samples]
 
     @cached_property
-    def _judged(self) -> slice:
+    def _residual_samples(self) -> slice:
         """Samples that residuals are taken at: the edges dropped, as many as a fast Fourier transform likes."""
-        drop = int(EDGE / self.period)
+        drop = int(EDGE_TIME / self.period)
         count = fast_length(-(-(len(self.time) - 2 * drop) // self.thinning))
         return slice(drop, drop + count * self.thinning, self.thinning)
 
-    def kept(self, kind: str, key: Hashable, make: Callable[[], Kept]) -> Kept:
+    def cached(self, kind: str, key: Hashable, make: Callable[[], Cached]) -> Cached:
         """Return what ``make`` gives, from memory if it was made for the same key lately.
 
         Args:
-            kind: what is made; the last ``MOST_KEPT`` of each kind are remembered.
+            kind: what is made; the last ``MAX_CACHED`` of each kind are remembered.
             key: all it depends on beside this motion.
             make: makes it.
         """
-        memory: dict[Hashable, Kept] = self._memory.setdefault(kind, {})
-        found = memory.get(key)
+        cache: dict[Hashable, Cached] = self._cache.setdefault(kind, {})
+        found = cache.get(key)
         if found is None:
             found = make()
-            while len(memory) >= MOST_KEPT:
-                memory.pop(next(iter(memory), None), None)
-            memory[key] = found
+            while len(cache) >= MAX_CACHED:
+                cache.pop(next(iter(cache), None), None)
+            cache[key] = found
         return found
 
     @cached_property
-    def _memory(self) -> dict[str, dict[Hashable, Any]]:
+    def _cache(self) -> dict[str, dict[Hashable, Any]]:
         """What was made along this motion."""
         return {}
 
     @cached_property
     def creep(self) -> Floats:
-        """1 where the stage is slower than ``CREEP`` steps of the encoder's grid per sample, else 0."""
+        """1 where the stage is slower than ``CREEP_SPEED`` steps of the encoder's grid per sample, else 0."""
         if self.resolution <= 0.0:
             return np.zeros(len(self.time))
-        slow = CREEP * self.resolution / self.period
+        slow = CREEP_SPEED * self.resolution / self.period
         square = np.square(np.square(self.velocity / slow))
         return np.asarray(np.exp(-np.minimum(square, 700.0)), dtype=np.float64)
 
     @cached_property
-    def still(self) -> NDArray[np.bool_]:
+    def shows_no_motion(self) -> NDArray[np.bool_]:
         """Where the encoder shows no motion within a period of the band: the contact may move inside the play."""
         if self.resolution <= 0.0:
             return np.zeros(len(self.time), dtype=np.bool_)
@@ -174,7 +174,7 @@ def _band_filter(period: float, band: float) -> Floats:
     return np.asarray(signal.butter(4, min(2.0 * band * period * 1.1, 0.8), output="sos"), dtype=np.float64)
 
 
-def motion_of(record: Recording, lag: float = HELD, band: float = BAND) -> Motion:
+def motion_of(record: Recording, lag: float = HELD_LAG, band: float = BAND) -> Motion:
     """Filter a record and bring it to the working rate.
 
     Args:
@@ -191,7 +191,7 @@ def motion_of(record: Recording, lag: float = HELD, band: float = BAND) -> Motio
     band = min(band, MAX_BAND_SHARE * rate)
     step = max(1, round(rate / (WORKING_RATE * band)))
     period = record.period * step
-    effort = later(record.effort, lag)
+    effort = delayed(record.effort, lag)
     corner = min(MOTION_BAND * band, MAX_BAND_SHARE / period)
     if step > 1:  # the noise between the samples that are dropped must not fold into the band
         guard = signal.butter(4, 0.4 / period / (0.5 * rate), output="sos")
@@ -205,7 +205,7 @@ def motion_of(record: Recording, lag: float = HELD, band: float = BAND) -> Motio
         other_a = second_difference(other, period)
     velocity = np.gradient(position, period)
     resolution = record.encoder_step
-    first, second = split_at_reversals(without_flicker(position, PLAY * resolution), period)
+    first, second = split_at_reversals(play_operator(position, PLAY_HALF_WIDTH * resolution), period)
     rest = 0.5 / (period * band * 1.25)
     return Motion(
         record.name,
@@ -230,7 +230,7 @@ def motion_of(record: Recording, lag: float = HELD, band: float = BAND) -> Motio
     )
 
 
-def later(values: Floats, samples: float) -> Floats:
+def delayed(values: Floats, samples: float) -> Floats:
     """Return a series a part of a sample later (earlier if negative), between its neighbours in proportion."""
     if samples >= 0.0:
         return (1.0 - samples) * values + samples * np.concatenate((values[:1], values[:-1]))
@@ -238,7 +238,7 @@ def later(values: Floats, samples: float) -> Floats:
 
 
 @njit
-def _play(position: Floats, half: float, out: Floats) -> None:
+def _apply_play(position: Floats, half: float, out: Floats) -> None:
     """Write the position of a body that is carried along with a play of twice ``half``."""
     place = position[0]
     for k in range(position.shape[0]):
@@ -249,12 +249,12 @@ def _play(position: Floats, half: float, out: Floats) -> None:
         out[k] = place
 
 
-def without_flicker(position: Floats, half: float) -> Floats:
+def play_operator(position: Floats, half: float) -> Floats:
     """Return a motion without to and fro below ``half`` [m], which an encoder's grid makes and a contact remembers."""
     if half <= 0.0:
         return position
     out = np.empty_like(position)
-    _play(position, half, out)
+    _apply_play(position, half, out)
     return out
 
 

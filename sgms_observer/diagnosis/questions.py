@@ -9,12 +9,12 @@ import numpy as np
 from sgms_observer.diagnosis.advice import Named
 from sgms_observer.diagnosis.answer import Answer
 from sgms_observer.diagnosis.audit import MIN_REVERSALS, reversals_of, travel_of
-from sgms_observer.diagnosis.closing import Closing
+from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.criteria import Test
-from sgms_observer.diagnosis.decision import AT_END
+from sgms_observer.diagnosis.decision import RANGE_END_TOLERANCE
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.fit import Refit, limits
 from sgms_observer.diagnosis.report_tables import NINETY
-from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light
@@ -24,7 +24,11 @@ DATA, CONVERGENCE, BELIEVABILITY = "Data", "Convergence", "Believability"
 
 
 def questions_of(
-    answer: Answer, closings: Sequence[Closing], tracking: PredictedTracking | None, options: Options, units: Units
+    answer: Answer,
+    checks: Sequence[CompensationCheck],
+    tracking: PredictedTracking | None,
+    options: Options,
+    units: Units,
 ) -> tuple[Light, ...]:
     """Return the questions with their answers.
 
@@ -44,7 +48,7 @@ def questions_of(
         *(_effect(item, answer, units) for item in answer.effects),
         *_changed(answer),
         _rest(answer),
-        _feedforward(answer, closings, units),
+        _feedforward(answer, checks, units),
         _tracking(tracking, units),
     )
 
@@ -56,22 +60,22 @@ def _test(answer: Answer, name: str) -> Test | None:
 
 def _motion(answer: Answer, units: Units) -> Light:
     """Ask whether the recordings show friction at all."""
-    found = answer.diagnosis
-    motions = found.state.learn
+    diagnosis = answer.diagnosis
+    motions = diagnosis.final_state.fit_motions
     seconds = sum(float(motion.time[-1]) for motion in motions)
     travel = units.readable(sum(map(travel_of, motions)))
     reversals = sum(map(reversals_of, motions))
     facts = f"{seconds:.3g} s with {travel} of travel and {reversals} reversals (at least {MIN_REVERSALS} are needed)."
-    if found.is_poor:
-        facts += "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in found.warnings)
-    return Light(DATA, "Do the recordings show the friction?", BAD if found.is_poor else GOOD, facts)
+    if diagnosis.is_poor:
+        facts += "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in diagnosis.warnings)
+    return Light(DATA, "Do the recordings show the friction?", BAD if diagnosis.is_poor else GOOD, facts)
 
 
 def _held_out(answer: Answer) -> Light:
     """Ask whether something judged that nothing was fitted to."""
     question = "Was the model judged on recordings that it was not fitted to?"
-    if answer.diagnosis.state.held:
-        count = len(answer.diagnosis.state.held)
+    if answer.diagnosis.final_state.held_out_motions:
+        count = len(answer.diagnosis.final_state.held_out_motions)
         return Light(DATA, question, GOOD, f"{count} held-out recording{'s' if count > 1 else ''}.")
     halves = "Halves of the recordings judged each other; name a recording of another day with --holdout."
     return Light(DATA, question, UNSURE, halves)
@@ -91,8 +95,8 @@ def _fits(answer: Answer) -> Light:
 
 def _tolerance(answer: Answer, options: Options) -> Light:
     """Ask whether the values of the file stayed inside their tolerance."""
-    found = answer.diagnosis
-    names = at_limit(found.written.before, options.tolerance)
+    diagnosis = answer.diagnosis
+    names = at_limit(diagnosis.written.before, options.tolerance)
     question = "Are the values of the file right within their tolerance?"
     inside = f"The refit before any effect stayed inside {100 * options.tolerance:.3g} %."
     if not names:
@@ -109,8 +113,8 @@ def at_limit(fit: Refit, tolerance: float) -> list[str]:
         tolerance: of its values.
     """
     names = fit.model.parameter_names()
-    reach = limits(fit.model, tolerance)
-    held = np.abs(fit.logs) >= reach * (1.0 - AT_END)
+    bound = limits(fit.model, tolerance)
+    held = np.abs(fit.logs) >= bound * (1.0 - RANGE_END_TOLERANCE)
     return [name for name, is_held in zip(names, held, strict=True) if is_held and not name.startswith("element")]
 
 
@@ -202,13 +206,13 @@ def _rest(answer: Answer) -> Light:
     return Light(BELIEVABILITY, question, GOOD if near.passed else UNSURE, facts)
 
 
-def _feedforward(answer: Answer, closings: Sequence[Closing], units: Units) -> Light:
+def _feedforward(answer: Answer, checks: Sequence[CompensationCheck], units: Units) -> Light:
     """Ask whether the compensation is better off with the answer."""
-    before, after = (item.compensation for item in closings)
+    before, after = (item.friction_not_cancelled for item in checks)
     facts = (
-        f"Friction not cancelled by the feedforward along {closings[1].along}: {before:.3g} before,"
+        f"Friction not cancelled by the feedforward along {checks[1].along}: {before:.3g} before,"
         f" {after:.3g} {units.effort} rms after, counted while it follows the motion"
-        f" ({100.0 * closings[1].share:.0f} % of the time)."
+        f" ({100.0 * checks[1].share:.0f} % of the time)."
     )
     question = "Does the feedforward leave less friction with the new model?"
     test = _test(answer, "friction not cancelled by the feedforward")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.model import Model, hidden_fall, predict
+from sgms_observer.diagnosis.model import Model, hidden_friction_drop, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.noise import Noise
 from sgms_observer.offline.recording import Recording
@@ -30,17 +30,15 @@ def replicate_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Gene
     """
     found = predict(model, motion)
     needed = motion.effort - found.residual
-    rest = np.cumsum(np.diff(motion.still, prepend=False) & motion.still)
-    fallen = rng.uniform(0.0, 1.0, rest[-1] + 1)[rest] * hidden_fall(model.friction, motion)
+    rest = np.cumsum(np.diff(motion.shows_no_motion, prepend=False) & motion.shows_no_motion)
+    fallen = rng.uniform(0.0, 1.0, rest[-1] + 1)[rest] * hidden_friction_drop(model.friction, motion)
     effort = needed - np.sign(found.friction) * fallen + coloured(noise, len(needed), motion.period, rng)
     position = motion.position
     if motion.resolution > 0.0:
         shift = rng.uniform(0.0, motion.resolution)
         position = np.round((position + shift) / motion.resolution) * motion.resolution - shift
     held = np.concatenate((effort[1:], effort[-1:]))  # undo the hold correction of ``motion_of`` to first order
-    record = Recording(
-        motion.name, motion.period, position, 0.5 * (effort + held), recorded_step=motion.resolution
-    )
+    record = Recording(motion.name, motion.period, position, 0.5 * (effort + held), recorded_step=motion.resolution)
     made = motion_of(record, motion.lag, motion.band)
     return replace(
         made, effort=effort, has_other=motion.has_other, other_velocity=motion.other_velocity,

@@ -7,15 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sgms_observer.diagnosis.answer import Answer
-from sgms_observer.diagnosis.closing import Closing
+from sgms_observer.diagnosis.compensation_check import CompensationCheck
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.questions import questions_of
 from sgms_observer.diagnosis.report_pictures import (
-    beside_each_other,
     effect_over_position,
     friction_pictures,
     gap_bar,
-    learnt_picture,
     located_pictures,
+    map_picture,
+    measured_over_modelled,
     over_time,
     tracking_plot,
 )
@@ -25,11 +26,10 @@ from sgms_observer.diagnosis.report_tables import (
     effect_tables,
     gap_table,
     located_table,
-    looks_table,
     refit_table,
+    screening_table,
     test_tables,
 )
-from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.traces import Trace
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
@@ -58,7 +58,7 @@ class Run:
 def diagnosis_page(
     answer: Answer,
     traces: Sequence[Trace],
-    closings: Sequence[Closing],
+    checks: Sequence[CompensationCheck],
     tracking: PredictedTracking | None,
     run: Run,
 ) -> Page:
@@ -87,7 +87,7 @@ def diagnosis_page(
         ],
         source,
         [f"Warning: {text}." for text in answer.warnings],
-        questions_of(answer, closings, tracking, run.options, units),
+        questions_of(answer, checks, tracking, run.options, units),
     )
 
 
@@ -127,12 +127,12 @@ def sentence(answer: Answer) -> str:
             those = "it" if len(answer.effects) == 1 else "them"
             return f"The model misses {names}: with {those}, {shrink}."
         case "ambiguous":
-            doubts = " and ".join(
+            pairs = " and ".join(
                 f"{item.settings.name} from {' or '.join(item.alternatives)}".replace("_", " ")
                 for item in answer.effects
                 if item.alternatives
             )
-            return f"The model misses something like {names}, but these recordings cannot tell {doubts}; {shrink}."
+            return f"The model misses something like {names}, but these recordings cannot tell {pairs}; {shrink}."
         case "unknown_effect":
             where = f", most visibly over {answer.located[0].coordinate}" if answer.located else ""
             maps = [f" It looks like {item.sentence}; a learnt map of it was added." for item in answer.learnt]
@@ -172,7 +172,7 @@ def _answer(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
         text.append(f"{entry.name}: {entry.equation}. Place: {entry.place.value}. Shows as: {entry.signature}.")
     for learnt in answer.learnt:
         text.append(f"Learnt: {learnt.sentence}. It closes {100.0 * learnt.share:.0f} % of the squared rest.")
-    maps = [learnt_picture(learnt, units) for learnt in answer.learnt]
+    maps = [map_picture(learnt, units) for learnt in answer.learnt]
     return Section(
         "What the model misses",
         text,
@@ -190,7 +190,7 @@ def _fit(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
         f" residual is the measured minus the modelled {word}. residual.mcap holds these signals for PlotJuggler and"
         " Foxglove."
     )
-    pictures = [beside_each_other(answer, traces, units), *friction_pictures(answer, traces, units)]
+    pictures = [measured_over_modelled(answer, traces, units), *friction_pictures(answer, traces, units)]
     return Section(f"Measured and modelled {word}", [text], (), pictures, [over_time(traces, units)])
 
 
@@ -213,9 +213,9 @@ def _not_shown(answer: Answer) -> Section:
 
 def _decisions(answer: Answer, run: Run) -> Section:
     """Return the folded section with what the run read, and every test that it made."""
-    found = answer.diagnosis
-    noise = found.court.judged.noise
-    text = [*run.notes, *found.notes]
+    diagnosis = answer.diagnosis
+    noise = diagnosis.evaluation.fit_data.noise
+    text = [*run.notes, *diagnosis.notes]
     text += [f"Noise below the band {item.rms:.3g} rms, corner {item.corner:.0f} Hz." for item in noise]
-    tables = [*test_tables(answer), refit_table(answer, run.options), *looks_table(answer)]
+    tables = [*test_tables(answer), refit_table(answer, run.options), *screening_table(answer)]
     return Section("Everything the run decided", text, tables, is_folded=True)

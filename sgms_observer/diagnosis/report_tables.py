@@ -6,7 +6,7 @@ import numpy as np
 
 from sgms_observer.diagnosis.advice import Named
 from sgms_observer.diagnosis.answer import Answer
-from sgms_observer.diagnosis.state import Options
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import Table
 from sgms_observer.settings.units import Units
@@ -124,11 +124,11 @@ def refit_table(answer: Answer, options: Options) -> Table:
     return Table(("parameter", "change"), rows, caption, is_folded=True)
 
 
-def looks_table(answer: Answer) -> list[Table]:
+def screening_table(answer: Answer) -> list[Table]:
     """Return the first look at every effect, if there was one."""
     if not answer.diagnosis.rounds:
         return []
-    looks = sorted(answer.diagnosis.rounds[0].looks.items(), key=lambda item: -item[1].gain)
-    rows = [(name, f"{look.gain:.0f}", f"{look.trials}") for name, look in looks]
+    screenings = sorted(answer.diagnosis.rounds[0].screenings.items(), key=lambda item: -item[1].gain)
+    rows = [(name, f"{screening.gain:.0f}", f"{screening.trials}") for name, screening in screenings]
     caption = "First look: decrease of the whitened squared residual"
     return [Table(("effect", "chi2_reduction", "shapes tried"), rows, caption, is_folded=True)]

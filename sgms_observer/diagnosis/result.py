@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from sgms_observer.diagnosis.answer import Answer
-from sgms_observer.diagnosis.closing import Closing
-from sgms_observer.diagnosis.contact import SETTLE
+from sgms_observer.diagnosis.compensation_check import CompensationCheck
+from sgms_observer.diagnosis.contact import UNSMOOTHED_SETTLING_TIME
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.effect import named_values
@@ -24,7 +24,7 @@ UNIT = "% of rms effort"
 
 
 def result_of(
-    answer: Answer, closings: Sequence[Closing], tracking: PredictedTracking | None, units: Units
+    answer: Answer, checks: Sequence[CompensationCheck], tracking: PredictedTracking | None, units: Units
 ) -> dict[str, Any]:
     """Return the content of result.json.
 
@@ -109,11 +109,11 @@ def result_of(
             for item in answer.located
         ],
         "feedforward": {
-            "not_cancelled_before": finite_or_none(closings[0].compensation),
-            "not_cancelled_after": finite_or_none(closings[1].compensation),
+            "not_cancelled_before": finite_or_none(checks[0].friction_not_cancelled),
+            "not_cancelled_after": finite_or_none(checks[1].friction_not_cancelled),
             "unit": f"{units.effort} rms",
-            "along": closings[1].along,
-            "share": closings[1].share,
+            "along": checks[1].along,
+            "share": checks[1].share,
         },
         "tracking_predicted": None if tracking is None else tracking.as_dict(units),
         "detectable": answer.detectable,
@@ -153,9 +153,9 @@ def changes_of(answer: Answer) -> dict[str, Any]:
     changes["friction.element_damping"] = [model.relaxation * kappa for kappa in friction.element_stiffness]
     if model.relaxation == 0.0 and count == len(answer.diagnosis.nominal.friction.element_stiffness):
         del changes["friction.element_damping"]
-    if model.is_sharp and friction.model != "gms":
+    if model.is_unsmoothed and friction.model != "gms":
         changes["friction.model"] = "gms"
-        changes["friction.attraction_rate"] = friction.coulomb_force / SETTLE
+        changes["friction.attraction_rate"] = friction.coulomb_force / UNSMOOTHED_SETTLING_TIME
     elif friction.model == "gms":
         changes["friction.model"] = "gms"
         changes["friction.attraction_rate"] = friction.attraction_rate
@@ -187,7 +187,7 @@ def finite_or_none(value: float) -> float | None:
 
 
 def write_result(
-    answer: Answer, closings: Sequence[Closing], tracking: PredictedTracking | None, units: Units, out: Path
+    answer: Answer, checks: Sequence[CompensationCheck], tracking: PredictedTracking | None, units: Units, out: Path
 ) -> None:
     """Write result.json; arguments as ``result_of``, and the folder."""
-    write_text(json.dumps(result_of(answer, closings, tracking, units), indent=1) + "\n", out / "result.json")
+    write_text(json.dumps(result_of(answer, checks, tracking, units), indent=1) + "\n", out / "result.json")

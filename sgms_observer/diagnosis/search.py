@@ -28,16 +28,16 @@ CONTACT_SHARE = 0.05
 MODE_BELOW_BAND, MODE_ABOVE_BAND, MODE_RATE = 0.15, 1.4, 0.4
 """Frequencies of a flexible mode, as shares of the band and of the sample rate: below, the mass moves along; above, it
 shows as less mass."""
-MOST_PITCHES = 400
+MAX_PITCHES = 400
 PITCH_STEP = 0.4
 """Step of spatial frequencies over that of one period more in the stroke: a start within the main lobe."""
 MOVING = 0.02
 """Slower than this share of the fast speed the stage counts as resting."""
 REST = 0.01
 """Slower than this share of the Stribeck velocity the contact counts as resting: the level has changed by 1e-4."""
-FLICKER_TIME = 0.1
+ENCODER_STEP_TIME = 0.1
 """An encoder that changes by one step in this time may be at rest [s]."""
-LOOK = 0.05  # strengths are tried at this share of the Coulomb force
+TRIAL_SHARE = 0.05  # strengths are tried at this share of the Coulomb force
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
         motions: recordings.
         model: nominal model; gives the units.
     """
-    force = LOOK * model.friction.coulomb_force
+    force = TRIAL_SHARE * model.friction.coulomb_force
     position = np.concatenate([motion.position for motion in motions])
     speed = np.concatenate([np.abs(motion.velocity) for motion in motions])
     effort = np.concatenate([np.abs(motion.effort) for motion in motions])
@@ -114,15 +114,15 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
     hard = float(np.quantile(np.concatenate([np.abs(motion.acceleration) for motion in motions]), 0.99))
     length = max(float(motion.time[-1]) for motion in motions)
     travel = max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
-    knee, reach = model.friction.stribeck_velocity, model.reach
-    rest = max(REST * knee, max(motion.resolution for motion in motions) / FLICKER_TIME)
-    longest, period = max(3.0 * reach, CONTACT_SHARE * stroke), model.joint_period
+    stribeck, slip = model.friction.stribeck_velocity, model.slip_deflection
+    rest = max(REST * stribeck, max(motion.resolution for motion in motions) / ENCODER_STEP_TIME)
+    longest, period = max(3.0 * slip, CONTACT_SHARE * stroke), model.joint_period
     grid = np.geomspace
     match name:
         case "cogging":
             return [wave(name, force, pitch) for pitch in pitches(motions, period)]
         case "position_periodic_friction":
-            return [wave(name, LOOK, pitch) for pitch in pitches(motions, period)]
+            return [wave(name, TRIAL_SHARE, pitch) for pitch in pitches(motions, period)]
         case "periodic_disturbance":
             return []  # scanned by its own spectrum, see ``screen``
         case "spring":
@@ -152,51 +152,49 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
             a, v = force / size, force / speed2
             return [Shape(name, ((a, 0.0), (0.0, v)), lambda c: (a * float(c[0]), v * float(c[1])))]
         case "presliding":
-            return [scaled(name, (0,), (force, d)) for d in grid(0.8 * reach, longest, 8)]
+            return [scaled(name, (0,), (force, d)) for d in grid(0.8 * slip, longest, 8)]
         case "mass_error":
-            return [scaled(name, (0,), (LOOK * model.mass,))]
+            return [scaled(name, (0,), (TRIAL_SHARE * model.mass,))]
         case "flexible_mode":
             zetas, slowest = (0.03, 0.15), min(motion.band for motion in motions)
             fastest = min(MODE_ABOVE_BAND * slowest, MODE_RATE * min(motion.step / motion.period for motion in motions))
             modes = grid(MODE_BELOW_BAND * slowest, fastest, 24)
-            return [scaled(name, (0,), (LOOK * model.mass, f, z), True) for f in modes for z in zetas]
+            return [scaled(name, (0,), (TRIAL_SHARE * model.mass, f, z), True) for f in modes for z in zetas]
         case "position_dependent_friction":
             places = np.linspace(position.min(), position.max(), 17)
             widths = stroke * np.array([0.04, 0.09, 0.2])
-            return [scaled(name, (0,), (LOOK, q, w)) for q in places for w in widths]
+            return [scaled(name, (0,), (TRIAL_SHARE, q, w)) for q in places for w in widths]
         case "asymmetric_coulomb":
-            return [scaled(name, (0,), (LOOK,))]
+            return [scaled(name, (0,), (TRIAL_SHARE,))]
         case "stribeck":
-            return [scaled(name, (0,), (LOOK, v)) for v in grid(3.0 * knee, max(0.5 * fast, 4.0 * knee), 7)]
+            return [scaled(name, (0,), (TRIAL_SHARE, v)) for v in grid(3.0 * stribeck, max(0.5 * fast, 4.0 * stribeck), 7)]
         case "load_dependent_friction":
-            return [scaled(name, (0,), (LOOK / hard,))]
+            return [scaled(name, (0,), (TRIAL_SHARE / hard,))]
         case "thermal_drift":
             return [
-                scaled(name, (0,), (LOOK, tau, share, mean_speed))
+                scaled(name, (0,), (TRIAL_SHARE, tau, share, mean_speed))
                 for tau in length * np.array([0.1, 0.25, 0.5, 1.0, 3.0])
                 for share in (0.0, 1.0)
             ]
         case "wear_step":
             moments = travel * np.linspace(0.05, 0.95, 19)
-            return [scaled(name, (0,), (LOOK, s, w * travel)) for s in moments for w in (0.01, 0.05)]
+            return [scaled(name, (0,), (TRIAL_SHARE, s, w * travel)) for s in moments for w in (0.01, 0.05)]
         case "dwell_breakaway":
             return [
-                scaled(name, (0,), (LOOK, t, d, rest))
+                scaled(name, (0,), (TRIAL_SHARE, t, d, rest))
                 for t in (0.05, 0.2, 0.8)
-                for d in grid(0.8 * reach, longest, 5)
+                for d in grid(0.8 * slip, longest, 5)
             ]
         case "frictional_lag":
-            coulomb, mean_reach = model.friction.coulomb_force, _reach(model)
-            return [
-                whole(name, (coulomb / tau, r * mean_reach)) for tau in grid(0.002, 0.2, 7) for r in (0.5, 1.5, 5.0)
-            ]
+            coulomb, mean_slip = model.friction.coulomb_force, _mean_slip_deflection(model)
+            return [whole(name, (coulomb / tau, r * mean_slip)) for tau in grid(0.002, 0.2, 7) for r in (0.5, 1.5, 5.0)]
         case "backlash":
-            stop = 0.1 * reach
-            return [scaled(name, (1,), (gap, LOOK, stop), True) for gap in grid(0.8 * reach, longest, 8)]
+            stop = 0.1 * slip
+            return [scaled(name, (1,), (gap, TRIAL_SHARE, stop), True) for gap in grid(0.8 * slip, longest, 8)]
         case "gravity":
             return gravity_shapes(force, model)
         case "actuator_gain":
-            return [Shape(name, ((1.0 + LOOK,),), lambda c: (1.0 + LOOK * float(c[0]),))]
+            return [Shape(name, ((1.0 + TRIAL_SHARE,),), lambda c: (1.0 + TRIAL_SHARE * float(c[0]),))]
         case "actuator_saturation":
             return [whole(name, (float(np.quantile(effort, q)),)) for q in (0.93, 0.96, 0.98, 0.99, 0.995, 0.998)]
         case "actuator_dead_zone":
@@ -227,7 +225,7 @@ def pitches(motions: Sequence[Motion], period: float | None) -> list[float]:
     """Return the periods in position that are worth a look, the longest first.
 
     From two thirds of the stroke down to what the encoder resolves and the band lets pass at the slowest decile of the
-    moving speed, at most ``MOST_PITCHES``; the period that the joint implies and its half are tried in any case.
+    moving speed, at most ``MAX_PITCHES``; the period that the joint implies and its half are tried in any case.
 
     Args:
         motions: recordings.
@@ -239,13 +237,13 @@ def pitches(motions: Sequence[Motion], period: float | None) -> list[float]:
     moving = speed[speed > MOVING * float(np.quantile(speed, 0.995))]
     slow = float(np.quantile(moving, 0.1)) if len(moving) else 0.0
     resolution = max(motion.resolution for motion in motions)
-    shortest = max(slow / min(motion.band for motion in motions), 8.0 * resolution, stroke / MOST_PITCHES * PITCH_STEP)
+    shortest = max(slow / min(motion.band for motion in motions), 8.0 * resolution, stroke / MAX_PITCHES * PITCH_STEP)
     implied = [] if period is None else [period, 0.5 * period]
     found = [1.0 / f for f in np.arange(1.5 / stroke, 1.0 / shortest, PITCH_STEP / stroke)] if stroke > 0.0 else []
     return [*implied, *found]
 
 
-def _reach(model: Model) -> float:
+def _mean_slip_deflection(model: Model) -> float:
     """Return the mean reach of the contact [m]."""
     friction = model.friction
     shares = np.array(friction.element_fraction)
@@ -260,7 +258,7 @@ def _generic(name: str, force: float) -> list[Shape]:
     for factor in (0.3, 1.0, 3.0):
         values = []
         for i, p in enumerate(entry.parameters):
-            size = force if p.unit == "N" else LOOK
+            size = force if p.unit == "N" else TRIAL_SHARE
             value = size if i in strong else p.default * factor
             values.append(min(max(value, p.minimum), p.maximum))
         found.append(scaled(name, strong, values))

@@ -74,7 +74,7 @@ def traces_of(answer: Answer) -> tuple[Trace, ...]:
     Args:
         answer: of the diagnosis.
     """
-    recordings = answer.diagnosis.state.recordings
+    recordings = answer.diagnosis.final_state.recordings
     records = recordings.holdouts or tuple(record for record in recordings.records for _half in range(2))
     both = zip(answer.residual_before, answer.residual_after, strict=True)
     return tuple(
@@ -96,7 +96,7 @@ def _trace(record: Recording, motion: Motion, model: Model, before: Floats, afte
     return Trace(
         motion.name, record.start, time, motion.thinned(motion.position), motion.thinned(motion.velocity), effort,
         effort - before, effort - after, effects, motion.low_pass(friction) + after,
-        _is_sliding(motion, whole.doubt), _tracking_error(record, time),
+        _is_sliding(motion, whole.stick_indicator), _tracking_error(record, time),
     )  # fmt: skip
 
 

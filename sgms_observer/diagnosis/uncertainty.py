@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from sgms_observer.diagnosis.fit import Judged, Refit, Refits, judged_with
+from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_with_own_noise
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.catalogue import effect
 
@@ -24,19 +24,19 @@ Floats = NDArray[np.float64]
 
 BLOCK = 1.0
 """Length of a block [s]; longer than what a contact or a filter remembers."""
-STAMPS = 0.01
+STAMP_ERROR = 0.01
 """How well the stamps of position and effort agree, in samples: a delay is known no better."""
-TIMES = ("delay",)
+DELAY_PARAMETERS = ("delay",)
 """Parameters that compare the two stamps."""
-STEPS = 6
+SINGLE_RECORDING_STEPS = 6
 """Steps of the fit to another recording; it starts at the solution."""
-SINGULAR = 1.0e-10
+SINGULAR_SHARE = 1.0e-10
 """What a block alone tells, below this share of the best known direction, is not left out."""
-ALONE = 1.0e-9
+MIN_OTHER_WEIGHT = 1.0e-9
 """Where all other recordings hold no more than this share of the weight, they say nothing beside the one."""
 
 
-def in_time(whitened: Floats, judged: Judged) -> list[Floats]:
+def as_time_series(whitened: Floats, data: WhitenedData) -> list[Floats]:
     """Return whitened columns as series in time, one per recording, their squared sums unchanged.
 
     Args:
@@ -44,7 +44,7 @@ def in_time(whitened: Floats, judged: Judged) -> list[Floats]:
         judged: recordings they belong to.
     """
     series, start = [], 0
-    for motion, noise in zip(judged.motions, judged.noise, strict=True):
+    for motion, noise in zip(data.motions, data.noise, strict=True):
         frequency = np.fft.rfftfreq(len(motion.thinned(motion.time)), noise.period)
         count = int(np.sum(frequency <= noise.band))
         spectrum = whitened[start : start + count].astype(np.complex128)
@@ -56,7 +56,7 @@ def in_time(whitened: Floats, judged: Judged) -> list[Floats]:
     return series
 
 
-def deviations(found: Refit, judged: Judged) -> Floats:
+def standard_errors(found: Refit, data: WhitenedData) -> Floats:
     """Return the standard deviation of each free effect parameter, SI units.
 
     Args:
@@ -78,20 +78,20 @@ def deviations(found: Refit, judged: Judged) -> Floats:
     inverse = np.linalg.pinv(normal)
     parts: list[Floats] = []
     columns = np.column_stack([found.jacobian[:rows], found.residual])
-    for motion, series in zip(judged.motions, in_time(columns, judged), strict=True):
+    for motion, series in zip(data.motions, as_time_series(columns, data), strict=True):
         blocks = max(2, int(len(motion.time) * motion.period / BLOCK))
         parts += np.array_split(series, blocks)
-    moved = left_out(parts, normal)
+    moved = leave_one_out_shifts(parts, normal)
     scatter = (1.0 - 1.0 / len(parts)) * moved.T @ moved + inverse @ prior.T @ prior @ inverse
     variance = np.maximum(np.diag(scatter), np.diag(inverse))[-count:]
     errors = np.sqrt(np.maximum(variance, 0.0)) * found.scales
     for k, (i, j) in enumerate(found.free):
-        if effect(found.effects[i].name).parameters[j].name in TIMES:
-            errors[k] = np.hypot(errors[k], STAMPS * judged.motions[0].period / judged.motions[0].step)
+        if effect(found.effects[i].name).parameters[j].name in DELAY_PARAMETERS:
+            errors[k] = np.hypot(errors[k], STAMP_ERROR * data.motions[0].period / data.motions[0].step)
     return np.asarray(errors, dtype=np.float64)
 
 
-def left_out(parts: Sequence[Floats], normal: Floats) -> Floats:
+def leave_one_out_shifts(parts: Sequence[Floats], normal: Floats) -> Floats:
     """Return what the solution of a linear least-squares problem moves by without each of its parts, shape (parts, k).
 
     Args:
@@ -101,12 +101,12 @@ def left_out(parts: Sequence[Floats], normal: Floats) -> Floats:
     moved = []
     for part in parts:
         columns, residual = part[:, :-1], part[:, -1]
-        rest = np.linalg.pinv(normal - columns.T @ columns, SINGULAR, hermitian=True)
+        rest = np.linalg.pinv(normal - columns.T @ columns, SINGULAR_SHARE, hermitian=True)
         moved.append(rest @ (columns.T @ residual))
     return np.array(moved)
 
 
-def with_shape(refits: Refits, found: Refit, others: Sequence[Motion]) -> Floats:
+def with_between_recording_error(setup: RefitSetup, found: Refit, others: Sequence[Motion]) -> Floats:
     """Return the standard deviation of each free effect parameter with what recordings differ by, SI units.
 
     Args:
@@ -116,7 +116,7 @@ def with_shape(refits: Refits, found: Refit, others: Sequence[Motion]) -> Floats
 
     Source: DerSimonian and Laird 1986, Controlled Clinical Trials 7(3): variance between studies from their scatter.
     """
-    own = deviations(found, refits.judged)
+    own = standard_errors(found, setup.data)
     if not others or not found.free:
         return own
     free = set(found.free)
@@ -124,10 +124,10 @@ def with_shape(refits: Refits, found: Refit, others: Sequence[Motion]) -> Floats
     values = [[found.effects[i].values[j] for i, j in found.free]]
     errors = [own]
     for motion in others:
-        alone = replace(refits, judged=judged_with((motion,), found.model))
-        fit = alone.of(found.effects, found.logs, STEPS, fixed)
+        alone = replace(setup, data=data_with_own_noise((motion,), found.model))
+        fit = alone.fit(found.effects, found.logs, SINGLE_RECORDING_STEPS, fixed)
         values.append([fit.effects[i].values[j] for i, j in fit.free])
-        errors.append(deviations(fit, alone.judged))
+        errors.append(standard_errors(fit, alone.data))
     between = [between_deviation(*pair) for pair in zip(np.array(values).T, np.array(errors).T, strict=True)]
     return np.asarray(np.hypot(own, between), dtype=np.float64)
 
@@ -144,13 +144,13 @@ def between_deviation(values: Floats, errors: Floats) -> float:
 
     Source: Hartung and Knapp 2001, Statistics in Medicine 20(24).
     """
-    degrees = int(np.sum(_tells(values, errors))) - 1
+    degrees = int(np.sum(_is_informative(values, errors))) - 1
     if degrees < 1:
         return 0.0
     return float(np.sqrt(between_variance(values, errors)) * stats.t.ppf(0.95, degrees) / stats.norm.ppf(0.95))
 
 
-def _tells(values: Floats, errors: Floats) -> NDArray[np.bool_]:
+def _is_informative(values: Floats, errors: Floats) -> NDArray[np.bool_]:
     """Return which recordings tell anything about a parameter."""
     return np.asarray((errors > 0.0) & np.isfinite(errors) & (errors < max(abs(float(values[0])), 1e-300)))
 
@@ -162,13 +162,13 @@ def between_variance(values: Floats, errors: Floats) -> float:
         values: estimate from each recording, the first one the one that is reported.
         errors: standard deviation of each; 0 where a recording says nothing about the parameter.
     """
-    tells = _tells(values, errors)
+    tells = _is_informative(values, errors)
     values, weights = values[tells], 1.0 / errors[tells] ** 2
     if len(values) < 2:
         return 0.0
     total = float(weights.sum())
     scatter = float(weights @ (values - float(weights @ values) / total) ** 2)
     second = total - float(weights @ weights) / total
-    if second <= ALONE * total:
+    if second <= MIN_OTHER_WEIGHT * total:
         return 0.0
     return max(0.0, (scatter - (len(values) - 1)) / second)

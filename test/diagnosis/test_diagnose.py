@@ -14,7 +14,7 @@ from workflow_case import AXIS, record
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.cli.main import main
 from sgms_observer.diagnosis.answer import answer_of
-from sgms_observer.diagnosis.state import Options
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.load import load_settings

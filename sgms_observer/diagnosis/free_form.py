@@ -16,7 +16,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from sgms_observer.diagnosis.coordinates import coordinates_of
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import Improvement, improvement
-from sgms_observer.diagnosis.gap import Remainder
+from sgms_observer.diagnosis.gap import WeightedResidual
 
 Floats = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class FreeForm:
 
 
 def free_form(
-    names: Sequence[str], learn: Remainder, judge: Remainder, criteria: Criteria, seed: int
+    names: Sequence[str], learn: WeightedResidual, judge: WeightedResidual, criteria: Criteria, seed: int
 ) -> FreeForm:
     """Predict a residual over some coordinates.
 
@@ -69,7 +69,7 @@ def free_form(
         weights = np.concatenate(list(learn.weights))
         model = _fit(np.vstack(known), np.concatenate(list(learn.residual)), weights, period, seed)
         predicted = [np.asarray(model.predict(coordinates_of(motion, names))) for motion in judge.motions]
-    gain = improvement(judge.blocks(criteria.block), judge.less(predicted).blocks(criteria.block))
+    gain = improvement(judge.blocks(criteria.block), judge.minus(predicted).blocks(criteria.block))
     return FreeForm(tuple(names), tuple(predicted), gain)
 
 
@@ -82,7 +82,7 @@ def _fit(rows: Floats, target: Floats, weights: Floats, period: float, seed: int
     return model.fit(rows, target, weights**2)
 
 
-def _in_turn(known: Sequence[Floats], learn: Remainder, period: float, seed: int) -> list[Floats]:
+def _in_turn(known: Sequence[Floats], learn: WeightedResidual, period: float, seed: int) -> list[Floats]:
     """Return the prediction of each part of the recordings by a regression that has not seen it."""
     rows, target, weights = (np.concatenate(list(parts)) for parts in (known, learn.residual, learn.weights))
     fold = (np.arange(len(target)) * period / FOLD_BLOCK).astype(np.int64) % FOLDS

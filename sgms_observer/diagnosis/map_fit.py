@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import Improvement, improvement, in_blocks
-from sgms_observer.diagnosis.gap import Remainder
+from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.learnt_map import LearntMap, MotionPath, learnt_coordinates
 from sgms_observer.settings.axis import EffectSettings
@@ -18,7 +18,7 @@ from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
 
-LEARNT_NAMES = ("learnt_map", "learnt_map_2", "learnt_map_3")
+MAP_NAMES = ("learnt_map", "learnt_map_2", "learnt_map_3")
 COORDINATES = (
     ("position",), ("position", "direction"), ("velocity",), ("time",), ("time", "direction"), ("travel", "direction"),
     ("dwell", "direction"), ("load", "direction"), ("position", "time"), ("velocity", "load"),
@@ -33,7 +33,7 @@ FOLDS, FOLD_TIME = 5, 2.0
 
 
 @dataclass(frozen=True)
-class Learnt:
+class FittedMap:
     """A learnt map and what it is worth.
 
     Attributes:
@@ -69,19 +69,21 @@ class _Columns:
     fold: NDArray[np.int64]
 
 
-def learn(known: Remainder, judge: Remainder, name: str, units: Units, criteria: Criteria) -> Learnt | None:
+def fit_map(
+    known: WeightedResidual, judge: WeightedResidual, name: str, units: Units, criteria: Criteria
+) -> FittedMap | None:
     """Learn the map that predicts most of a residual on data it was not fitted to, or None where none surely does.
 
     Args:
         known: what a model leaves of the recordings to learn from.
         judge: of those to judge on; the same object as ``known`` where there are no others: parts of them are then left
             out in turn.
-        name: of the effect, one of ``LEARNT_NAMES``.
+        name: of the effect, one of ``MAP_NAMES``.
         units: of the axis.
         criteria: thresholds.
     """
     target = np.concatenate(known.weighted)
-    found: list[tuple[Learnt, list[Floats]]] = []
+    found: list[tuple[FittedMap, list[Floats]]] = []
     for coordinates in COORDINATES:
         empty = _empty(coordinates, known.motions, name)
         if empty is None:
@@ -100,10 +102,10 @@ def learn(known: Remainder, judge: Remainder, name: str, units: Units, criteria:
         after = in_blocks(left, judge.motions, criteria.block)
         gain = improvement(judge.blocks(criteria.block), after)
         if gain.z_score >= criteria.z_score_of(len(COORDINATES)) and gain.share >= criteria.min_closed_share:
-            found.append((Learnt(filled, coordinates, gain, gain.share, sentence(filled, units)), after))
+            found.append((FittedMap(filled, coordinates, gain, gain.share, sentence(filled, units)), after))
     if not found:
         return None
-    best = max(found, key=lambda pair: pair[0].improvement.fall)
+    best = max(found, key=lambda pair: pair[0].improvement.decrease)
     for item in found:
         is_simpler = len(item[0].map.values) < len(best[0].map.values)
         if is_simpler and improvement(item[1], best[1]).z_score < criteria.min_z_score:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from sgms_observer.diagnosis.fit import Judged, Refit
-from sgms_observer.diagnosis.motion import later
+from sgms_observer.diagnosis.fit import Refit, WhitenedData
+from sgms_observer.diagnosis.motion import delayed
 
-NOT_HELD = 0.25
+MIN_HELD_LAG = 0.25
 """An effort that comes less than this late, in samples, is not held."""
-NOBODYS = 0.12
+MAX_STAMP_ERROR = 0.12
 """Stamps are no better than this, in samples; a larger lag is an actuator delay."""
-SURE = 20.0
+MIN_CHI2_REDUCTION = 20.0
 """Squared residual, in units of the noise, that moving the effort has to take."""
 
 
-def timing(judged: Judged, found: Refit, lag: float, stated_lag: float) -> float:
+def fitted_effort_lag(data: WhitenedData, found: Refit, lag: float, stated_lag: float) -> float:
     """Return how late the effort arrives, in samples, when it is what the settings say or earlier.
 
     An effort that acts earlier than one that is held can act is not held. A lag beyond that is left for the catalogue's
@@ -29,10 +29,10 @@ def timing(judged: Judged, found: Refit, lag: float, stated_lag: float) -> float
     """
     step = 0.1
     moved = []
-    for motion in judged.motions:
+    for motion in data.motions:
         samples = step / motion.step
-        moved.append(later(motion.effort, samples) - motion.effort)
-    column = judged.whitened(moved) / step
+        moved.append(delayed(motion.effort, samples) - motion.effort)
+    column = data.whitened(moved) / step
     rows = len(column)
     nominal = found.jacobian[:rows]
     basis = np.linalg.qr(nominal)[0]
@@ -41,10 +41,10 @@ def timing(judged: Judged, found: Refit, lag: float, stated_lag: float) -> float
     if size <= 0.0:
         return lag
     late = -float(left @ found.residual) / size
-    if late * late * size < SURE:
+    if late * late * size < MIN_CHI2_REDUCTION:
         return lag
-    if lag < NOT_HELD <= min(lag + late, stated_lag):
+    if lag < MIN_HELD_LAG <= min(lag + late, stated_lag):
         return stated_lag
-    if lag >= NOT_HELD and lag + late < NOT_HELD:
+    if lag >= MIN_HELD_LAG and lag + late < MIN_HELD_LAG:
         return 0.0
-    return lag + late if abs(late) < NOBODYS else lag
+    return lag + late if abs(late) < MAX_STAMP_ERROR else lag

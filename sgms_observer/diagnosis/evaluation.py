@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import (
     Improvement,
+    fit_residuals,
     held_out_residuals,
     in_blocks,
-    learnt_residuals,
     left_out_residuals,
 )
-from sgms_observer.diagnosis.fit import Judged, Refit
+from sgms_observer.diagnosis.fit import Refit, WhitenedData
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Court:
+class EvaluationData:
     """The recordings that evidence is taken from.
 
     Attributes:
@@ -39,35 +39,35 @@ class Court:
         seed: of the free-form regression.
     """
 
-    learn: tuple[Motion, ...]
-    judge: tuple[Motion, ...]
-    judged: Judged
-    held: Judged
+    fit_motions: tuple[Motion, ...]
+    motions: tuple[Motion, ...]
+    fit_data: WhitenedData
+    held_out_data: WhitenedData
     floor: float
     first_gap: float
     reported_floor: float
-    reported_gap: float
+    reported_first_gap: float
     criteria: Criteria
     seed: int
 
     @property
     def has_held_out(self) -> bool:
         """Return whether there are recordings that nothing is fitted to."""
-        return bool(self.held.motions)
+        return bool(self.held_out_data.motions)
 
     @property
     def weights(self) -> tuple[Floats, ...]:
         """Return the weights of the samples of ``judge``: what an encoder does not show at rest counts for little."""
-        return self.held.weights if self.has_held_out else self.judged.weights
+        return self.held_out_data.weights if self.has_held_out else self.fit_data.weights
 
     @property
     def gap_weights(self) -> tuple[Floats, ...]:
         """Return the weights of the samples of ``judge`` in the gap as it is reported."""
-        return self.held.gap_weights if self.has_held_out else self.judged.gap_weights
+        return self.held_out_data.gap_weights if self.has_held_out else self.fit_data.gap_weights
 
     def rms(self, model: Model) -> float:
         """Return the rms weighted residual of a model on ``judge`` [N]."""
-        return rms(weighted(residuals(model, self.judge), self.weights))
+        return rms(weighted(residuals(model, self.motions), self.weights))
 
     def closed_share(self, gap: Improvement, reported: Improvement) -> float:
         """Return the share of the closable squared gap that an improvement closes.
@@ -79,21 +79,21 @@ class Court:
             gap: fall of the weighted squared residual on ``judge`` [N^2].
             reported: the same with the weights of the gap as it is reported.
         """
-        count = sum(len(motion.thinned(motion.time)) for motion in self.judge)
+        count = sum(len(motion.thinned(motion.time)) for motion in self.motions)
 
         def share(one: Improvement, floor: float, first: float) -> float:
             closable = (first**2 - (0.0 if self.criteria.is_noise(first, floor) else floor**2)) * count
-            return one.fall / closable if closable > 0.0 else 0.0
+            return one.decrease / closable if closable > 0.0 else 0.0
 
         return min(
-            share(gap, self.floor, self.first_gap), share(reported, self.reported_floor, self.reported_gap)
+            share(gap, self.floor, self.first_gap), share(reported, self.reported_floor, self.reported_first_gap)
         )
 
     def is_closed(self, model: Model) -> bool:
         """Return whether a model leaves nothing above the floor on ``judge``."""
         return self.is_noise(self.rms(model))
 
-    def explains_all(self, model: Model, first: Model) -> bool:
+    def is_gap_explained(self, model: Model, first: Model) -> bool:
         """Return whether a model leaves no share of the squared gap of the first one that would count as predictable.
 
         Args:
@@ -120,30 +120,30 @@ class Evidence:
         reported: the same with the weights of the gap as it is reported.
     """
 
-    learn: list[Floats]
-    held: list[Floats]
+    fit: list[Floats]
+    held_out: list[Floats]
     force: list[Floats]
     reported: list[Floats]
 
     @property
     def all(self) -> list[Floats]:
         """Return all whitened blocks."""
-        return [*self.learn, *self.held]
+        return [*self.fit, *self.held_out]
 
 
-def evidence_of(found: Refit, court: Court) -> Evidence:
+def evidence_of(found: Refit, evaluation: EvaluationData) -> Evidence:
     """Return what a fit predicts of data it was not fitted to.
 
     Args:
         found: a fit with derivatives at its solution.
         court: the recordings.
     """
-    length = court.criteria.block
-    learn = learnt_residuals if court.has_held_out else left_out_residuals
-    left = residuals(found.model, court.judge)
+    length = evaluation.criteria.block
+    learn = fit_residuals if evaluation.has_held_out else left_out_residuals
+    left = residuals(found.model, evaluation.motions)
     return Evidence(
-        learn(found, court.judged, length),
-        held_out_residuals(found.model, court.held, length),
-        in_blocks(weighted(left, court.weights), court.judge, length),
-        in_blocks(weighted(left, court.gap_weights), court.judge, length),
+        learn(found, evaluation.fit_data, length),
+        held_out_residuals(found.model, evaluation.held_out_data, length),
+        in_blocks(weighted(left, evaluation.weights), evaluation.motions, length),
+        in_blocks(weighted(left, evaluation.gap_weights), evaluation.motions, length),
     )

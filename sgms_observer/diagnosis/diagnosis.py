@@ -8,24 +8,24 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.coordinates import is_law
-from sgms_observer.diagnosis.court import Court
+from sgms_observer.diagnosis.coordinates import is_contact_law_effect
 from sgms_observer.diagnosis.criteria import Criteria, Test
 from sgms_observer.diagnosis.decision import Decision, strength_of
-from sgms_observer.diagnosis.fit import Refit, Refits, judged_as, judged_with
+from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
+from sgms_observer.diagnosis.evaluation import EvaluationData
+from sgms_observer.diagnosis.fit import Refit, RefitSetup, data_with_noise_of, data_with_own_noise
 from sgms_observer.diagnosis.gap import noise_floors, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion, motion_of
-from sgms_observer.diagnosis.screen import Look
-from sgms_observer.diagnosis.timing import timing
+from sgms_observer.diagnosis.screen import Screening
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
-STEPS = 6
+FIT_STEPS = 6
 """Steps of a fit from a point that was not fitted to these recordings,"""
-AGAIN = 4
+REFIT_STEPS = 4
 """and of one after the noise was fitted anew."""
 
 
@@ -78,7 +78,7 @@ class Recordings:
 
 
 @dataclass(frozen=True)
-class State:
+class FitState:
     """Estimate of an axis and its recordings.
 
     Attributes:
@@ -90,45 +90,56 @@ class State:
     """
 
     recordings: Recordings
-    learn: tuple[Motion, ...]
-    held: tuple[Motion, ...]
-    refits: Refits
+    fit_motions: tuple[Motion, ...]
+    held_out_motions: tuple[Motion, ...]
+    setup: RefitSetup
     current: Refit
 
-    def refitted(self, start: Refit, steps: int) -> State:
+    def refitted(self, start: Refit, steps: int) -> FitState:
         """Return the state fitted on from ``start``, with the noise that this one leaves."""
-        refits = replace(self.refits, judged=judged_with(self.learn, start.model))
-        return replace(self, refits=refits, current=refits.of(start.effects, start.logs, steps))
+        setup = replace(self.setup, data=data_with_own_noise(self.fit_motions, start.model))
+        return replace(self, setup=setup, current=setup.fit(start.effects, start.logs, steps))
 
-    def timed(self) -> State:
+    def timed(self) -> FitState:
         """Return the state with the effort at the time that the recordings show."""
         state = self
         for _ in range(2):
-            lag = timing(state.refits.judged, state.current, state.recordings.lag, state.recordings.stated_lag)
+            lag = fitted_effort_lag(state.setup.data, state.current, state.recordings.lag, state.recordings.stated_lag)
             if lag == state.recordings.lag:
                 break
             recordings = replace(state.recordings, lag=lag)
-            state = replace(state, recordings=recordings, learn=recordings.motions(), held=recordings.held_out())
-            state = state.refitted(state.current, AGAIN)
+            state = replace(
+                state, recordings=recordings, fit_motions=recordings.motions(), held_out_motions=recordings.held_out()
+            )
+            state = state.refitted(state.current, REFIT_STEPS)
         return state
 
-    def court(self, options: Options, first: Model | None = None) -> Court:
+    def evaluation(self, options: Options, first: Model | None = None) -> EvaluationData:
         """Return the recordings that evidence is taken from.
 
         Args:
             options: how to run.
             first: model of the file refitted within its tolerance; the current one if None.
         """
-        judged = self.refits.judged
-        judge = self.held or self.learn
-        held = judged_as(self.held, judged, self.current.model)
-        own = held if self.held else judged
+        data = self.setup.data
+        judge = self.held_out_motions or self.fit_motions
+        held = data_with_noise_of(self.held_out_motions, data, self.current.model)
+        own = held if self.held_out_motions else data
         weightings = own.weights, own.gap_weights
-        floor, reported_floor = noise_floors(judge, self.current.model, judged.noise, options.seed, *weightings)
+        floor, reported_floor = noise_floors(judge, self.current.model, data.noise, options.seed, *weightings)
         left = residuals(first or self.current.model, judge)
-        gap, reported_gap = (rms(weighted(left, weights)) for weights in weightings)
-        return Court(
-            self.learn, judge, judged, held, floor, gap, reported_floor, reported_gap, options.criteria, options.seed
+        gap, reported_first_gap = (rms(weighted(left, weights)) for weights in weightings)
+        return EvaluationData(
+            self.fit_motions,
+            judge,
+            data,
+            held,
+            floor,
+            gap,
+            reported_floor,
+            reported_first_gap,
+            options.criteria,
+            options.seed,
         )
 
 
@@ -143,7 +154,7 @@ class Round:
         alternatives: names that the data do not tell from it.
     """
 
-    looks: dict[str, Look]
+    screenings: dict[str, Screening]
     decisions: tuple[Decision, ...]
     accepted: Decision | None
     alternatives: tuple[str, ...]
@@ -157,7 +168,7 @@ class Round:
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenFits:
     """The model with the owner's own elements, as it is written and reported.
 
     Attributes:
@@ -169,7 +180,7 @@ class Written:
 
     before: Refit
     after: Refit
-    refits: Refits
+    setup: RefitSetup
     errors: Mapping[tuple[int, int], float]
 
     def strength(self, name: str) -> float:
@@ -199,18 +210,18 @@ class Diagnosis:
     """
 
     nominal: Model
-    own: tuple[EffectSettings, ...]
-    found: State
-    state: State
-    written: Written
+    file_effects: tuple[EffectSettings, ...]
+    file_state: FitState
+    final_state: FitState
+    written: WrittenFits
     rounds: tuple[Round, ...]
-    court: Court
+    evaluation: EvaluationData
     resolution: float | None
     notes: tuple[str, ...] = field(default=())
     warnings: tuple[str, ...] = field(default=())
     is_poor: bool = False
     tests: tuple[Test, ...] = field(default=())
-    explains_all: bool = True
+    is_gap_explained: bool = True
 
     @property
     def accepted(self) -> list[Round]:
@@ -220,7 +231,9 @@ class Diagnosis:
         changed value of the file.
         """
         added = [(item, item.accepted.candidate) for item in self.rounds if item.accepted]
-        return [item for item, one in added if one.settings is not None and one.name not in self.bent]
+        return [
+            item for item, one in added if one.settings is not None and one.name not in self.unnamed_contact_effects
+        ]
 
     @property
     def changes(self) -> frozenset[str]:
@@ -229,7 +242,7 @@ class Diagnosis:
         return frozenset(one.name for one in added if one.settings is None)
 
     @property
-    def bent(self) -> frozenset[str]:
+    def unnamed_contact_effects(self) -> frozenset[str]:
         """Return the effects that were added and are not named."""
         added = {item.accepted.candidate.name for item in self.rounds if item.accepted}
-        return frozenset(name for name in added if is_law(name) and not self.explains_all)
+        return frozenset(name for name in added if is_contact_law_effect(name) and not self.is_gap_explained)
