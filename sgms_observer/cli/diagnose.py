@@ -120,7 +120,8 @@ def run(args: argparse.Namespace) -> int | Outcome:
     before, after = done.checks
     print(
         f"friction not cancelled by the feedforward: {before.friction_not_cancelled:.4g} ->"
-        f" {after.friction_not_cancelled:.4g} {unit} rms along {after.along} (while it moves, {100.0 * after.share:.0f} % of the time)"
+        f" {after.friction_not_cancelled:.4g} {unit} rms along {after.along}"
+        f" (while it moves, {100.0 * after.share:.0f} % of the time)"
     )
     for line in _tracking(done):
         print(line)

@@ -1,4 +1,4 @@
-"""What a diagnosis advises: the smallest effects these recordings would have shown, and what to record next."""
+"""The smallest detectable size of each effect, and the next experiment."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.units import Units
 
 PEAK_OVER_RMS = 2.5
-"""Peak over rms of a force that acts now and then."""
+"""Peak over rms of a force that acts only in short intervals."""
 
 
 @dataclass(frozen=True)
 class Named:
-    """One effect of the answer.
+    """One named effect.
 
     Attributes:
-        settings: with its parameters.
-        std_error: of each parameter.
-        confidence: that it is this one and no alternative.
-        alternatives: names the recordings cannot tell from it.
-        gap_before, gap_after: before and after it was added [%].
+        settings: the effect with its parameters.
+        std_error: standard error of each parameter.
+        confidence: probability that it is this effect and no alternative.
+        alternatives: effects that the recordings do not distinguish from it.
+        gap_before, gap_after: gap without and with it [%].
     """
 
     settings: EffectSettings
@@ -38,15 +38,15 @@ class Named:
 
 
 def detectable(diagnosis: Diagnosis, axis: AxisSettings, options: Options) -> dict[str, float]:
-    """Return the smallest size of each effect that these recordings would have shown.
+    """Return the smallest size of each effect that these recordings would show.
 
     Sizes are peaks (2.5 times rms) as a share of the Coulomb force; for ``mass_error`` and ``actuator_gain`` a share of
-    mass and gain. What the nominal parameters can take of an effect is not seen.
+    mass and gain. The part of an effect that the nominal parameters absorb is not detectable.
 
     Args:
-        found: the diagnosis.
-        axis: settings as they are given.
-        options: as it was run.
+        diagnosis: the diagnosis.
+        axis: the given settings.
+        options: options of the diagnosis.
     """
     sizes = {"mass_error": options.tolerance, "actuator_gain": options.tolerance}
     if not diagnosis.rounds:
@@ -67,19 +67,19 @@ def detectable(diagnosis: Diagnosis, axis: AxisSettings, options: Options) -> di
 
 
 def next_experiment(
-    verdict: str, named: Sequence[Named], told: Sequence[Located], diagnosis: Diagnosis, units: Units
+    verdict: str, named: Sequence[Named], located: Sequence[Located], diagnosis: Diagnosis, units: Units
 ) -> str | None:
     """Return one sentence on what to record next, or None."""
     if verdict == "cannot_tell":
-        said = diagnosis.warnings[0] if diagnosis.is_poor else "identify the axis first, or record more motion"
-        return said[0].upper() + said[1:] + "."
+        sentence = diagnosis.warnings[0] if diagnosis.is_poor else "identify the axis first, or record more motion"
+        return sentence[0].upper() + sentence[1:] + "."
     if verdict == "ambiguous":
         for item in named:
             if item.alternatives:
                 names = ", ".join(item.alternatives)
                 return f"To tell {item.settings.name} from {names}, record: {effect(item.settings.name).excitation}."
-    if verdict == "unknown_effect" and told:
-        where = told[0]
+    if verdict == "unknown_effect" and located:
+        where = located[0]
         return (
             f"Record slow repeated motion that stays at {where.coordinate} {where.low:.3g} to {where.high:.3g}"
             f" {units.of(where.unit)}, and the same motion again after changing one thing at a time (load, temperature,"

@@ -1,7 +1,7 @@
-"""Candidates: every hypothesis that the first look does not exclude, fitted fully beside what is in the model already.
+"""Candidates: hypotheses that pass the screening, each fitted together with the effects that the model already has.
 
-A hypothesis is an effect of the catalogue, an effect of the owner's file whose values moved, or values of the file
-itself that no longer hold (friction, elements, contact law).
+A hypothesis is an effect of the catalogue, an effect of the file with changed values, or changed values of the file
+itself (friction, elements, contact law).
 """
 
 from __future__ import annotations
@@ -23,34 +23,34 @@ from sgms_observer.settings.axis import EffectSettings
 Floats = NDArray[np.float64]
 
 FIRST_STEPS = 8
-"""Steps of a first fit, with the derivatives of the first look,"""
+"""Steps of a first fit, which uses the derivatives of the screening."""
 LAST_STEPS = 12
-"""and of the fit that is compared, with derivatives of its own."""
+"""Steps of the final fit of a candidate, which computes its own derivatives."""
 MAX_FITTED = 9
-"""Effects that are fitted fully in one round,"""
+"""Largest number of effects with a first fit in one round."""
 MAX_COMPARED = 5
-"""and that are fitted to the end."""
-MIN_GAIN_SHARE = 0.1
-"""An effect is fitted when the first look gives it this share of the largest gain."""
+"""Largest number of effects with a final fit in one round."""
+MIN_REDUCTION_SHARE = 0.1
+"""Smallest chi2_reduction in the screening, as a share of the largest one, for which an effect is fitted."""
 ABSORBED_BY_NOMINAL = ("mass_error", "actuator_gain")
-"""Effects that the nominal parameters can take in whole: only their tolerance tells, which the first look cannot."""
+"""Effects that the nominal parameters absorb up to their tolerance. The screening cannot exclude them."""
 WEAK_START_SHARE = 0.1
-"""Share of its strength at which an effect starts again whose full strength leads nowhere."""
+"""Share of the strength for a second start, if the fit from the full strength does not reduce the cost."""
 FIXED_SHAPES = {"cogging": (3, 4), **REFERENCE_PARAMETERS}
-"""Parameters that are not free in a first fit: (effect, indices)."""
-SECOND_HARMONIC_GAIN = 15.0
-"""Fall of the cost that a second harmonic's two parameters have to bring: five standard errors."""
+"""Parameters that are fixed in a first fit: (effect, indices)."""
+MIN_SECOND_HARMONIC_REDUCTION = 15.0
+"""Smallest decrease of the cost for which a second harmonic is kept: five standard errors."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One hypothesis, fitted.
+    """One fitted hypothesis.
 
     Attributes:
-        name: the effect, or which values of the file changed (``changed friction`` and the like).
-        refits: how it was fitted: with which freedom of the nominal parameters.
-        refit: nominal model, effects so far and this one.
-        trials: shapes that were tried before this one was found.
+        name: the effect, or one of ``CHANGE_HYPOTHESES``.
+        setup: setup of the fit.
+        refit: fit with the nominal parameters, the effects so far and this one.
+        trials: number of shapes that the screening tried.
     """
 
     name: str
@@ -65,37 +65,37 @@ class Candidate:
 
     @property
     def parameter_count(self) -> int:
-        """Return how many parameters the fit moves."""
+        """Return the number of fitted parameters."""
         return len(self.refit.logs) + len(self.refit.free) if self.settings is None else len(self.refit.free)
 
 
 def with_effect(effects: Sequence[EffectSettings], start: EffectSettings) -> tuple[EffectSettings, ...]:
-    """Return the effects with one more, or with new values of one that is there already."""
+    """Return the effects with one more, or with new values if it is one of them."""
     if any(item.name == start.name for item in effects):
         return tuple(start if item.name == start.name else item for item in effects)
     return (*effects, start)
 
 
 def with_free_effect(setup: RefitSetup, name: str) -> RefitSetup:
-    """Return refits in which an effect of the owner's file may move."""
+    """Return the setup in which an effect of the file is free."""
     return replace(setup, fixed_effects=setup.fixed_effects - {name})
 
 
 def first_fit(setup: RefitSetup, before: Refit, start: EffectSettings, columns: Floats) -> Refit:
-    """Return a first fit of one effect next to those already there.
+    """Return a first fit of one effect together with the effects of an earlier fit.
 
     Args:
-        refits: to the recordings to learn from; the effect itself is free in them.
+        setup: setup of the fit, with the effect free.
         before: fit without the effect.
-        start: the effect at its start.
-        columns: derivatives by the nominal parameters.
+        start: the effect with its start values.
+        columns: derivatives with respect to the nominal parameters.
     """
     nominal = setup.nominal
     effects = with_effect(before.effects, start)
     place = [item.name for item in effects].index(start.name)
     fixed = [(place, j) for j in FIXED_SHAPES.get(start.name, ())] + reference_parameters(before.effects)
     found = setup.fit(effects, start_logs(before.logs, nominal, start), FIRST_STEPS, fixed, columns)
-    if found.cost > before.cost:  # a column reaches only so far: start again near nothing
+    if found.cost > before.cost:  # the start is too strong: start again from a weak effect
         weak = tuple(
             WEAK_START_SHARE * value if parameter.is_strength else value
             for parameter, value in zip(effect(start.name).parameters, start.values, strict=True)
@@ -104,7 +104,7 @@ def first_fit(setup: RefitSetup, before: Refit, start: EffectSettings, columns: 
             with_effect(before.effects, replace(start, values=weak)), before.logs, FIRST_STEPS, fixed, columns
         )
         found = again if again.cost < found.cost else found
-    if start.name in PARTS_OF_SLIDING_FORCE:  # the elements may have bent to stand in for it: start from the owner's
+    if start.name in PARTS_OF_SLIDING_FORCE:  # the elements may have absorbed it: start from those of the file
         home = before.logs.copy()
         home[STRIBECK_VELOCITY + 1 :] = 0.0
         again = setup.fit(effects, start_logs(home, nominal, start), LAST_STEPS, fixed)
@@ -115,40 +115,42 @@ def first_fit(setup: RefitSetup, before: Refit, start: EffectSettings, columns: 
 
 
 def finish_fit(setup: RefitSetup, found: Refit) -> Refit:
-    """Return a fit continued with derivatives of its own, which evidence and intervals need."""
+    """Return the fit continued to convergence, with its own derivatives, which evidence and intervals need."""
     again = setup.fit(found.effects, found.logs, LAST_STEPS)
     return again if again.cost <= found.cost else setup.fit(found.effects, found.logs, 1)
 
 
 def _with_second_harmonic(setup: RefitSetup, found: Refit, place: int, columns: Floats) -> Refit:
-    """Return the fit of a cogging with its second harmonic, if that is worth its two parameters."""
+    """Return the fit of cogging, with the second harmonic if that reduces the cost enough."""
     for phase in (0.0, 2.1, -2.1):
         last = found.effects[place]
         start = replace(last, values=(*last.values[:3], 0.1 * abs(last.values[0]), phase))
         effects = with_effect(found.effects, start)
         other = setup.fit(effects, found.logs, 4, reference_parameters(effects), columns)
-        if other.cost < found.cost - SECOND_HARMONIC_GAIN:
+        if other.cost < found.cost - MIN_SECOND_HARMONIC_REDUCTION:
             return other
     return found
 
 
 def effect_candidates(setup: RefitSetup, screen: Screen, before: Refit, workers: int, most: int) -> list[Candidate]:
-    """Fit the effects that the first look does not exclude.
+    """Fit the effects that pass the screening.
 
     Args:
-        refits: to the recordings to learn from.
-        screen: first look at the residual of ``before``.
-        before: fit without the effect.
-        workers: threads.
-        most: of them that are fitted to the end.
+        setup: setup of the fits.
+        screen: screening of the residual of ``before``.
+        before: fit without the effects.
+        workers: number of threads.
+        most: largest number of final fits.
 
     Returns:
-        Candidates with derivatives of their own, the lowest cost first.
+        Candidates with their own derivatives, the lowest cost first.
     """
     screenings = screen.screenings
-    largest = max((screening.gain for screening in screenings.values()), default=0.0)
-    ranked = sorted(screenings, key=lambda name: -screenings[name].gain)
-    promising = [name for name in ranked if screenings[name].gain > max(MIN_GAIN_SHARE * largest, 1.0)][:MAX_FITTED]
+    largest = max((screening.chi2_reduction for screening in screenings.values()), default=0.0)
+    ranked = sorted(screenings, key=lambda name: -screenings[name].chi2_reduction)
+    promising = [name for name in ranked if screenings[name].chi2_reduction > max(MIN_REDUCTION_SHARE * largest, 1.0)][
+        :MAX_FITTED
+    ]
     promising += [name for name in ABSORBED_BY_NOMINAL if name in screenings and name not in promising]
     jobs = [start for name in promising for start in screen.starts(name)]
     alone = replace(setup, workers=1)  # one thread a candidate

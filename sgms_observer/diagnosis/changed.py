@@ -1,4 +1,4 @@
-"""Values of the owner's file that the recordings moved beyond their tolerance or interval: drift of the machine."""
+"""Values of the file that the fit moved beyond their tolerance and their interval."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Changed:
-    """One value of the file that moved.
+    """One changed value of the file.
 
     Attributes:
         name: path below the axis, for instance ``friction.coulomb_force``.
         before: value in the file.
-        after: value that the recordings show.
-        std_error: of the latter.
+        after: fitted value.
+        std_error: standard error of ``after``.
         closes: share of the closable gap that all changed values together close.
     """
 
@@ -37,8 +37,8 @@ def changed_values(diagnosis: Diagnosis, fit: Refit, options: Options) -> tuple[
     """Return the values of the file that moved beyond their tolerance by more than their 90 % interval.
 
     Args:
-        found: the diagnosis.
-        fit: the fit that is written.
+        diagnosis: the diagnosis.
+        fit: the fit that augmented.yaml holds.
         options: tolerance and criteria.
     """
     listed: list[Changed] = []
@@ -66,12 +66,12 @@ def changed_values(diagnosis: Diagnosis, fit: Refit, options: Options) -> tuple[
     if (fit.model.is_unsmoothed or new.model == "gms") and not (diagnosis.nominal.is_unsmoothed or old.model == "gms"):
         listed.append(Changed("friction.model", old.model, "gms", 0.0, closes))
     standard_errors = fit.standard_errors()
-    own = {item.name: item.values for item in diagnosis.file_effects}
+    file_values = {item.name: item.values for item in diagnosis.file_effects}
     for column, (place, number) in enumerate(fit.free):
         item = fit.effects[place]
         parameter, after = effect(item.name).parameters[number], float(item.values[number])
-        if item.name in own:
-            before = float(own[item.name][number])
+        if item.name in file_values:
+            before = float(file_values[item.name][number])
         elif item.name in diagnosis.unnamed_contact_effects and parameter.is_strength:
             before = 0.0
         else:
@@ -83,7 +83,7 @@ def changed_values(diagnosis: Diagnosis, fit: Refit, options: Options) -> tuple[
 
 
 def _closed(diagnosis: Diagnosis) -> float:
-    """Return the share of the closable gap that the changed values close on the recordings to judge on."""
+    """Return the share of the closable gap that the changed values close."""
     evaluation = diagnosis.evaluation
     one, other = (evaluation.rms(fit.model) for fit in (diagnosis.written.before, diagnosis.written.after))
     return float(max(0.0, (one - other) / max(one - evaluation.floor, 1e-300)))

@@ -1,4 +1,4 @@
-"""Hypotheses on values of the owner's file: friction, elements, sharpness or contact law let go."""
+"""Hypotheses that values of the file changed: friction, elements, smoothing or contact law."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.search import CONTACT_SHARE
 
 START_LAG = 0.01
-"""Start of the time in which sliding elements follow the Stribeck curve, where the file's contact has none [s]."""
+"""Start value of the time constant of GMS attraction for a file without one [s]."""
 MAX_DEFLECTION_RATIO = 10.0
-"""Factor by which the slip deflections of a contact may differ from the file's."""
+"""Largest ratio between the slip deflections of the contact and those of the file."""
 CHANGE_HYPOTHESES = ("changed friction", "changed elements", "unsmoothed contact", "changed contact law")
-"""Hypotheses on values of the file, in the order of how much they let go."""
+"""Hypotheses on values of the file. Later ones free more parameters."""
 
 
 def freed_setup(setup: RefitSetup, name: str) -> RefitSetup:
-    """Return refits in which values of the owner's file are let go.
+    """Return the setup in which values of the file are free.
 
     Args:
-        refits: so far.
+        setup: setup so far.
         name: one of ``CHANGE_HYPOTHESES``.
     """
     if name == CHANGE_HYPOTHESES[0]:
@@ -44,7 +44,7 @@ def freed_setup(setup: RefitSetup, name: str) -> RefitSetup:
 
 
 def with_damping(setup: RefitSetup) -> RefitSetup:
-    """Return refits in which the elements have a damping of their own, from one sample of relaxation time on."""
+    """Return the setup in which the elements have damping. The relaxation time starts at one sample."""
     if setup.nominal.relaxation > 0.0:
         return setup
     period = min(motion.period for motion in setup.data.motions)
@@ -52,13 +52,13 @@ def with_damping(setup: RefitSetup) -> RefitSetup:
 
 
 def deflections(setup: RefitSetup) -> tuple[float, float]:
-    """Return the smallest and largest slip deflection that a contact unknown to the file may have.
+    """Return the smallest and largest slip deflection of a contact whose elements are unknown [m].
 
-    From a tenth of the file's smallest to ten times its largest, within what the encoder resolves and what is still a
-    contact beside the stroke.
+    The range is from a tenth of the smallest to ten times the largest slip deflection of the file, limited by the
+    encoder resolution and by a share of the stroke.
 
     Args:
-        refits: recordings and model so far.
+        setup: setup so far.
     """
     friction, motions = setup.nominal.friction, setup.data.motions
     slip = np.array(friction.element_fraction) * friction.coulomb_force / np.array(friction.element_stiffness)
@@ -70,7 +70,7 @@ def deflections(setup: RefitSetup) -> tuple[float, float]:
 
 
 def can_be_freed(setup: RefitSetup, name: str) -> bool:
-    """Return whether values of the file can still be let go."""
+    """Return whether the values of a hypothesis are not free yet."""
     if name == CHANGE_HYPOTHESES[0]:
         return not setup.freedom.friction
     if name == CHANGE_HYPOTHESES[1]:
@@ -81,10 +81,10 @@ def can_be_freed(setup: RefitSetup, name: str) -> bool:
 
 
 def changed_candidate(setup: RefitSetup, current: Refit, name: str) -> Candidate:
-    """Return the hypothesis that values of the owner's file changed.
+    """Return the fitted hypothesis that values of the file changed.
 
     Args:
-        refits: so far.
+        setup: setup so far.
         current: fit so far.
         name: one of ``CHANGE_HYPOTHESES``.
     """

@@ -1,4 +1,4 @@
-"""The closing step: observer and compensation over the same recording, with the given and with the augmented model."""
+"""Check of a model by observer and compensation: run both over a recording and compute what they leave."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 
-SKIPPED = 0.5  # s, while filters fill
+SKIPPED = 0.5  # s at the start, for the transients of the filters
 
 
 @dataclass(frozen=True)
 class CompensationCheck:
-    """Errors with one model.
+    """Errors of observer and compensation with one model.
 
     Attributes:
         innovation: rms of measured minus predicted friction at the corrections [N].
@@ -31,7 +31,7 @@ class CompensationCheck:
         blocks: the same residual for the feedforward along the measured motion, in blocks of time [N]; 0 while the
             stage rests, because the effort at rest does not show what the feedforward should have been.
         share: share of the time in which the feedforward follows the motion.
-        has_reference: whether the feedforward of ``friction_not_cancelled`` goes along the recorded reference.
+        has_reference: whether ``friction_not_cancelled`` is computed along the recorded reference.
     """
 
     innovation: float
@@ -42,16 +42,16 @@ class CompensationCheck:
 
     @property
     def along(self) -> str:
-        """Return what the feedforward went along, in words."""
+        """Return the motion that the feedforward was computed along, in words."""
         return "the recorded reference" if self.has_reference else "the measured motion"
 
 
 def check_compensation(record: Recording, axis: AxisSettings, band: float, block: float) -> CompensationCheck:
-    """Run observer and compensation over a recording, along its measured motion, and its reference if it has one.
+    """Run observer and compensation over a recording, along its measured motion and its reference if it has one.
 
     Args:
         record: position and effort.
-        axis: settings with the model to try.
+        axis: settings with the model.
         band: upper corner of the judging band [Hz].
         block: length of a block of time [s].
     """
@@ -91,7 +91,7 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
 
 
 def moves(values: NDArray[np.float64], motion: Motion) -> NDArray[np.bool_]:
-    """Return whether a signal of the recording changes at each residual.
+    """Return whether a signal of the recording changes, at the samples of residuals.
 
     Args:
         values: at the samples of the recording, shape (n,).
@@ -104,5 +104,5 @@ def moves(values: NDArray[np.float64], motion: Motion) -> NDArray[np.bool_]:
 
 
 def can_look_ahead(axis: AxisSettings) -> bool:
-    """Return whether a feedforward along measured motion is a fair test of a model: a delay asks for the future."""
+    """Return whether a feedforward along measured motion can test a model: a delay needs future samples."""
     return all(item.name != "actuator_delay" for item in axis.effects)

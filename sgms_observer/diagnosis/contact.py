@@ -1,4 +1,4 @@
-"""The contact's elements along a measured motion."""
+"""Element friction along a measured motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sgms_observer.settings.friction import FrictionSettings
 Floats = NDArray[np.float64]
 
 UNSMOOTHED_SETTLING_TIME = 1.0e-4
-"""Time in which a sharp contact's sliding elements follow the Stribeck curve; a recording sees none of it [s]."""
+"""Time constant of the sliding elements of an unsmoothed contact [s]; too short to show in a recording."""
 
 
 @njit
@@ -21,10 +21,10 @@ def _element_friction(
     first: Floats, second: Floats, period: float, kappa: Floats, fraction: Floats, sliding_force: Floats,
     numbers: Floats, sides: Floats, out: Floats, stiffness: Floats,
 ) -> None:  # fmt: skip
-    """Write the summed element force after each step, and the stiffness of what sticks.
+    """Write the sum of the element forces after each step, and the stiffness of the sticking elements.
 
-    ``numbers``: is_gms, lambda, zeta, gamma, is_paper, v_s, C. ``sides``: factor on the level forward and
-    backward.
+    ``numbers``: is_gms, lambda, zeta, gamma, is_paper, v_s, C. ``sides``: factors on the sliding force for forward and
+    backward motion.
     """
     n_z = kappa.shape[0]
     force = np.zeros(n_z)
@@ -68,16 +68,16 @@ def element_friction(
     sides: tuple[float, float] = (1.0, 1.0),
     is_unsmoothed: bool = False,
 ) -> tuple[Floats, Floats]:
-    """Return the friction of the elements along a motion, without the viscous term [N], and their stiffness [N/m].
+    """Return the element friction along a motion, without the viscous term [N], and the sticking stiffness [N/m].
 
     Args:
         friction: the model.
-        first, second: displacement of each step before and after a reversal in it [m].
+        first, second: displacement of each step before and after a reversal in the step [m].
         period: length of a step [s].
-        level: sliding level at each sample, effects included [N].
-        sides: factor on the level of travel forward and backward [-].
-        is_sharp: whether S-GMS elements stick and slip without smoothing, as GMS elements with a fast attraction do;
-            see ``sharp``.
+        sliding_force: sliding force at each sample, effects included [N].
+        sides: factors on the sliding force for forward and backward motion [-].
+        is_unsmoothed: whether S-GMS elements are computed as unsmoothed Maxwell-slip elements: GMS elements with a
+            fast attraction.
     """
     is_gms = friction.model == "gms"
     numbers = np.array(

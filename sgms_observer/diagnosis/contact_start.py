@@ -1,4 +1,4 @@
-"""Start values of a contact that the file does not know: how much of it slips at each deflection."""
+"""Start values of a contact with unknown elements: share of the friction that slips at each deflection."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Floats = NDArray[np.float64]
 
 
 def contact_start(setup: RefitSetup, effects: Sequence[EffectSettings]) -> Floats:
-    """Return logarithms of the nominal parameters that fit the shares of the elements to the recordings.
+    """Return logarithms of the nominal parameters for which the shares of the elements fit the recordings.
 
-    With given slip deflections the friction is linear in the shares: each element alone gives a column, and bounded
-    least squares has one solution. Viscous friction is fitted with them.
+    With given slip deflections the friction is linear in the shares. Each element gives a column of a bounded
+    least-squares problem, which has one solution. The viscous coefficient is one more unknown.
 
     Args:
-        refits: to the recordings; the nominal model has the elements.
-        effects: that act beside the contact.
+        setup: setup of the fit; its nominal model has the elements.
+        effects: effects of the model.
 
     Source: Al-Bender, Lampaert, Swevers 2005, IEEE Trans. Automatic Control 50(11) (elements in parallel).
     """

@@ -1,4 +1,4 @@
-"""Coordinates along a motion that a residual may depend on: place, speed, time and the contact's history."""
+"""Coordinates that a residual may depend on: position, velocity, time and history of the contact."""
 
 from __future__ import annotations
 
@@ -13,20 +13,19 @@ from sgms_observer.jit import njit
 Floats = NDArray[np.float64]
 
 REST_SHARE = 2.0e-3
-"""Slower than this share of the fast speed (99.5 %) the stage counts as resting."""
+"""The stage counts as resting below this share of the 99.5 % quantile of the speed."""
 CONTACT = ("velocity", "acceleration", "direction", "distance since reversal", "time since reversal", "dwell")
-"""Coordinates of whatever the contact law may be: an effect on them has to predict better than any function of them."""
+"""Coordinates of any contact law. An effect on them has to predict better than a regression over them."""
 CONTACT_EFFECTS = (
     "asymmetric_viscous", "nonlinear_viscous", "quadratic_drag", "eddy_current", "stribeck", "load_dependent_friction",
     "dwell_breakaway", "presliding", "backlash", "frictional_lag",
 )  # fmt: skip
-"""Effects that a contact law other than the file's may look like."""
+"""Effects that another contact law than that of the file can imitate."""
 CONTACT_LAW_EFFECTS = (
     "nonlinear_viscous", "eddy_current", "stribeck", "load_dependent_friction", "presliding", "backlash",
     "frictional_lag",
 )  # fmt: skip
-"""Those of them that describe nothing but another contact law: where the contact follows another law than the file's,
-they fit whatever the file's law leaves."""
+"""Effects that only describe another contact law. They fit the residual of any contact that deviates from the file."""
 FREE_FORM = {
     "cogging": ("position",),
     "spring": ("position",),
@@ -38,30 +37,30 @@ FREE_FORM = {
     "wear_step": ("time", "direction"),
     **dict.fromkeys((*CONTACT_EFFECTS, "mass_error", "flexible_mode", "actuator_delay", "actuator_dead_zone"), CONTACT),
 }
-"""Coordinates of the free-form term that an effect has to match; effects periodic in time have none."""
+"""Coordinates of the free-form regression that an effect has to match; effects periodic in time have none."""
 
 
 def is_contact_law_effect(name: str) -> bool:
-    """Return whether an effect describes nothing but another contact law.
+    """Return whether an effect only describes another contact law.
 
     Args:
-        name: of an effect.
+        name: the effect.
     """
     return name in CONTACT_LAW_EFFECTS
 
 
 def is_confusable_with_contact(name: str) -> bool:
-    """Return whether a contact law other than the file's may look like an effect.
+    """Return whether another contact law than that of the file can imitate an effect.
 
     Args:
-        name: of an effect.
+        name: the effect.
     """
     return FREE_FORM.get(name) == CONTACT
 
 
 @njit
 def _history(direction: Floats, position: Floats, period: float, since: Floats, far: Floats, rest: Floats) -> None:
-    """Write time and distance since the last reversal and the rest before this motion."""
+    """Write time and distance since the last reversal, and the duration of the rest before the motion."""
     last, start, resting, before = 0.0, 0, 0, 0.0
     for k in range(direction.shape[0]):
         if direction[k] == 0.0:

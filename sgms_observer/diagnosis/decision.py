@@ -1,4 +1,4 @@
-"""Decisions: which tests a hypothesis has to pass to be named, each with its value and threshold."""
+"""Decisions: the tests that a hypothesis has to pass, each with its value and threshold."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from sgms_observer.settings.axis import EffectSettings
 Floats = NDArray[np.float64]
 
 MIN_DELAY = 0.5
-"""Shortest delay with a name, in sample periods: whether an effort is held between samples makes as much."""
+"""Shortest delay that is named, in sample periods. Holding the effort between samples causes as much."""
 RANGE_END_TOLERANCE = 1.0e-6
-"""A parameter lies at the end of its range when it is this near, relative to the end."""
+"""Largest relative distance at which a parameter counts as at the end of its range."""
 ANY_VALUE_PARAMETERS = ("motion_share", "attraction_rate", "stop")
-"""Parameters that may well lie at an end of their range."""
+"""Parameters that may be at an end of their range."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ class Decision:
 
     Attributes:
         candidate: the hypothesis.
-        evidence: what its fit predicts.
-        improvement: over the model without it, whitened, on all data that was not fitted to.
-        gap: over the model without it, weighted, on the recordings to judge on [N^2].
-        reported: the same with the weights of the gap as it is reported.
-        tests: every test; the first one says whether it surely predicts better.
+        evidence: evidence of its fit.
+        improvement: improvement over the model without it, whitened, on all data that was not fitted to.
+        gap: the same of the weighted residual on the evaluated recordings [N^2].
+        reported: the same with the weights of the reported gap.
+        tests: every test. The first one tests whether the prediction is significantly better.
     """
 
     candidate: Candidate
@@ -58,8 +58,8 @@ class Decision:
         """Return the share of the closable squared gap that the hypothesis closes."""
         return next((test.value for test in self.tests if test.name.startswith("share of the closable")), 0.0)
 
-    def predictable(self, criteria: Criteria) -> float:
-        """Return the share of the squared gap that the hypothesis surely predicts, named or not; 0 if unsure."""
+    def significant_share(self, criteria: Criteria) -> float:
+        """Return the share of the squared gap that the hypothesis predicts; 0 if not significant."""
         is_sure = self.tests[0].passed and self.gap.z_score >= criteria.min_z_score
         return self.reported.share if is_sure else 0.0
 
@@ -75,13 +75,13 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, evaluation: Evalua
     Args:
         item: the hypothesis.
         before: fit without it.
-        earlier: what that fit predicts.
-        court: the recordings.
+        earlier: evidence of that fit.
+        evaluation: the recordings.
     """
     criteria = evaluation.criteria
     later = evidence_of(item.refit, evaluation)
     gain = improvement(earlier.all, later.all)
-    tests = [_predictive(item, gain, earlier, later, evaluation)]
+    tests = [_prediction_test(item, gain, earlier, later, evaluation)]
     gap, reported = improvement(earlier.force, later.force), improvement(earlier.reported, later.reported)
     if evaluation.has_held_out:
         tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
@@ -95,19 +95,22 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, evaluation: Evalua
     return Decision(item, later, gain, gap, reported, tuple(tests))
 
 
-def _predictive(
+def _prediction_test(
     item: Candidate, gain: Improvement, earlier: Evidence, later: Evidence, evaluation: EvaluationData
 ) -> Test:
-    """Return the test that the hypothesis surely predicts better.
+    """Return the test that the hypothesis predicts significantly better.
 
-    Held-out recordings were not searched; all of them together were, over every shape that was tried. Either may tell:
-    a held-out recording need not excite an effect as much as the one that was made to show it.
+    The held-out recordings were not screened, so their threshold counts the compared candidates only. All recordings
+    together were screened, so their threshold counts every tried shape. One of the two tests is enough, because a
+    held-out recording may excite the effect less.
     """
     criteria = evaluation.criteria
     title = "z-score on data not fitted to"
     if evaluation.has_held_out:
-        held = improvement(earlier.held_out, later.held_out)
-        alone = at_least(item.name, f"{title}, held-out recordings", held.z_score, criteria.z_score_of(MAX_COMPARED))
+        held_out = improvement(earlier.held_out, later.held_out)
+        alone = at_least(
+            item.name, f"{title}, held-out recordings", held_out.z_score, criteria.z_score_of(MAX_COMPARED)
+        )
         if alone.passed:
             return alone
         title = "z-score over all recordings"
@@ -115,7 +118,7 @@ def _predictive(
 
 
 def range_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
-    """Return the test that no parameter of an effect lies at the end of its physical or believable range."""
+    """Return the test that no parameter of an effect is at the end of its physical or plausible range."""
     settings = item.settings
     if settings is None:
         return []
@@ -123,7 +126,7 @@ def range_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
 
 
 def within_range(settings: EffectSettings, motions: Sequence[Motion], nominal: Model) -> Test:
-    """Return the test that no parameter of an effect lies at the end of its physical or believable range.
+    """Return the test that no parameter of an effect is at the end of its physical or plausible range.
 
     Args:
         settings: the effect.
@@ -141,7 +144,7 @@ def within_range(settings: EffectSettings, motions: Sequence[Motion], nominal: M
 
 
 def physical_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
-    """Return tests that the recordings reach what the effect acts on."""
+    """Return tests that the recordings can show the effect: strength, frequency, delay and limit."""
     settings = item.settings
     assert settings is not None
     tests = [at_least(item.name, "strength over its standard error", strength(item), evaluation.criteria.min_z_score)]
@@ -167,23 +170,23 @@ def physical_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
 
 
 def strength(item: Candidate) -> float:
-    """Return the strength of a hypothesis over its standard error, see ``strength_of``."""
+    """Return the strength of a hypothesis over its standard error, see ``strength_over_error``."""
     assert item.settings is not None
     found = item.refit
     place = [one.name for one in found.effects].index(item.settings.name)
     errors = {j: error for (i, j), error in zip(found.free, found.standard_errors(), strict=True) if i == place}
-    return strength_of(item.settings, errors)
+    return strength_over_error(item.settings, errors)
 
 
-def strength_of(settings: EffectSettings, errors: Mapping[int, float]) -> float:
-    """Return how far the strongest strength of an effect is from none, over its standard error.
+def strength_over_error(settings: EffectSettings, errors: Mapping[int, float]) -> float:
+    """Return the largest strength parameter of an effect over its standard error.
 
     Args:
         settings: the effect.
-        errors: standard error of each free parameter, by its number.
+        errors: standard error of each free parameter, by its index.
 
     Returns:
-        Infinite where the effect has no free strength.
+        Infinite if the effect has no free strength parameter.
     """
     parameters = effect(settings.name).parameters
     found = [
@@ -195,46 +198,46 @@ def strength_of(settings: EffectSettings, errors: Mapping[int, float]) -> float:
 
 
 def free_form_tests(item: Candidate, before: Refit, later: Evidence, evaluation: EvaluationData) -> list[Test]:
-    """Return the test that a free-form term over the same coordinates predicts no better than the effect."""
+    """Return the test that a free-form regression over the same coordinates predicts no better than the effect."""
     names = FREE_FORM.get(item.name)
     if names is None:
         return []
     criteria = evaluation.criteria
     free = free_form_prediction(names, before.model, evaluation)
-    judge = WeightedResidual(evaluation.motions, residuals(before.model, evaluation.motions), evaluation.weights)
-    better = improvement(later.force, judge.minus(free.predicted).blocks(criteria.block))
+    evaluated = WeightedResidual(evaluation.motions, residuals(before.model, evaluation.motions), evaluation.weights)
+    better = improvement(later.force, evaluated.minus(free.predicted).blocks(criteria.block))
     title = f"z-score of a free-form term over {', '.join(names)}"
     return [at_most(item.name, title, better.z_score, criteria.min_z_score)]
 
 
 def free_form_prediction(names: Sequence[str], model: Model, evaluation: EvaluationData) -> FreeForm:
-    """Return what a free-form term predicts of a model's residual on the recordings to judge on."""
-    learn = WeightedResidual(
+    """Return the free-form prediction of a model's residual on the evaluated recordings."""
+    fitted = WeightedResidual(
         evaluation.fit_motions, residuals(model, evaluation.fit_motions), evaluation.fit_data.gap_weights
     )
-    judge = learn
+    evaluated = fitted
     if evaluation.has_held_out:
-        judge = WeightedResidual(evaluation.motions, residuals(model, evaluation.motions), evaluation.gap_weights)
-    return free_form(names, learn, judge, evaluation.criteria, evaluation.seed)
+        evaluated = WeightedResidual(evaluation.motions, residuals(model, evaluation.motions), evaluation.gap_weights)
+    return free_form(names, fitted, evaluated, evaluation.criteria, evaluation.seed)
 
 
 def z_score_between(one: Decision, other: Decision) -> float:
     """Return the z-score by which one hypothesis predicts better than another.
 
-    Over all recordings; over the held-out ones alone where these say the opposite.
+    It is computed over all recordings. If the held-out recordings alone give the opposite sign, their z-score counts.
 
     Args:
         one, other: decisions of the same round.
     """
     z_score = improvement(other.evidence.all, one.evidence.all).z_score
     if one.evidence.held_out:
-        held = improvement(other.evidence.held_out, one.evidence.held_out).z_score
-        return z_score if held * z_score >= 0.0 else held
+        held_out = improvement(other.evidence.held_out, one.evidence.held_out).z_score
+        return z_score if held_out * z_score >= 0.0 else held_out
     return z_score
 
 
 def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria) -> tuple[str, ...]:
-    """Return the names that data which nothing was fitted to do not tell from the best one.
+    """Return the effects that the recordings do not distinguish from the best one.
 
     Args:
         best: the accepted decision.

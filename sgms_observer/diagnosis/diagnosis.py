@@ -1,4 +1,4 @@
-"""What a diagnosis works on and what it has decided: recordings, the fit, the passes, the whole."""
+"""Options, recordings, fits and rounds of a diagnosis, and the diagnosis itself."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.coordinates import is_contact_law_effect
 from sgms_observer.diagnosis.criteria import Criteria, Test
-from sgms_observer.diagnosis.decision import Decision, strength_of
+from sgms_observer.diagnosis.decision import Decision, strength_over_error
 from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.fit import Refit, RefitSetup, data_with_noise_of, data_with_own_noise
@@ -24,22 +24,22 @@ from sgms_observer.settings.axis import EffectSettings
 Floats = NDArray[np.float64]
 
 FIT_STEPS = 6
-"""Steps of a fit from a point that was not fitted to these recordings,"""
+"""Steps of a fit from a start that was not fitted to these recordings."""
 REFIT_STEPS = 4
-"""and of one after the noise was fitted anew."""
+"""Steps of a fit after a new fit of the noise."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """How to run.
+    """Options of a diagnosis.
 
     Attributes:
-        tolerance: largest relative error of the file's values that its owner expects.
-        seed: of all chance.
-        workers: threads.
+        tolerance: largest expected relative error of the file's values.
+        seed: seed of all random numbers.
+        workers: number of threads.
         band: residuals are judged below this frequency [Hz]; 0 chooses it from rate and encoder.
         criteria: thresholds of every test.
-        excluded: hypotheses that are not tried.
+        excluded: hypotheses that are not tested.
     """
 
     tolerance: float = 0.05
@@ -52,13 +52,13 @@ class Options:
 
 @dataclass(frozen=True)
 class Recordings:
-    """Recordings as they are read now.
+    """Recordings and the lag of their effort.
 
     Attributes:
-        records: to learn from.
-        holdouts: to judge on; may be empty.
-        stated_lag: how late the settings say the effort arrives, in samples.
-        lag: how late it is taken to arrive, in samples.
+        records: recordings to learn from.
+        holdouts: held-out recordings; may be empty.
+        stated_lag: lag of the effort that follows from the settings, in samples.
+        lag: fitted lag of the effort, in samples.
         band: residuals are judged below this frequency [Hz].
     """
 
@@ -73,19 +73,19 @@ class Recordings:
         return tuple(motion_of(record, self.lag, self.band) for record in self.records)
 
     def held_out(self) -> tuple[Motion, ...]:
-        """Return the recordings to judge on, filtered."""
+        """Return the held-out recordings, filtered."""
         return tuple(motion_of(record, self.lag, self.band) for record in self.holdouts)
 
 
 @dataclass(frozen=True)
 class FitState:
-    """Estimate of an axis and its recordings.
+    """Fit of an axis and its recordings.
 
     Attributes:
-        recordings: as they are read now.
-        learn: recordings to learn from, filtered.
-        held: held-out recordings, filtered.
-        refits: how the model is fitted: noise, freedom, effects of the file that keep their values.
+        recordings: the recordings and the lag of their effort.
+        fit_motions: recordings to learn from, filtered.
+        held_out_motions: held-out recordings, filtered.
+        setup: setup of the fit: noise, freedom, fixed effects.
         current: the fit.
     """
 
@@ -96,12 +96,12 @@ class FitState:
     current: Refit
 
     def refitted(self, start: Refit, steps: int) -> FitState:
-        """Return the state fitted on from ``start``, with the noise that this one leaves."""
+        """Return the state refitted from ``start``, with the noise of the residual of ``start``."""
         setup = replace(self.setup, data=data_with_own_noise(self.fit_motions, start.model))
         return replace(self, setup=setup, current=setup.fit(start.effects, start.logs, steps))
 
-    def timed(self) -> FitState:
-        """Return the state with the effort at the time that the recordings show."""
+    def with_fitted_lag(self) -> FitState:
+        """Return the state with the lag of the effort that fits the recordings."""
         state = self
         for _ in range(2):
             lag = fitted_effort_lag(state.setup.data, state.current, state.recordings.lag, state.recordings.stated_lag)
@@ -115,25 +115,25 @@ class FitState:
         return state
 
     def evaluation(self, options: Options, first: Model | None = None) -> EvaluationData:
-        """Return the recordings that evidence is taken from.
+        """Return the evaluation data.
 
         Args:
-            options: how to run.
+            options: options of the diagnosis.
             first: model of the file refitted within its tolerance; the current one if None.
         """
         data = self.setup.data
-        judge = self.held_out_motions or self.fit_motions
-        held = data_with_noise_of(self.held_out_motions, data, self.current.model)
-        own = held if self.held_out_motions else data
-        weightings = own.weights, own.gap_weights
-        floor, reported_floor = noise_floors(judge, self.current.model, data.noise, options.seed, *weightings)
-        left = residuals(first or self.current.model, judge)
-        gap, reported_first_gap = (rms(weighted(left, weights)) for weights in weightings)
+        motions = self.held_out_motions or self.fit_motions
+        held_out_data = data_with_noise_of(self.held_out_motions, data, self.current.model)
+        data_of_motions = held_out_data if self.held_out_motions else data
+        weightings = data_of_motions.weights, data_of_motions.gap_weights
+        floor, reported_floor = noise_floors(motions, self.current.model, data.noise, options.seed, *weightings)
+        first_residuals = residuals(first or self.current.model, motions)
+        gap, reported_first_gap = (rms(weighted(first_residuals, weights)) for weights in weightings)
         return EvaluationData(
             self.fit_motions,
-            judge,
+            motions,
             data,
-            held,
+            held_out_data,
             floor,
             gap,
             reported_floor,
@@ -145,13 +145,13 @@ class FitState:
 
 @dataclass(frozen=True)
 class Round:
-    """One pass through the loop.
+    """One round of the search.
 
     Attributes:
-        looks: first look at every effect.
-        decisions: hypotheses that were fitted to the end, the best predicting first.
-        accepted: the one that was added, or None.
-        alternatives: names that the data do not tell from it.
+        screenings: screening of each effect.
+        decisions: decisions on the hypotheses with a final fit, the best predicting first.
+        accepted: the accepted decision, or None.
+        alternatives: effects that the data do not distinguish from it.
     """
 
     screenings: dict[str, Screening]
@@ -159,8 +159,8 @@ class Round:
     accepted: Decision | None
     alternatives: tuple[str, ...]
 
-    def tested(self, test: Test) -> Round:
-        """Return the pass with a further test of what it added, which goes if it fails."""
+    def with_test(self, test: Test) -> Round:
+        """Return the round with one more test of the accepted hypothesis, which is rejected if the test fails."""
         assert self.accepted is not None
         decision = replace(self.accepted, tests=(*self.accepted.tests, test))
         listed = tuple(decision if one.candidate is decision.candidate else one for one in self.decisions)
@@ -169,13 +169,13 @@ class Round:
 
 @dataclass(frozen=True)
 class WrittenFits:
-    """The model with the owner's own elements, as it is written and reported.
+    """Fits with the elements of the file, as they are written and reported.
 
     Attributes:
-        before: refitted within its tolerance.
-        after: with everything that was accepted.
-        refits: how the latter was fitted.
-        errors: standard error of each of its free effect parameters, by effect and number.
+        before: fit of the file within its tolerance.
+        after: fit with everything that was accepted.
+        setup: setup of ``after``.
+        errors: standard error of each free effect parameter of ``after``, by index of effect and parameter.
     """
 
     before: Refit
@@ -184,29 +184,29 @@ class WrittenFits:
     errors: Mapping[tuple[int, int], float]
 
     def strength(self, name: str) -> float:
-        """Return how far an effect is from none, over its standard error."""
+        """Return the strength of an effect over its standard error."""
         place = [item.name for item in self.after.effects].index(name)
-        return strength_of(self.after.effects[place], {j: e for (i, j), e in self.errors.items() if i == place})
+        return strength_over_error(self.after.effects[place], {j: e for (i, j), e in self.errors.items() if i == place})
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Everything the run decided.
+    """Result of a diagnosis.
 
     Attributes:
         nominal: the given model without its effects.
-        own: the effects it was given with.
-        found: state after the refit within the tolerance.
-        state: state with everything that was accepted.
-        written: the fits with its own elements, without and with what was accepted.
-        rounds: passes through the loop.
-        court: recordings that evidence was taken from, with the noise that is left in the end.
-        resolution: coarser encoder step than the settings say [its unit], or None.
+        file_effects: effects of the file.
+        file_state: state after the refit within the tolerance.
+        final_state: state with everything that was accepted.
+        written: the fits with the elements of the file, without and with everything that was accepted.
+        rounds: rounds of the search.
+        evaluation: evaluation data with the noise of the final model.
+        resolution: measured encoder step if it is coarser than the configured one [its unit], or None.
         notes: sentences about the recordings.
-        warnings: what must not be overlooked.
-        is_poor: whether the recordings cannot show anything.
+        warnings: sentences for the user.
+        is_poor: whether the excitation is too poor for any result.
         tests: tests of the whole model.
-        explains_all: whether what was accepted leaves no share of the gap that would count as predictable.
+        is_gap_explained: whether the final model leaves too little of the gap to count as predictable.
     """
 
     nominal: Model
@@ -225,10 +225,10 @@ class Diagnosis:
 
     @property
     def accepted(self) -> list[Round]:
-        """Return the rounds that added an effect that is named.
+        """Return the rounds that added a named effect.
 
-        One that describes nothing but another contact law is a name only where all is explained with it; else it is a
-        changed value of the file.
+        An effect that only describes another contact law is named if the gap is explained with it. Otherwise it counts
+        as a changed value of the file.
         """
         added = [(item, item.accepted.candidate) for item in self.rounds if item.accepted]
         return [
@@ -237,12 +237,12 @@ class Diagnosis:
 
     @property
     def changes(self) -> frozenset[str]:
-        """Return the hypotheses on values of the file that were added."""
+        """Return the accepted hypotheses that values of the file changed."""
         added = [item.accepted.candidate for item in self.rounds if item.accepted]
         return frozenset(one.name for one in added if one.settings is None)
 
     @property
     def unnamed_contact_effects(self) -> frozenset[str]:
-        """Return the effects that were added and are not named."""
+        """Return the contact law effects that were accepted and are not named."""
         added = {item.accepted.candidate.name for item in self.rounds if item.accepted}
         return frozenset(name for name in added if is_contact_law_effect(name) and not self.is_gap_explained)

@@ -1,4 +1,4 @@
-"""When the effort acts: held until the next sample, or at its stamp. A tenth of a sample is nobody's."""
+"""Lag between the stamp of an effort sample and its action: half a sample if the effort is held, else none."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from sgms_observer.diagnosis.fit import Refit, WhitenedData
 from sgms_observer.diagnosis.motion import delayed
 
 MIN_HELD_LAG = 0.25
-"""An effort that comes less than this late, in samples, is not held."""
+"""Smallest lag of a held effort, in samples."""
 MAX_STAMP_ERROR = 0.12
-"""Stamps are no better than this, in samples; a larger lag is an actuator delay."""
+"""Largest lag that counts as an error of the stamps, in samples; a larger lag is an actuator delay."""
 MIN_CHI2_REDUCTION = 20.0
-"""Squared residual, in units of the noise, that moving the effort has to take."""
+"""Smallest decrease of the whitened squared residual for which the lag is changed."""
 
 
 def fitted_effort_lag(data: WhitenedData, found: Refit, lag: float, stated_lag: float) -> float:
-    """Return how late the effort arrives, in samples, when it is what the settings say or earlier.
+    """Return the lag of the effort that fits the recordings, in samples, at most about the lag of the settings.
 
-    An effort that acts earlier than one that is held can act is not held. A lag beyond that is left for the catalogue's
-    ``actuator_delay``.
+    An effort with less lag than ``MIN_HELD_LAG`` is not held. A larger lag than that of the settings is left to the
+    effect ``actuator_delay``.
 
     Args:
-        judged: recordings as read with ``lag``.
+        data: recordings, read with ``lag``.
         found: refit of the nominal model.
-        lag: the lag they were read with.
-        stated_lag: the lag of the settings; an effort that was taken to come earlier, and does not, goes back to it.
+        lag: lag that the recordings were read with.
+        stated_lag: lag of the settings. The lag returns to it if the recordings do not show an earlier effort.
     """
     step = 0.1
     moved = []

@@ -1,4 +1,4 @@
-"""The court: the recordings that evidence is taken from, and what a fit predicts of them."""
+"""Evaluation data: the recordings that the evidence of a fit is computed on, and that evidence."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class EvaluationData:
-    """The recordings that evidence is taken from.
+    """Recordings that the evidence of a fit is computed on.
 
     Attributes:
-        learn: recordings to learn from.
-        judge: recordings to judge on; the same where there are no held-out ones.
-        judged: ``learn`` with their noise.
-        held: held-out recordings with the noise to whiten with; none where there are none.
-        floor: rms weighted residual that noise and encoder leave to a perfect model on ``judge`` [N].
-        first_gap: the same of the file refitted within its tolerance, before anything was added [N].
-        reported_floor, reported_gap: the same two with the weights of the gap as it is reported [N].
+        fit_motions: recordings to learn from.
+        motions: held-out recordings, or ``fit_motions`` if there are none.
+        fit_data: ``fit_motions`` with their noise.
+        held_out_data: held-out recordings with the noise of ``fit_data``; may be empty.
+        floor: rms weighted residual of a perfect model on ``motions``, from noise and encoder [N].
+        first_gap: rms weighted residual of the file refitted within its tolerance [N].
+        reported_floor, reported_first_gap: the same two with the weights of the reported gap [N].
         criteria: thresholds.
-        seed: of the free-form regression.
+        seed: seed of the free-form regression.
     """
 
     fit_motions: tuple[Motion, ...]
@@ -52,32 +52,32 @@ class EvaluationData:
 
     @property
     def has_held_out(self) -> bool:
-        """Return whether there are recordings that nothing is fitted to."""
+        """Return whether there are held-out recordings."""
         return bool(self.held_out_data.motions)
 
     @property
     def weights(self) -> tuple[Floats, ...]:
-        """Return the weights of the samples of ``judge``: what an encoder does not show at rest counts for little."""
+        """Return the weights of the samples of ``motions``: low where the encoder does not show the motion."""
         return self.held_out_data.weights if self.has_held_out else self.fit_data.weights
 
     @property
     def gap_weights(self) -> tuple[Floats, ...]:
-        """Return the weights of the samples of ``judge`` in the gap as it is reported."""
+        """Return the weights of the samples of ``motions`` in the reported gap."""
         return self.held_out_data.gap_weights if self.has_held_out else self.fit_data.gap_weights
 
     def rms(self, model: Model) -> float:
-        """Return the rms weighted residual of a model on ``judge`` [N]."""
+        """Return the rms weighted residual of a model on ``motions`` [N]."""
         return rms(weighted(residuals(model, self.motions), self.weights))
 
     def closed_share(self, gap: Improvement, reported: Improvement) -> float:
         """Return the share of the closable squared gap that an improvement closes.
 
-        Closable is what stands out of the floor in the beginning; all of it where nothing does: an effect may pass for
-        noise there. Of the share with weights and that of the gap as it is reported the smaller one counts.
+        The closable part is the first squared gap minus the squared floor. If the first gap is not above the floor, the
+        whole gap counts, because the noise may contain the effect. The smaller of the two shares counts.
 
         Args:
-            gap: fall of the weighted squared residual on ``judge`` [N^2].
-            reported: the same with the weights of the gap as it is reported.
+            gap: improvement of the weighted squared residual on ``motions`` [N^2].
+            reported: the same with the weights of the reported gap.
         """
         count = sum(len(motion.thinned(motion.time)) for motion in self.motions)
 
@@ -89,35 +89,35 @@ class EvaluationData:
             share(gap, self.floor, self.first_gap), share(reported, self.reported_floor, self.reported_first_gap)
         )
 
-    def is_closed(self, model: Model) -> bool:
-        """Return whether a model leaves nothing above the floor on ``judge``."""
+    def is_gap_closed(self, model: Model) -> bool:
+        """Return whether the residual of a model on ``motions`` is not above the floor."""
         return self.is_noise(self.rms(model))
 
     def is_gap_explained(self, model: Model, first: Model) -> bool:
-        """Return whether a model leaves no share of the squared gap of the first one that would count as predictable.
+        """Return whether the share of the first squared gap that a model leaves is too small to count as predictable.
 
         Args:
-            model: what was found.
+            model: the final model.
             first: the file refitted within its tolerance.
         """
         left, closable = (self.rms(one) ** 2 - self.floor**2 for one in (model, first))
         return left <= self.criteria.min_predictable_share * closable
 
     def is_noise(self, residual: float) -> bool:
-        """Return whether an rms weighted residual [N] does not stand out of the floor."""
+        """Return whether an rms weighted residual [N] is not above the floor."""
         return self.criteria.is_noise(residual, self.floor)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a fit predicts of data it was not fitted to.
+    """Residuals of a fit in blocks of time, on data that it was not fitted to.
 
     Attributes:
-        learn: whitened residual of each block of the recordings to learn from; by the fit without the block where
-            there are no held-out recordings.
-        held: whitened residual of each block of the held-out recordings.
-        force: weighted residual of each block of the recordings to judge on [N].
-        reported: the same with the weights of the gap as it is reported.
+        fit: whitened residual of each block of the recordings to learn from. Without held-out recordings, each block is
+            predicted by the fit without the block.
+        held_out: whitened residual of each block of the held-out recordings.
+        force: weighted residual of each block of ``EvaluationData.motions`` [N].
+        reported: the same with the weights of the reported gap.
     """
 
     fit: list[Floats]
@@ -132,17 +132,17 @@ class Evidence:
 
 
 def evidence_of(found: Refit, evaluation: EvaluationData) -> Evidence:
-    """Return what a fit predicts of data it was not fitted to.
+    """Return the evidence of a fit.
 
     Args:
-        found: a fit with derivatives at its solution.
-        court: the recordings.
+        found: fit with derivatives at its solution.
+        evaluation: the recordings.
     """
     length = evaluation.criteria.block
-    learn = fit_residuals if evaluation.has_held_out else left_out_residuals
+    fit_blocks = fit_residuals if evaluation.has_held_out else left_out_residuals
     left = residuals(found.model, evaluation.motions)
     return Evidence(
-        learn(found, evaluation.fit_data, length),
+        fit_blocks(found, evaluation.fit_data, length),
         held_out_residuals(found.model, evaluation.held_out_data, length),
         in_blocks(weighted(left, evaluation.weights), evaluation.motions, length),
         in_blocks(weighted(left, evaluation.gap_weights), evaluation.motions, length),

@@ -1,4 +1,4 @@
-"""Refits: nominal parameters within their tolerance, together with the parameters of effects, on whitened residuals."""
+"""Fit of nominal parameters within their tolerance and of effect parameters to whitened residuals."""
 
 from __future__ import annotations
 
@@ -13,45 +13,45 @@ from sgms_observer.diagnosis.model import COULOMB, DAMPING, STATIC, Model, hidde
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.noise import Noise, fit_noise, largest_noise
 from sgms_observer.diagnosis.ranges import plausible_range, unit_of
-from sgms_observer.diagnosis.sliding_force import PARTS_OF_SLIDING_FORCE, owner_logs
+from sgms_observer.diagnosis.sliding_force import PARTS_OF_SLIDING_FORCE, total_force_logs
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
 ELEMENT_TOLERANCE_RATIO = 15.0
-"""How much further than the tolerance elements may be off: few of them stand for a continuous contact."""
+"""Ratio of the tolerance of elements to that of other values: few elements approximate a continuous contact."""
 FREED_FRICTION = np.log(2.0)
-"""Standard deviation of the logarithm of a friction value that its owner's file no longer holds: a factor of two."""
+"""Prior standard deviation of the logarithm of a free friction value: a factor of two."""
 FREED_DAMPING = np.log(10.0)
-"""The same of the damping of the elements, which files seldom know: a factor of ten."""
+"""Prior standard deviation of the logarithm of the element damping, which files seldom state: a factor of ten."""
 FREED_ELEMENTS = np.log(3.0)
-"""The same of an element's stiffness and share: a factor of three."""
+"""Prior standard deviation of the logarithm of a free element's stiffness and share: a factor of three."""
 DERIVATIVE_STEP = 1.0e-4
 """Step of numerical derivatives, in units of the parameters."""
 REFERENCE_PARAMETERS = {"nonlinear_viscous": (2,), "thermal_drift": (3,), "dwell_breakaway": (3,), "gravity": (2,)}
-"""Parameters that are a unit of others, or follow from the joint, and are never fitted: (effect, indices)."""
+"""Parameters that are a reference value or follow from the joint. They are never fitted: (effect, indices)."""
 JACOBIAN_REFRESH_STEPS = 3
-"""Steps after which derivatives by the nominal parameters are computed anew."""
+"""Number of steps between computations of the derivatives with respect to the nominal parameters."""
 FITTED_BY_LOGARITHM = (
     "attraction_rate", "distance", "memory_distance", "gap", "stop", "time_constant", "dwell_time", "width", "velocity",
     "peak_velocity",
 )  # fmt: skip
-"""Positive parameters that may be off by a factor: they are moved by their logarithm."""
+"""Positive parameters that are fitted by their logarithm."""
 MIN_NOISE_SHARE = 1.0e-3
-"""Least rms noise of a measured force, as a share of the effort."""
+"""Smallest rms noise of a measured force, as a share of the effort."""
 _MAX_ITERATIONS = 12
 
 
 @dataclass(frozen=True)
 class WhitenedData:
-    """Motions with the noise and weights every column passes.
+    """Recordings with the noise and weights that whiten their residuals.
 
     Attributes:
         motions: recordings.
-        noise: of each recording.
-        weights: of each recording at the rate of residuals.
-        gap_weights: weights in the gap: little where the encoder's grid hides the force.
+        noise: noise of each recording.
+        weights: weights of the residuals of each recording.
+        gap_weights: weights of the residuals in the gap: low where the encoder resolution hides the force.
     """
 
     motions: tuple[Motion, ...]
@@ -60,7 +60,7 @@ class WhitenedData:
     gap_weights: tuple[Floats, ...]
 
     def whitened(self, columns: Sequence[Floats]) -> Floats:
-        """Return one column of all recordings, from working-rate series, in units of the noise."""
+        """Return one whitened column of all recordings, from a series at the working rate for each."""
         parts = [
             noise.whitened(motion.low_pass(column), weights)
             for motion, noise, weights, column in zip(self.motions, self.noise, self.weights, columns, strict=True)
@@ -68,7 +68,7 @@ class WhitenedData:
         return np.concatenate(parts)
 
     def residual(self, model: Model) -> Floats:
-        """Return the model's residual in units of the noise."""
+        """Return the whitened residual of a model."""
         return self.whitened([predict(model, motion).residual for motion in self.motions])
 
     @property
@@ -78,7 +78,7 @@ class WhitenedData:
 
 
 def data_with_own_noise(motions: Sequence[Motion], model: Model) -> WhitenedData:
-    """Return motions with the noise that the model's residual has."""
+    """Return recordings with the noise fitted to the residual of a model."""
     noises, stick_indicators, hidden = [], [], [_hidden_square(model, motion) for motion in motions]
     for motion, square in zip(motions, hidden, strict=True):
         found = predict(model, motion)
@@ -90,12 +90,12 @@ def data_with_own_noise(motions: Sequence[Motion], model: Model) -> WhitenedData
 
 
 def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Model) -> WhitenedData:
-    """Return motions with the noise of other recordings.
+    """Return recordings with the noise of other recordings.
 
     Args:
-        motions: recordings; may be none.
-        data: the others; the loudest noise counts.
-        model: says where the contact sticks.
+        motions: recordings; may be empty.
+        data: the other recordings; the largest of their noises is used.
+        model: model that computes where the contact sticks.
     """
     noise = largest_noise(data.noise)
     noises = [replace(noise, period=motion.residual_period) for motion in motions]
@@ -106,25 +106,25 @@ def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Mod
 def _whitened_data(
     motions: Sequence[Motion], noises: Sequence[Noise], stick_indicators: Sequence[Floats], hidden: Sequence[Floats]
 ) -> WhitenedData:
-    """Return motions with their noise, and the weights that follow from it."""
+    """Return recordings with their noise and the weights that follow from it."""
     weights = [noise.weights(*pair) for noise, *pair in zip(noises, stick_indicators, hidden, strict=True)]
     gap_weights = [noise.gap_weights(square) for noise, square in zip(noises, hidden, strict=True)]
     return WhitenedData(tuple(motions), tuple(noises), tuple(weights), tuple(gap_weights))
 
 
 def _hidden_square(model: Model, motion: Motion) -> Floats:
-    """Return the mean square of the force that the encoder's grid hides, evenly spread from zero on [N^2]."""
+    """Return the mean square of the force hidden by the encoder resolution, uniformly distributed from zero [N^2]."""
     return motion.thinned(hidden_friction_drop(model.friction, motion)) ** 2 / 3.0
 
 
 @dataclass(frozen=True)
 class Freedom:
-    """Which values of the owner's file the recordings may move beyond the tolerance.
+    """Values of the file that the fit may move beyond the tolerance.
 
     Attributes:
         friction: viscous, Coulomb and static force, Stribeck velocity, attraction rate.
         elements: stiffness and share of the elements.
-        is_narrow: whether elements that are not let go stay as near to the file as its other values do.
+        has_narrow_elements: whether elements that are not free have the tolerance of the other values.
     """
 
     friction: bool = False
@@ -133,13 +133,13 @@ class Freedom:
 
 
 def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -> Floats:
-    """Return how far the logarithm of each nominal parameter may be off (one standard deviation).
+    """Return the prior standard deviation of the logarithm of each nominal parameter.
 
     Args:
         model: the nominal model.
         tolerance: largest expected relative error of the file's values. Elements may be off
             ``ELEMENT_TOLERANCE_RATIO`` times as far, unless the freedom has narrow elements.
-        freedom: what is let go.
+        freedom: free values.
     """
     one = tolerance / np.sqrt(3.0)
     widths = []
@@ -158,7 +158,10 @@ def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -
 
 
 def limits(model: Model, tolerance: float, freedom: Freedom = Freedom()) -> Floats:
-    """Return the largest logarithm of each nominal parameter: the tolerance is its owner's word; arguments as above."""
+    """Return the bound on the logarithm of each nominal parameter; arguments as above.
+
+    The tolerance is a hard bound, except for elements and free values.
+    """
     free = 3.0 * prior_widths(model, tolerance, freedom)
     one = np.log1p(tolerance)
     is_held = [
@@ -169,18 +172,18 @@ def limits(model: Model, tolerance: float, freedom: Freedom = Freedom()) -> Floa
 
 @dataclass(frozen=True)
 class Refit:
-    """A refitted model.
+    """A fitted model.
 
     Attributes:
-        model: with the refitted parameters and effects.
+        model: model with the fitted parameters and effects.
         logs: logarithms of the nominal parameters over the given ones.
         effects: the effects of this fit.
         residual: whitened residual.
-        cost: half its square plus the prior's.
-        jacobian: of residual and prior rows by (logs, free effect parameters), at the solution.
+        cost: half the squared residual plus half the squared prior rows.
+        jacobian: derivatives of residual and prior rows with respect to (logs, free effect parameters).
         scales: unit of each free effect parameter in ``jacobian``.
         free: index (effect, parameter) of each free effect parameter.
-        is_converged: whether the last step was too small to matter.
+        is_converged: whether the decrease of the cost in the last step was negligible.
     """
 
     model: Model
@@ -194,7 +197,7 @@ class Refit:
     is_converged: bool = True
 
     def standard_errors(self) -> Floats:
-        """Return the standard deviation of each free effect parameter, SI units."""
+        """Return the standard error of each free effect parameter, SI units."""
         n = len(self.free)
         if n == 0:
             return np.zeros(0)
@@ -225,13 +228,13 @@ def refit(
         start: start of the logarithms; zero if None.
         fixed: (effect, parameter) pairs that keep their value.
         iterations: largest number of steps.
-        nominal_columns: derivatives of the whitened residual by the nominal parameters, when they are known well
-            enough: they hardly change while an effect is fitted.
+        nominal_columns: derivatives of the whitened residual with respect to the nominal parameters, if they are
+            known: they hardly change while an effect is fitted.
         freedom: nominal parameters that may move beyond the tolerance.
-        workers: threads that share the derivatives.
+        workers: number of threads for the derivatives.
 
     Returns:
-        The best point found.
+        The fit with the smallest cost.
     """
     widths = prior_widths(nominal, tolerance, freedom)
     free = tuple((i, j) for i, e in enumerate(effects) for j in range(len(e.values)) if (i, j) not in fixed)
@@ -268,7 +271,7 @@ def refit(
 
     def residual(z: Floats) -> Floats:
         model, moved = unpack(z)
-        return np.concatenate([data.residual(model), owner_logs(z[:n], nominal, moved) / widths])
+        return np.concatenate([data.residual(model), total_force_logs(z[:n], nominal, moved) / widths])
 
     here = residual(x)
     cost = 0.5 * float(here @ here)
@@ -300,7 +303,7 @@ def refit(
                 if np.isfinite(new_cost) and new_cost < cost:
                     improved = cost - new_cost
                     moved = (candidate - x) * units
-                    if nominal_columns is None:  # Broyden's update, until the columns are computed anew
+                    if nominal_columns is None:  # Broyden's update until the next computation of the columns
                         missed = there - here - jacobian @ (candidate - x)
                         jacobian += np.outer(missed, moved * units / max(float(moved @ moved), 1e-30))
                     x, here, cost = candidate, there, new_cost
@@ -317,12 +320,12 @@ def refit(
 
 
 def reference_parameters(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
-    """Return the parameters that are a unit of others, (effect, parameter)."""
+    """Return the parameters in ``REFERENCE_PARAMETERS``, (effect, parameter)."""
     return [(i, j) for i, item in enumerate(effects) for j in REFERENCE_PARAMETERS.get(item.name, ())]
 
 
 def fixed_parameters(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
-    """Return the parameters that are never fitted: units of others, an absent second harmonic, a learnt table."""
+    """Return the parameters that are never fitted: reference values, an absent second harmonic, a learnt table."""
     absent = [i for i, item in enumerate(effects) if item.name == "cogging" and item.values[3] == 0.0]
     tables = [(i, j) for i, item in enumerate(effects) if effect(item.name).lists for j in range(len(item.values))]
     return reference_parameters(effects) + [(i, j) for i in absent for j in (3, 4)] + tables
@@ -330,15 +333,15 @@ def fixed_parameters(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]
 
 @dataclass(frozen=True)
 class RefitSetup:
-    """Refits to the same recordings that differ in their effects.
+    """Setup of a fit: everything except the effects and their start.
 
     Attributes:
         data: recordings to learn from.
         nominal: the given model.
-        tolerance: of its parameters.
+        tolerance: tolerance of its parameters.
         freedom: nominal parameters that may move beyond the tolerance.
-        fixed_effects: effects of the owner's file that keep their values.
-        workers: threads that share the derivatives of one fit.
+        fixed_effects: effects of the file that keep their values.
+        workers: number of threads for the derivatives of one fit.
     """
 
     data: WhitenedData
@@ -356,14 +359,14 @@ class RefitSetup:
         fixed: Sequence[tuple[int, int]] | None = None,
         columns: Floats | None = None,
     ) -> Refit:
-        """Fit with these effects.
+        """Return the fit with these effects.
 
         Args:
             effects: at their start values.
             start: logarithms of the nominal parameters to start from; zero if None.
             steps: largest number of steps.
             fixed: parameters that keep their value, see ``refit``; those that are never fitted if None.
-            columns: derivatives by the nominal parameters where they are known, see ``refit``.
+            columns: derivatives with respect to the nominal parameters if they are known, see ``refit``.
         """
         still = [*(fixed_parameters(effects) if fixed is None else fixed), *self.fixed_effect_parameters(effects)]
         return refit(
@@ -371,7 +374,7 @@ class RefitSetup:
         )
 
     def fixed_effect_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
-        """Return the parameters of effects that keep the values of the owner's file, (effect, parameter)."""
+        """Return the parameters of ``fixed_effects``, (effect, parameter)."""
         return [
             (i, j) for i, item in enumerate(effects) if item.name in self.fixed_effects for j in range(len(item.values))
         ]

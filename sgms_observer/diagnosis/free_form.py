@@ -1,7 +1,7 @@
-"""How much of a residual could be predicted at all: a free-form regression, judged on data it was not fitted to.
+"""Free-form regression: the part of a residual that is predictable from coordinates, on data it was not fitted to.
 
-Gradient-boosted trees see nothing of forces that are periodic in time and of the effort's path, so they complement the
-catalogue's candidates and do not replace them.
+Gradient-boosted trees cannot represent forces that are periodic in time or effects on the path of the effort. They
+complement the effects of the catalogue and do not replace them.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ ALL = (
     "position", "direction", "velocity", "acceleration", "time", "time since reversal", "distance since reversal",
     "dwell",
 )  # fmt: skip
-"""Coordinates of the ceiling."""
+"""All coordinates of the regression."""
 FOLDS = 5
-"""Parts of the recordings that are left out in turn where there are no held-out ones."""
+"""Number of cross-validation folds, used if there is no held-out recording."""
 FOLD_BLOCK = 2.0
-"""Length of the pieces that the parts are made of in turn [s]: long beside what a contact remembers."""
+"""Length of the pieces that are assigned to the folds in turn [s]: much longer than the memory of a contact."""
 TREES, LEAF_TIME = 120, 0.2
-"""Number of trees, and the least time of the recording in one leaf [s]: less is one event."""
+"""Number of trees, and smallest recorded time in one leaf [s]: a shorter time is a single event."""
 
 
 @dataclass(frozen=True)
 class FreeForm:
-    """What a free-form term over some coordinates predicts of a residual.
+    """Prediction of a residual by a free-form regression.
 
     Attributes:
         names: the coordinates.
-        predicted: predicted residual of each motion that is judged on [N].
-        improvement: what it would improve there.
+        predicted: predicted residual of each evaluated motion [N].
+        improvement: improvement on these motions.
     """
 
     names: tuple[str, ...]
@@ -49,27 +49,27 @@ class FreeForm:
 
 
 def free_form(
-    names: Sequence[str], learn: WeightedResidual, judge: WeightedResidual, criteria: Criteria, seed: int
+    names: Sequence[str], fitted: WeightedResidual, evaluated: WeightedResidual, criteria: Criteria, seed: int
 ) -> FreeForm:
-    """Predict a residual over some coordinates.
+    """Predict a residual from coordinates.
 
     Args:
         names: coordinates, see ``coordinates_of``.
-        learn: what a model leaves of the recordings to learn from.
-        judge: of those to judge on; the same object as ``learn`` where there are no others: parts of them are then left
-            out in turn.
-        criteria: lengths of blocks.
-        seed: of the regression.
+        fitted: residual on the recordings to learn from.
+        evaluated: residual on the evaluated recordings. The same object as ``fitted`` if there are no others; the
+            prediction is then cross-validated.
+        criteria: length of a block.
+        seed: seed of the regression.
     """
-    known = [coordinates_of(motion, names) for motion in learn.motions]
-    period = learn.motions[0].residual_period
-    if learn is judge:
-        predicted = _in_turn(known, learn, period, seed)
+    known = [coordinates_of(motion, names) for motion in fitted.motions]
+    period = fitted.motions[0].residual_period
+    if fitted is evaluated:
+        predicted = _cross_validated(known, fitted, period, seed)
     else:
-        weights = np.concatenate(list(learn.weights))
-        model = _fit(np.vstack(known), np.concatenate(list(learn.residual)), weights, period, seed)
-        predicted = [np.asarray(model.predict(coordinates_of(motion, names))) for motion in judge.motions]
-    gain = improvement(judge.blocks(criteria.block), judge.minus(predicted).blocks(criteria.block))
+        weights = np.concatenate(list(fitted.weights))
+        model = _fit(np.vstack(known), np.concatenate(list(fitted.residual)), weights, period, seed)
+        predicted = [np.asarray(model.predict(coordinates_of(motion, names))) for motion in evaluated.motions]
+    gain = improvement(evaluated.blocks(criteria.block), evaluated.minus(predicted).blocks(criteria.block))
     return FreeForm(tuple(names), tuple(predicted), gain)
 
 
@@ -82,13 +82,13 @@ def _fit(rows: Floats, target: Floats, weights: Floats, period: float, seed: int
     return model.fit(rows, target, weights**2)
 
 
-def _in_turn(known: Sequence[Floats], learn: WeightedResidual, period: float, seed: int) -> list[Floats]:
-    """Return the prediction of each part of the recordings by a regression that has not seen it."""
-    rows, target, weights = (np.concatenate(list(parts)) for parts in (known, learn.residual, learn.weights))
+def _cross_validated(known: Sequence[Floats], fitted: WeightedResidual, period: float, seed: int) -> list[Floats]:
+    """Return the prediction of each fold by the regression fitted to the other folds."""
+    rows, target, weights = (np.concatenate(list(parts)) for parts in (known, fitted.residual, fitted.weights))
     fold = (np.arange(len(target)) * period / FOLD_BLOCK).astype(np.int64) % FOLDS
     predicted = np.zeros(len(target))
     for number in range(FOLDS):
         out = fold == number
         if out.any() and not out.all():
             predicted[out] = _fit(rows[~out], target[~out], weights[~out], period, seed).predict(rows[out])
-    return np.split(predicted, np.cumsum([len(part) for part in learn.residual])[:-1])
+    return np.split(predicted, np.cumsum([len(part) for part in fitted.residual])[:-1])

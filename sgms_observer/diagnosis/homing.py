@@ -1,4 +1,4 @@
-"""Where on the machine a recording counts its position from: an axis that is not homed begins anew each time."""
+"""Position offset between recordings: an axis that is not homed has another position origin in each recording."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.units import Units
 
 PITCH = "pitch"
-PLACES_PER_PITCH = 60
-"""Places that are tried over one pitch."""
+OFFSETS_PER_PITCH = 60
+"""Number of offsets that are tried over one pitch."""
 MIN_CLOSED_SHARE = 0.5
-"""A recording counts from elsewhere when another place closes this share of its closable squared residual."""
+"""Smallest share of the closable squared residual that an offset removes in a recording that is not homed."""
 
 
 def pitch_of(effects: Sequence[EffectSettings]) -> float | None:
-    """Return the longest pitch of the effects that return with the position [m], or None where there is none."""
+    """Return the longest pitch of the effects that are periodic in the position [m], or None."""
     pitches = [
         value
         for item in effects
@@ -34,46 +34,46 @@ def pitch_of(effects: Sequence[EffectSettings]) -> float | None:
 
 
 def with_position_offset(motion: Motion, offset: float) -> Motion:
-    """Return a motion that counts its position from another place.
+    """Return a motion with an offset added to its positions.
 
     Args:
         motion: the recording.
-        place: what its positions lack [m].
+        offset: the offset [m].
     """
     return replace(motion, position=motion.position + offset, raw=motion.raw + offset)
 
 
 def position_offset(model: Model, motion: Motion, seconds: float | None = None) -> float:
-    """Return where within one pitch a motion counts its position from, as the model's ripple tells [m].
+    """Return the position offset within one pitch for which the residual is smallest [m].
 
     Args:
-        model: friction and effects; with an effect that returns with the position.
+        model: friction and effects, one of them periodic in the position.
         motion: the recording.
-        seconds: length of its beginning that may tell it; all of it if None.
+        seconds: length of the beginning of the recording that counts; all of it if None.
 
     Raises:
-        ValueError: no effect of the model returns with the position.
+        ValueError: no effect of the model is periodic in the position.
     """
     pitch = pitch_of(model.effects)
     if pitch is None:
-        raise ValueError("no effect of the model returns with the position, so nothing tells the place")
+        raise ValueError("no effect of the model is periodic in the position; the position offset is not identifiable")
     count = None if seconds is None else round(seconds / motion.residual_period)
 
     def error(offset: float) -> float:
         shifted = with_position_offset(motion, offset)
         return float(np.sum(np.square(shifted.low_pass(predict(model, shifted).residual)[:count])))
 
-    offsets = np.linspace(0.0, pitch, PLACES_PER_PITCH, endpoint=False)
+    offsets = np.linspace(0.0, pitch, OFFSETS_PER_PITCH, endpoint=False)
     return float(offsets[int(np.argmin([error(offset) for offset in offsets]))])
 
 
 def homing_warnings(models: Sequence[Model], evaluation: EvaluationData, units: Units) -> list[str]:
-    """Return a sentence for each held-out recording that counts its position from elsewhere.
+    """Return a warning for each held-out recording that has a position offset.
 
     Args:
-        models: fits with an effect that may return with the position.
-        court: the recordings.
-        units: of the axis.
+        models: fitted models. The first with an effect that is periodic in the position counts.
+        evaluation: the recordings.
+        units: units of the axis.
     """
     rippled = [model for model in models if pitch_of(model.effects) is not None]
     if not rippled or not evaluation.has_held_out:
@@ -87,7 +87,7 @@ def homing_warnings(models: Sequence[Model], evaluation: EvaluationData, units: 
         after = weights * shifted.low_pass(predict(model, shifted).residual)
         gain = improvement(*(in_blocks([part], [motion], criteria.block) for part in (here, after)))
         closable = gain.before - evaluation.floor**2 * len(here)
-        if gain.z_score > criteria.z_score_of(PLACES_PER_PITCH) and gain.decrease > MIN_CLOSED_SHARE * closable > 0.0:
+        if gain.z_score > criteria.z_score_of(OFFSETS_PER_PITCH) and gain.decrease > MIN_CLOSED_SHARE * closable > 0.0:
             warnings.append(
                 f"{motion.name} fits if it counts its position from {units.readable(offset)} further along: home the"
                 " axis before each recording, or no effect that is bound to a place can be judged on it"

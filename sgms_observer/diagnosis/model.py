@@ -1,7 +1,7 @@
 """The model under test: nominal parameters and effects, simulated along a measured motion.
 
-What is predicted is always the measured effort: the command that the motion needed. An effect on the way of the effort
-predicts the command by its inverse, so that no effect can close a gap by making the measurement smaller.
+The prediction is always the measured effort: the command that the motion needs. An effect on the path of the effort is
+inverted to predict the command, so that no effect can close the gap by reducing the measured effort.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ Floats = NDArray[np.float64]
 stribeck_level = vectorised("friction").stribeck_level
 asymmetric_coulomb = vectorised("effects_level").asymmetric_coulomb
 ASYMMETRIC_COULOMB = "asymmetric_coulomb"
-"""The effect whose level hangs on the way each part of a step goes: at rest an encoder's flicker must not mix both."""
+"""The effect with a separate sliding force for each direction, which is chosen by the displacement within a step."""
 NEED_SLIDING_FORCE = ("frictional_lag", "backlash")
-"""Effects that depend on the level."""
+"""Effects that depend on the sliding force."""
 
 DAMPING = "element_damping"
 """Name of the parameter that scales the damping of all elements."""
 LOG_SPACED_COUNT = 8
-"""Elements that stand for an unknown contact: two a decade over four decades."""
+"""Number of elements of an unknown contact: two per decade over four decades."""
 
 MASS, VISCOUS, COULOMB, STATIC, STRIBECK_VELOCITY = range(5)
 SCALAR_PARAMETERS = ("mass", "viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity")
@@ -41,15 +41,16 @@ SCALAR_PARAMETERS = ("mass", "viscous_coefficient", "coulomb_force", "static_for
 
 @dataclass(frozen=True)
 class Model:
-    """An axis's model as far as recordings can judge it.
+    """Model of an axis along a recording.
 
     Attributes:
         mass: moving mass [kg].
         friction: friction settings.
-        effects: effects in it.
-        is_sharp: whether S-GMS elements stick and slip without smoothing, as GMS elements with a fast attraction do.
-        relaxation: damping of the elements over their stiffness, the same for all [s]; 0 for none.
-        file_reach: largest slip deflection of the file's elements where the model has others [m]; None for its own.
+        effects: effects of the model.
+        is_unsmoothed: whether S-GMS elements are computed as unsmoothed Maxwell-slip elements: GMS elements with a
+            fast attraction.
+        relaxation: damping over stiffness, the same for all elements [s]; 0 for no damping.
+        file_slip_deflection: largest slip deflection of the elements of the file [m]; None if the model has them.
         joint_period: period in position that the joint implies (2 pi on a revolute one), or None.
     """
 
@@ -82,7 +83,7 @@ class Model:
         return tuple(names)
 
     def shifted(self, logs: Floats) -> Model:
-        """Return the model with each nominal parameter times ``exp(logs)``; shares still sum to 1."""
+        """Return the model with each nominal parameter times ``exp(logs)``; the shares are normalised to sum 1."""
         old, scale = self.friction, np.exp(logs)
         names = self.parameter_names()
         n_z = len(old.element_stiffness)
@@ -103,9 +104,9 @@ class Model:
         return replace(self, mass=float(self.mass * scale[MASS]), friction=friction, relaxation=relaxation)
 
     def with_split_elements(self) -> Model:
-        """Return the model with each element split in two of the same stiffness together, one slipping early, one late.
+        """Return the model with each element split in two, one with a smaller and one with a larger slip deflection.
 
-        Four elements stand for a continuous contact; twice as many leave less of it in the residual.
+        The pair has the stiffness and the force of the element. More elements approximate a continuous contact better.
         """
         old = self.friction
         early = 0.65
@@ -121,9 +122,9 @@ class Model:
         return replace(self, friction=friction)
 
     def with_log_spaced_elements(self, smallest: float, largest: float) -> Model:
-        """Return the model with elements whose slip deflections are spread evenly over a range of decades.
+        """Return the model with elements whose slip deflections are spaced logarithmically over a range.
 
-        They stand for a contact whose elements the file does not know: each carries the same share in the beginning.
+        They represent a contact with unknown elements. Each starts with the same share.
 
         Args:
             smallest, largest: slip deflections of the first and of the last element [m].
@@ -140,7 +141,7 @@ class Model:
 
     @property
     def slip_deflection(self) -> float:
-        """Return the slip deflection beyond which the contact slides, as the file has it [m]."""
+        """Return the largest slip deflection of the elements of the file [m]."""
         return (
             largest_slip_deflection(self.friction) if self.file_slip_deflection is None else self.file_slip_deflection
         )
@@ -152,13 +153,13 @@ class Model:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a model makes of a motion, at the working rate.
+    """Prediction of a model along a motion, at the working rate.
 
     Attributes:
-        residual: effort that arrives minus what the model needs [N].
+        residual: measured effort minus predicted effort [N].
         friction: simulated element friction [N].
-        doubt: 0 where the contact slides, 1 where it sticks or creeps and the encoder's grid decides; empty without a
-            new simulation.
+        stick_indicator: 0 where the contact slides, 1 where it sticks or creeps and the encoder resolution matters;
+            empty if the contact was not simulated.
     """
 
     residual: Floats
@@ -167,13 +168,13 @@ class Prediction:
 
 
 def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) -> Prediction:
-    """Return the residual of the balance of forces along a motion.
+    """Return the prediction of a model along a motion.
 
     Args:
-        model: what is judged.
+        model: the model.
         motion: the recording.
-        fixed_friction: element friction of the model without level effects; when given, level effects scale it instead
-            of being simulated again (for a first look at many effects).
+        fixed_friction: element friction of the model without effects on the sliding force. If given, these effects
+            scale it and the contact is not simulated again (for the screening of many effects).
     """
     friction = model.friction
     on_sliding_force = tuple(item for item in model.effects if effect(item.name).place is Place.LEVEL_FACTOR)
@@ -226,12 +227,11 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
 def needed_command(on_path: Sequence[EffectSettings], needed: Floats, motion: Motion) -> Floats:
     """Return the command that makes the needed force arrive: the inverse of the effort's path [N].
 
-    Inside a dead zone the command is not determined; the middle is predicted. Beyond a saturation limit the command is
-    not determined either; there a command that is recorded beyond the limit counts as predicted as far as the limit
-    is the needed force.
+    Inside a dead zone the command is not determined; the centre of the dead zone is predicted. Beyond a saturation
+    limit the command is not determined either; there the part of the recorded command beyond the limit is predicted.
 
     Args:
-        on_path: effects on the way of the effort, in the order in which the effort passes them.
+        on_path: effects on the path of the effort, in the order in which the effort passes them.
         needed: force that the motion needs [N], shape (n,).
         motion: the recording.
     """
@@ -245,7 +245,7 @@ def needed_command(on_path: Sequence[EffectSettings], needed: Floats, motion: Mo
 
 @dataclass(frozen=True)
 class _CorrectedMotion:
-    """A motion as effects outside the contact leave it: true position, added force and added mass."""
+    """A motion corrected by the effects outside the contact: true position, added force and added mass."""
 
     position: Floats
     velocity: Floats
@@ -260,7 +260,7 @@ class _CorrectedMotion:
 def _corrected_motion(
     others: tuple[EffectSettings, ...], friction: FrictionSettings, motion: Motion
 ) -> _CorrectedMotion:
-    """Return a motion as effects outside the contact leave it; remembered, because many refits ask for the same."""
+    """Return the motion corrected by the effects outside the contact; cached, because many fits need the same one."""
 
     def computed() -> _CorrectedMotion:
         position, velocity, acceleration = motion.position, motion.velocity, motion.acceleration
@@ -297,7 +297,7 @@ def _corrected_motion(
 def _factor(
     on_sliding_force: tuple[EffectSettings, ...], sliding_force: Floats, corrected: _CorrectedMotion, motion: Motion
 ) -> Floats:
-    """Return the factor of effects on the level, without the one that has two sides."""
+    """Return the factor of effects on the sliding force, except the one that depends on the direction."""
     symmetric = tuple(item for item in on_sliding_force if item.name != ASYMMETRIC_COULOMB)
 
     def computed() -> Floats:
@@ -316,11 +316,11 @@ def _factor(
 
 
 def compensated_for_hold(acceleration: Floats) -> Floats:
-    """Return what, held over the step that ends at each sample, drives a ringing mass as the acceleration itself does.
+    """Return step-wise constant accelerations that drive a flexible mode like the continuous acceleration.
 
-    A constant over a step of length h gives a mass that rings at w only the share 1 - (w h)^2 / 24 of what the mean
-    instant's acceleration would; the weights make up for that, and for the interpolation to the middle of the step,
-    up to the fourth order of w h.
+    An acceleration that is constant over a step of length h excites a mode of frequency w by the factor
+    1 - (w h)^2 / 24 only. The weights compensate this factor and the interpolation to the middle of the step, up to the
+    fourth order of w h.
 
     Args:
         acceleration: at the samples, shape (n,) [m/s^2].
@@ -332,18 +332,18 @@ def compensated_for_hold(acceleration: Floats) -> Floats:
 
 
 def stribeck(friction: FrictionSettings, position: Floats, period: float) -> Floats:
-    """Return the level of sliding friction along a motion [N]."""
+    """Return the sliding force along a motion [N]."""
     speed = np.concatenate(([0.0], np.diff(position))) / period
     return np.asarray(stribeck_level(speed, friction.static_force, friction.coulomb_force, friction.stribeck_velocity))
 
 
 def hidden_friction_drop(friction: FrictionSettings, motion: Motion) -> Floats:
-    """Return by how much friction may have fallen at each sample without the encoder showing it [N].
+    """Return the largest decrease of friction that the encoder resolution can hide at each sample [N].
 
-    Where the encoder shows no motion, the contact may have gone back by anything up to the play.
+    Where the encoder shows no motion, the contact may have moved back by up to the width of the play operator.
 
     Args:
-        friction: of the contact.
+        friction: settings of the contact.
         motion: the recording.
     """
     return np.where(
@@ -352,11 +352,11 @@ def hidden_friction_drop(friction: FrictionSettings, motion: Motion) -> Floats:
 
 
 def friction_drop_after_reversal(friction: FrictionSettings, distance: float) -> float:
-    """Return how far the friction of a sliding contact falls when it goes back (Masing's rule) [N].
+    """Return the decrease of friction when a sliding contact moves back (Masing's rule) [N].
 
     Args:
-        friction: of the contact.
-        distance: how far it goes back [m].
+        friction: settings of the contact.
+        distance: distance of the motion back [m].
     """
     fractions, stiffnesses = friction.element_fraction, friction.element_stiffness
     listed = zip(fractions, stiffnesses, strict=True)
@@ -364,6 +364,6 @@ def friction_drop_after_reversal(friction: FrictionSettings, distance: float) ->
 
 
 def largest_slip_deflection(friction: FrictionSettings) -> float:
-    """Return the deflection at which the last element slips [m]."""
+    """Return the largest slip deflection of the elements [m]."""
     reaches = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
     return float(reaches.max())

@@ -1,7 +1,8 @@
-"""Motion and effort of a record, every signal through the same zero-phase low-pass.
+"""Motion and effort of a recording, every signal filtered by the same zero-phase low-pass.
 
-Where the effort is held from one sample to the next, the second difference of the position at a sample answers to the
-mean of the efforts before and after it: it comes half a sample late. A drive that is faster than the record does not.
+If the effort is held between samples, the second difference of the position at a sample depends on the mean of the
+efforts before and after it: the effort has a lag of half a sample. The effort of a drive that is faster than the
+recording has no lag.
 """
 
 from __future__ import annotations
@@ -24,33 +25,33 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 Cached = TypeVar("Cached")
 
 BAND = 100.0
-"""Residuals are judged below this frequency [Hz] where the recording's rate and encoder allow it."""
+"""Upper frequency of the residuals [Hz], unless rate and encoder of the recording need a lower one."""
 WORKING_RATE = 10.0
-"""Records sampled faster than this multiple of the band are thinned to about that rate after the low-pass."""
+"""Recordings with a higher rate than this multiple of the band are decimated to about that rate after the low-pass."""
 MOTION_BAND = 2.5
-"""The motion keeps frequencies up to this multiple of the band: a mass rings on its own contact well above it."""
+"""Bandwidth of the motion as a multiple of the band: the mass resonates on the contact stiffness above the band."""
 MAX_BAND_SHARE = 0.35
-"""Largest band over the sample rate: what the low-pass needs below Nyquist's frequency."""
+"""Largest ratio of band to sample rate: the low-pass needs a margin below the Nyquist frequency."""
 MIN_DURATION = 3.0
-"""Shortest record that is judged [s]."""
+"""Shortest recording that is accepted [s]."""
 PLAY_HALF_WIDTH = 0.6
-"""Half the play that takes the encoder's flicker off the contact's motion, in steps of its grid."""
+"""Half width of the play operator that removes encoder jitter from the motion of the contact, in encoder steps."""
 CREEP_SPEED = 20.0
-"""Slower than this many steps of the encoder's grid per sample the contact is judged by its stiffness."""
+"""Speed below which the encoder resolution limits the prediction of the contact, in encoder steps per sample."""
 HELD_LAG = 0.5
-"""How late an effort arrives that is held from one sample to the next, in samples."""
+"""Lag of an effort that is held between samples, in samples."""
 MAX_CACHED = 4
-"""Results kept per motion and kind: a parameter that leaves the contact alone needs no new simulation."""
+"""Number of cached results per motion and kind: a parameter outside the contact needs no new simulation."""
 EDGE_TIME = 0.1
-"""Time dropped at either end, where the low-pass has no past or future [s]."""
+"""Time dropped at either end for the transients of the low-pass [s]."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A record on the working rate.
+    """A recording at the working rate.
 
     Attributes:
-        name: where it comes from.
+        name: name of the recording.
         period: working period [s].
         time: [s], from 0.
         position: filtered position [m].
@@ -58,15 +59,15 @@ class Motion:
         acceleration: filtered acceleration [m/s^2].
         effort: effort, hold-corrected but not filtered [N].
         first, second: displacement within the step that ends at each sample, before and after a reversal [m].
-        other_velocity, other_acceleration: of the other axis; zero where there is none.
+        other_velocity, other_acceleration: of the other axis; zero if there is none.
         has_other: whether there is another axis.
         thinning: factor from the working rate to the rate of residuals.
-        smoothing: the low-pass of the motion at the rate of the record.
-        step: factor from the record's rate to the working rate.
+        smoothing: the low-pass of the motion at the rate of the recording.
+        step: factor from the rate of the recording to the working rate.
         raw: position as recorded [m].
-        resolution: step of the encoder's grid; 0 where none shows [m].
-        lag: how late the effort arrives, in samples of the record.
-        band: residuals are judged below this frequency [Hz].
+        resolution: encoder step; 0 if none is visible [m].
+        lag: lag of the effort, in samples of the recording.
+        band: upper frequency of the residuals [Hz].
     """
 
     name: str
@@ -104,18 +105,18 @@ class Motion:
 
     @cached_property
     def _residual_samples(self) -> slice:
-        """Samples that residuals are taken at: the edges dropped, as many as a fast Fourier transform likes."""
+        """Samples of the residuals: edges dropped, and a number that suits the fast Fourier transform."""
         drop = int(EDGE_TIME / self.period)
         count = fast_length(-(-(len(self.time) - 2 * drop) // self.thinning))
         return slice(drop, drop + count * self.thinning, self.thinning)
 
     def cached(self, kind: str, key: Hashable, make: Callable[[], Cached]) -> Cached:
-        """Return what ``make`` gives, from memory if it was made for the same key lately.
+        """Return the result of ``make``, from the cache if it holds the key.
 
         Args:
-            kind: what is made; the last ``MAX_CACHED`` of each kind are remembered.
-            key: all it depends on beside this motion.
-            make: makes it.
+            kind: kind of the result; the cache holds the last ``MAX_CACHED`` of each kind.
+            key: everything that the result depends on beside this motion.
+            make: function that computes the result.
         """
         cache: dict[Hashable, Cached] = self._cache.setdefault(kind, {})
         found = cache.get(key)
@@ -128,12 +129,12 @@ class Motion:
 
     @cached_property
     def _cache(self) -> dict[str, dict[Hashable, Any]]:
-        """What was made along this motion."""
+        """Results that were computed along this motion."""
         return {}
 
     @cached_property
     def creep(self) -> Floats:
-        """1 where the stage is slower than ``CREEP_SPEED`` steps of the encoder's grid per sample, else 0."""
+        """Smooth indicator, 1 at speeds below ``CREEP_SPEED`` encoder steps per sample and 0 above."""
         if self.resolution <= 0.0:
             return np.zeros(len(self.time))
         slow = CREEP_SPEED * self.resolution / self.period
@@ -142,7 +143,7 @@ class Motion:
 
     @cached_property
     def shows_no_motion(self) -> NDArray[np.bool_]:
-        """Where the encoder shows no motion within a period of the band: the contact may move inside the play."""
+        """Whether the encoder shows no motion within a period of the band around each sample."""
         if self.resolution <= 0.0:
             return np.zeros(len(self.time), dtype=np.bool_)
         moves = np.abs(self.first) + np.abs(self.second) > 0.0
@@ -175,15 +176,15 @@ def _band_filter(period: float, band: float) -> Floats:
 
 
 def motion_of(record: Recording, lag: float = HELD_LAG, band: float = BAND) -> Motion:
-    """Filter a record and bring it to the working rate.
+    """Return a recording filtered and decimated to the working rate.
 
     Args:
-        record: the record.
-        lag: how late its effort arrives, in samples, at most one either way.
-        band: residuals are judged below this frequency, lowered where the record's rate asks for it [Hz].
+        record: the recording.
+        lag: lag of its effort, in samples, between -1 and 1.
+        band: upper frequency of the residuals, lowered if the rate of the recording needs it [Hz].
 
     Raises:
-        DataError: if it is too short to judge.
+        DataError: the recording is too short.
     """
     rate = 1.0 / record.period
     if record.duration < MIN_DURATION:
@@ -193,7 +194,7 @@ def motion_of(record: Recording, lag: float = HELD_LAG, band: float = BAND) -> M
     period = record.period * step
     effort = delayed(record.effort, lag)
     corner = min(MOTION_BAND * band, MAX_BAND_SHARE / period)
-    if step > 1:  # the noise between the samples that are dropped must not fold into the band
+    if step > 1:  # anti-aliasing
         guard = signal.butter(4, 0.4 / period / (0.5 * rate), output="sos")
         effort = signal.sosfiltfilt(guard, effort)
     smooth = signal.butter(4, 2.0 * corner * record.period, output="sos")
@@ -231,7 +232,7 @@ def motion_of(record: Recording, lag: float = HELD_LAG, band: float = BAND) -> M
 
 
 def delayed(values: Floats, samples: float) -> Floats:
-    """Return a series a part of a sample later (earlier if negative), between its neighbours in proportion."""
+    """Return a series delayed by a fraction of a sample (advanced if negative), by linear interpolation."""
     if samples >= 0.0:
         return (1.0 - samples) * values + samples * np.concatenate((values[:1], values[:-1]))
     return (1.0 + samples) * values - samples * np.concatenate((values[1:], values[-1:]))
@@ -239,7 +240,7 @@ def delayed(values: Floats, samples: float) -> Floats:
 
 @njit
 def _apply_play(position: Floats, half: float, out: Floats) -> None:
-    """Write the position of a body that is carried along with a play of twice ``half``."""
+    """Write the output of the play operator of half width ``half``."""
     place = position[0]
     for k in range(position.shape[0]):
         if position[k] > place + half:
@@ -250,7 +251,7 @@ def _apply_play(position: Floats, half: float, out: Floats) -> None:
 
 
 def play_operator(position: Floats, half: float) -> Floats:
-    """Return a motion without to and fro below ``half`` [m], which an encoder's grid makes and a contact remembers."""
+    """Return a position filtered by the play operator (hysteresis) of half width ``half`` [m], which removes jitter."""
     if half <= 0.0:
         return position
     out = np.empty_like(position)
@@ -259,7 +260,7 @@ def play_operator(position: Floats, half: float) -> Floats:
 
 
 def split_at_reversals(position: Floats, period: float) -> tuple[Floats, Floats]:
-    """Return each step's displacement before and after a reversal inside it (parabola through its end velocities)."""
+    """Return the displacement of each step before and after a reversal in it, with linear velocity over the step."""
     velocity = np.gradient(position, period)
     travel = np.concatenate(([0.0], np.diff(position)))
     before = np.concatenate(([0.0], velocity[:-1]))

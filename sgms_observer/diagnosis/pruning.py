@@ -1,4 +1,4 @@
-"""Effects that are left out again: needless beside later ones, or not significant as they are reported."""
+"""Removal of accepted effects that later effects make redundant, or whose reported strength is not significant."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ Floats = NDArray[np.float64]
 
 
 def without_redundant(state: FitState, rounds: Sequence[Round], options: Options) -> tuple[FitState, tuple[Round, ...]]:
-    """Leave each effect out once: what predicts no worse without it goes.
+    """Remove each effect without which the model does not predict significantly worse.
 
     Args:
-        state: with everything that was accepted.
-        rounds: passes so far.
-        options: how to run.
+        state: state with everything that was accepted.
+        rounds: rounds so far.
+        options: options of the diagnosis.
     """
     for item in _with_effects(rounds)[:-1]:
         assert item.accepted is not None
@@ -45,16 +45,16 @@ def without_redundant(state: FitState, rounds: Sequence[Round], options: Options
 def without_insignificant(
     found: FitState, state: FitState, rounds: Sequence[Round], nominal: Model, options: Options
 ) -> tuple[FitState, tuple[Round, ...], WrittenFits]:
-    """Leave out, the weakest first, each effect whose reported 90 % interval includes a strength of zero.
+    """Remove each effect whose reported 90 % interval includes a strength of zero, the weakest first.
 
-    The scatter between recordings belongs to the interval: an effect of the machine has one size in all of them.
+    The interval includes the scatter between recordings: an effect of the machine has one strength in all of them.
 
     Args:
         found: state after the refit within the tolerance.
-        state: with everything that was accepted.
-        rounds: passes so far.
-        nominal: the model as it is given.
-        options: how to run.
+        state: state with everything that was accepted.
+        rounds: rounds so far.
+        nominal: the given model.
+        options: options of the diagnosis.
     """
     title = "strength over its standard error, as reported"
     while True:
@@ -74,7 +74,7 @@ def without_insignificant(
 
 
 def _with_effects(rounds: Sequence[Round]) -> list[Round]:
-    """Return the passes that added an effect."""
+    """Return the rounds that added an effect."""
     return [item for item in rounds if item.accepted and item.accepted.candidate.settings is not None]
 
 
@@ -85,19 +85,19 @@ def _fit_without(state: FitState, name: str) -> Refit:
 
 
 def _with_test(rounds: Sequence[Round], test: Test) -> tuple[Round, ...]:
-    """Return the passes with a further test of what one of them added, which goes if it fails."""
+    """Return the rounds with one more test of an accepted effect, which is rejected if the test fails."""
     return tuple(
-        item.tested(test) if item.accepted and item.accepted.candidate.name == test.of else item for item in rounds
+        item.with_test(test) if item.accepted and item.accepted.candidate.name == test.of else item for item in rounds
     )
 
 
 def _as_written(found: FitState, state: FitState, nominal: Model) -> WrittenFits:
-    """Return the fits with the owner's own elements, without and with what was accepted.
+    """Return the fits with the elements of the file, without and with everything that was accepted.
 
     Args:
         found: state after the refit within the tolerance.
         state: state with everything that was accepted.
-        nominal: the model as it is given.
+        nominal: the given model.
     """
     first = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
     before = first.fit(found.current.effects, None, LAST_STEPS)
@@ -117,7 +117,7 @@ def _as_written(found: FitState, state: FitState, nominal: Model) -> WrittenFits
     after = min(tried, key=lambda fit: fit.cost)
     free = set(after.free)
     fixed = [(i, j) for i, e in enumerate(after.effects) for j in range(len(e.values)) if (i, j) not in free]
-    fresh = last.fit(after.effects, after.logs, 1, fixed)  # its derivatives
+    fresh = last.fit(after.effects, after.logs, 1, fixed)  # computes the derivatives
     errors = dict(
         zip(fresh.free, with_between_recording_error(last, fresh, state.held_out_motions).tolist(), strict=True)
     )

@@ -1,4 +1,4 @@
-"""The questions that a reader asks first, answered from the run: data, convergence, believability."""
+"""Questions of the report with their answers: data, convergence, credibility."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def questions_of(
     """Return the questions with their answers.
 
     Args:
-        answer: of the diagnosis.
-        closings: observer and compensation before and after.
-        tracking: predicted in closed loop; None where the loop does not stay finite.
-        options: as it was run.
-        units: of the axis.
+        answer: answer of the diagnosis.
+        checks: errors of observer and compensation before and after.
+        tracking: tracking error predicted in closed loop; None if the simulation diverges.
+        options: options of the diagnosis.
+        units: units of the axis.
     """
     return (
         _motion(answer, units),
@@ -54,12 +54,12 @@ def questions_of(
 
 
 def _test(answer: Answer, name: str) -> Test | None:
-    """Return a test of the whole model, or None where it was not made."""
+    """Return a test of the whole model, or None if it was not made."""
     return next((test for test in answer.tests if test.of == "model" and test.name.startswith(name)), None)
 
 
 def _motion(answer: Answer, units: Units) -> Light:
-    """Ask whether the recordings show friction at all."""
+    """Ask whether the recordings show friction."""
     diagnosis = answer.diagnosis
     motions = diagnosis.final_state.fit_motions
     seconds = sum(float(motion.time[-1]) for motion in motions)
@@ -72,7 +72,7 @@ def _motion(answer: Answer, units: Units) -> Light:
 
 
 def _held_out(answer: Answer) -> Light:
-    """Ask whether something judged that nothing was fitted to."""
+    """Ask whether there are held-out recordings."""
     question = "Was the model judged on recordings that it was not fitted to?"
     if answer.diagnosis.final_state.held_out_motions:
         count = len(answer.diagnosis.final_state.held_out_motions)
@@ -82,7 +82,7 @@ def _held_out(answer: Answer) -> Light:
 
 
 def _fits(answer: Answer) -> Light:
-    """Ask whether the fits ended by themselves."""
+    """Ask whether the fits converged."""
     written = answer.diagnosis.written
     fits = (("the file", written.before), ("the augmented model", written.after))
     open_ends = [name for name, fit in fits if not fit.is_converged]
@@ -106,7 +106,7 @@ def _tolerance(answer: Answer, options: Options) -> Light:
 
 
 def at_limit(fit: Refit, tolerance: float) -> list[str]:
-    """Return the values of the file that a refit left at the end of their tolerance; elements have none.
+    """Return the values of the file that a refit moved to the end of their tolerance, except elements.
 
     Args:
         fit: of the file, within its tolerance.
@@ -130,7 +130,7 @@ def _explained(answer: Answer) -> Light:
 
 
 def _effect(item: Named, answer: Answer, units: Units) -> Light:
-    """Ask whether an effect that was named is there."""
+    """Ask whether a named effect exists in the machine."""
     entry = effect(item.settings.name)
     values = {
         parameter.name: with_unit(value, parameter.unit, units)
@@ -154,7 +154,7 @@ def accepted_tests(answer: Answer, name: str) -> tuple[Test, ...]:
     """Return the tests that an effect passed when it was added.
 
     Args:
-        answer: of the diagnosis.
+        answer: answer of the diagnosis.
         name: of the effect.
     """
     for item in answer.diagnosis.rounds:
@@ -164,7 +164,7 @@ def accepted_tests(answer: Answer, name: str) -> tuple[Test, ...]:
 
 
 def with_unit(value: float, unit: str, units: Units) -> str:
-    """Return a value as people read it, with three digits: ``12.0 mm``.
+    """Return a value with three digits and a prefixed unit: ``12.0 mm``.
 
     Args:
         value: in the unit without a prefix.
@@ -177,7 +177,7 @@ def with_unit(value: float, unit: str, units: Units) -> str:
 
 
 def _changed(answer: Answer) -> list[Light]:
-    """Ask whether values of the file changed, where some did."""
+    """Ask whether values of the file changed, if some did."""
     if not answer.changed:
         return []
     listed = []
@@ -191,7 +191,7 @@ def _changed(answer: Answer) -> list[Light]:
 
 
 def _rest(answer: Answer) -> Light:
-    """Ask whether only noise is left."""
+    """Ask whether the remaining residual is noise."""
     question = "Is what is left noise?"
     rest, near = _test(answer, "surely predictable share of the rest"), _test(answer, "gap over noise")
     if rest is None or near is None:
@@ -207,7 +207,7 @@ def _rest(answer: Answer) -> Light:
 
 
 def _feedforward(answer: Answer, checks: Sequence[CompensationCheck], units: Units) -> Light:
-    """Ask whether the compensation is better off with the answer."""
+    """Ask whether the feedforward leaves less friction with the new model."""
     before, after = (item.friction_not_cancelled for item in checks)
     facts = (
         f"Friction not cancelled by the feedforward along {checks[1].along}: {before:.3g} before,"
@@ -227,7 +227,7 @@ def _feedforward(answer: Answer, checks: Sequence[CompensationCheck], units: Uni
 
 
 def _tracking(tracking: PredictedTracking | None, units: Units) -> Light:
-    """Ask whether the axis will follow its set-point better."""
+    """Ask whether compensation with the new model will improve tracking."""
     question = "Will compensation with the new model improve tracking?"
     if tracking is None:
         return Light(BELIEVABILITY, question, UNSURE, "The simulated loop does not stay finite.")

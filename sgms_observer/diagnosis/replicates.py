@@ -1,4 +1,4 @@
-"""Bootstrap replicates: simulated recordings with nothing hidden, in the motion, noise and encoder of a recording."""
+"""Bootstrap replicates: simulated recordings with nothing hidden, with motion, noise and encoder of a recording."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 def coloured(noise: Noise, count: int, period: float, rng: np.random.Generator) -> Floats:
-    """Return force noise of the fitted spectrum at a rate of one's own [N]."""
+    """Return force noise with the fitted spectrum at any sample period [N]."""
     frequency = np.asarray(np.fft.rfftfreq(count, period), dtype=np.float64)
     white = rng.standard_normal(len(frequency)) + 1j * rng.standard_normal(len(frequency))
     spectrum = white * np.sqrt(noise.density(frequency) * count / (2.0 * period))
@@ -24,9 +24,9 @@ def coloured(noise: Noise, count: int, period: float, rng: np.random.Generator) 
 
 
 def replicate_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Generator) -> Motion:
-    """Return a recording in which the model holds: the same motion on the same encoder, its own effort.
+    """Return a recording with the same motion and encoder whose effort follows the model, plus noise.
 
-    At each rest the contact has gone back by an unknown part of what the encoder does not show.
+    At each rest the contact has moved back by a random part of the distance that the encoder resolution hides.
     """
     found = predict(model, motion)
     needed = motion.effort - found.residual

@@ -1,4 +1,4 @@
-"""The report of a diagnosis: one page a machine builder understands, the answer first."""
+"""The report of a diagnosis: one page, the answer first."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ from sgms_observer.settings.units import Units
 
 @dataclass(frozen=True)
 class Run:
-    """What a diagnosis read and how it was run.
+    """Input and options of a diagnosis.
 
     Attributes:
-        axis: settings with the model as it was given.
-        options: as it was run.
-        names: recordings.
+        axis: settings with the given model.
+        options: options of the diagnosis.
+        names: names of the recordings.
         notes: sentences about how the recordings were read.
     """
 
@@ -65,11 +65,11 @@ def diagnosis_page(
     """Return the report.
 
     Args:
-        answer: of the diagnosis.
-        traces: model and measurement of the recordings that the gap was measured on.
-        closings: observer and compensation before and after.
-        tracking: predicted in closed loop; None where the loop does not stay finite.
-        run: what was read, and how it was run.
+        answer: answer of the diagnosis.
+        traces: model and measurement of the recordings that the gap is computed on.
+        checks: errors of observer and compensation before and after.
+        tracking: tracking error predicted in closed loop; None if the simulation diverges.
+        run: input and options.
     """
     units = run.axis.units
     source = f"From {', '.join(Path(name).name for name in run.names)}; seed {run.options.seed}."
@@ -92,7 +92,7 @@ def diagnosis_page(
 
 
 def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
-    """Return the section on the tracking error that the compensation would leave."""
+    """Return the section on the tracking error predicted in closed loop."""
     heading = "Tracking error predicted in closed loop"
     if tracking is None:
         return Section(heading, ["The simulated loop does not stay finite with stage.controller of the file."])
@@ -147,19 +147,19 @@ def sentence(answer: Answer) -> str:
 
 
 def _listed(answer: Answer) -> str:
-    """Return the effects' names as a person would list them."""
+    """Return the names of the effects as a list in words."""
     names = [item.settings.name.replace("_", " ") for item in answer.effects]
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def next_step(answer: Answer) -> str:
-    """Return what to do with the answer, in one sentence or two."""
+    """Return the next step for the user in one or two sentences."""
     nothing = "Load augmented.yaml into the nodes." if answer.usable else "Identify the axis first."
     return answer.next_experiment or nothing
 
 
 def _answer(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
-    """Return the section on what was found: the gap after each step, the effects, the maps that were learnt."""
+    """Return the section on the result: the gap after each step, the effects, the learnt maps."""
     gap = answer.gap
     (low, high), (least, most) = gap.interval_before, gap.interval_after
     text = [
@@ -195,7 +195,7 @@ def _fit(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
 
 
 def _where(answer: Answer, units: Units) -> Section:
-    """Return the folded section on where the nominal model disagrees."""
+    """Return the section on the coordinates that the residual depends on."""
     text = "Residual of the refitted file over each coordinate, with the band in which chance would leave it (95 %)."
     if not answer.located:
         text += " It depends on nothing beyond chance."
@@ -206,13 +206,13 @@ def _where(answer: Answer, units: Units) -> Section:
 
 
 def _not_shown(answer: Answer) -> Section:
-    """Return the folded section on what could not have been seen."""
+    """Return the folded section on the smallest detectable effects."""
     text = "Smaller effects than these would have passed for noise, or for nominal parameters that are slightly off."
     return Section("What these recordings could not show", [text], [detectable_table(answer)], is_folded=True)
 
 
 def _decisions(answer: Answer, run: Run) -> Section:
-    """Return the folded section with what the run read, and every test that it made."""
+    """Return the folded section with notes, noise and every test."""
     diagnosis = answer.diagnosis
     noise = diagnosis.evaluation.fit_data.noise
     text = [*run.notes, *diagnosis.notes]

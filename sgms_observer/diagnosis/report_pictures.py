@@ -32,7 +32,7 @@ _GRID_COLOURS = (FORWARD, BACKWARD, MEASURED, ESTIMATE, REFERENCE)
 
 
 def gap_bar(answer: Answer) -> Picture:
-    """Draw the gap as given, refitted, after each effect and after what was learnt, down to the floor."""
+    """Draw the gap of the given file, refitted, after each effect and after learnt maps, with the floor."""
     gap = answer.gap
     steps = [("file as given", gap.given), ("refitted", gap.before)]
     steps += [
@@ -58,7 +58,7 @@ def gap_bar(answer: Answer) -> Picture:
 
 
 def effect_over_position(answer: Answer, traces: Sequence[Trace], units: Units) -> Picture:
-    """Draw the residual without what was found over the position, and what was found on it."""
+    """Draw the residual of the model without the found effects over the position, and the fitted effects."""
     names = [item.settings.name for item in answer.effects if item.settings.name in traces[0].effects]
     names += [item.settings.name for item in answer.learnt]
     position, velocity = (_all(traces, lambda one: one.position), _all(traces, lambda one: one.velocity))
@@ -195,7 +195,7 @@ def map_picture(learnt: FittedMap, units: Units) -> Picture:
 
 
 def located_pictures(answer: Answer, units: Units) -> tuple[Picture, ...]:
-    """Draw the residual over the coordinates that tell most, before and after, with position, velocity and time."""
+    """Draw the residual before and after over position, velocity, time and the most significant coordinates."""
     wanted = ["position", "velocity", "time"]
     listed: list[Located] = [item for name in wanted for item in answer.all_located if item.coordinate == name]
     listed += [item for item in answer.all_located if item not in listed][: _MAX_LOCATED - len(listed)]

@@ -1,4 +1,4 @@
-"""What a diagnosis says to the outside: result.json (schema 2), augmented.yaml and residual.mcap."""
+"""Output files of a diagnosis: result.json (schema 2) and augmented.yaml."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def result_of(
 
     Args:
         answer: the answer.
-        closings: observer and compensation before and after.
-        tracking: predicted in closed loop; None where the loop does not stay finite.
-        units: of the axis.
+        checks: errors of observer and compensation before and after.
+        tracking: tracking error predicted in closed loop; None if the simulation diverges.
+        units: units of the axis.
     """
     gap = answer.gap
     result: dict[str, Any] = {
@@ -124,14 +124,14 @@ def result_of(
 
 
 def by_name(name: str, values: Sequence[float]) -> dict[str, float]:
-    """Return values by the names of an effect's parameters."""
+    """Return values of an effect as a dictionary by parameter name."""
     return {p.name: float(v) for p, v in zip(effect(name).parameters, values, strict=True)}
 
 
 def changes_of(answer: Answer) -> dict[str, Any]:
-    """Return the changes of an axis's settings: refitted parameters, all effects and what was learnt.
+    """Return the changes of the settings of an axis: refitted parameters, effects and learnt maps.
 
-    Nothing changes where nothing was found that held-out data bear out.
+    The changes are empty if held-out data confirm no result.
     """
     if not (answer.effects or answer.learnt or answer.changed or answer.verdict == "no_effect"):
         return {}
@@ -173,16 +173,16 @@ def write_augmented(answer: Answer, settings: Settings, axis: str, out: Path) ->
 
     Args:
         answer: the answer.
-        settings: the settings as read.
+        settings: the settings of the given file.
         axis: name of the axis.
-        out: folder; made if need be.
+        out: folder; created if it does not exist.
     """
     head = f"sgms diagnose: {answer.verdict}; gap {answer.gap.before:.3g} -> {answer.gap.after:.3g} % of rms effort"
     write_settings(settings, out / "augmented.yaml", {axis: changes_of(answer)}, {"": head})
 
 
 def finite_or_none(value: float) -> float | None:
-    """Return a number as JSON bears it."""
+    """Return a number, or None if it is not finite, for JSON."""
     return value if math.isfinite(value) else None
 
 

@@ -1,4 +1,4 @@
-"""A first look at every effect at once: how much of the residual its columns take, beyond the nominal parameters."""
+"""Screening of all effects: chi2_reduction of the linear columns of each effect, beyond the nominal parameters."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ from sgms_observer.settings.axis import EffectSettings
 Floats = NDArray[np.float64]
 
 PERIODIC_DISTURBANCE = "periodic_disturbance"
-"""Searched over the residual's own spectrum instead of a grid."""
+"""The effect that is screened over the spectrum of the residual instead of a grid of shapes."""
 SIMULATED_EFFECTS = ("asymmetric_coulomb",)
-"""Effects on the level whose column is simulated: it is the contact at rest that tells them from a force."""
+"""Effects on the sliding force whose column needs a simulation: at rest they differ from an added force."""
 SECOND_START_SHARE = {BACKLASH: 0.5}
-"""Share of the best shape's gain from which another shape is worth a start too, where not 0.8: a play that is a little
-wrong hits its wall at the wrong moment, so that the grid meets the right one only by chance."""
+"""Smallest chi2_reduction of a second start, as a share of the largest, if it is not 0.8. Backlash with a slightly
+wrong gap engages at the wrong time, so the grid of shapes may miss the best gap."""
 MIN_PERIODS = 20
-"""A line in time returns at least this often in the recording: less is told by the motion as well."""
+"""Smallest number of periods of a periodic disturbance in the recording: the motion explains slower ones as well."""
 MAX_SHAPES = 8
-"""Shapes of an effect that are remembered."""
+"""Largest number of shapes that are kept for an effect."""
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Orthonormal columns of one shape, the nominal parameters' columns taken out.
+    """Orthonormal columns of one shape after projection onto the complement of the nominal parameters' columns.
 
     Attributes:
         shape: the shape.
         basis: orthonormal, shape (n, k).
         to_coefficients: from projections on ``basis`` to the shape's coefficients, shape (k, k).
-        kept: norm of the columns after the nominal parameters were taken out, over before.
-        norm: norm of the columns before, in units of the noise, for unit coefficients.
+        independent_share: norm of the columns after the projection over the norm before it.
+        norm: norm of the columns before the projection, whitened, for unit coefficients.
     """
 
     shape: search.Shape
@@ -53,26 +53,26 @@ class Columns:
     independent_share: float
     norm: float
 
-    def gain(self, residual: Floats) -> float:
-        """Return how much of the squared residual the columns take."""
+    def chi2_reduction(self, residual: Floats) -> float:
+        """Return the decrease of the squared residual by the columns."""
         projection = self.basis.T @ residual
         if self.shape.is_positive and (self.to_coefficients @ projection)[0] > 0.0:
             return 0.0
         return float(projection @ projection)
 
     def start(self, residual: Floats) -> EffectSettings:
-        """Return the effect at the strengths that take most of the residual."""
+        """Return the effect with the strengths that reduce the residual most."""
         return self.shape.settings(-(self.to_coefficients @ (self.basis.T @ residual)))
 
 
 @dataclass(frozen=True)
 class Screening:
-    """What the first look at one effect found.
+    """Result of the screening of one effect.
 
     Attributes:
-        best: gain and columns of the best shapes, the largest gain first.
-        trials: shapes that were tried.
-        kept: median share of a shape's norm that the nominal parameters cannot take.
+        best: chi2_reduction and columns of the best shapes, the largest reduction first.
+        trials: number of tried shapes.
+        independent_share: median share of a shape's norm that the nominal parameters do not absorb.
     """
 
     best: tuple[tuple[float, Columns], ...]
@@ -80,21 +80,21 @@ class Screening:
     independent_share: float
 
     @property
-    def gain(self) -> float:
-        """Return the largest gain; 0 where no shape takes anything."""
+    def chi2_reduction(self) -> float:
+        """Return the largest chi2_reduction; 0 if no shape reduces the residual."""
         return self.best[0][0] if self.best else 0.0
 
 
 class Screen:
-    """All shapes of all effects for one set of recordings.
+    """Screening of effects on one set of recordings.
 
     Args:
-        judged: recordings with noise.
-        current: refit so far; the freedom of its parameters is taken out of every column.
-        tolerance: of its parameters.
-        freedom: nominal parameters that may move beyond it.
-        names: effects to look for.
-        workers: threads.
+        data: recordings with noise.
+        current: fit so far. The columns of its parameters are projected out of every column.
+        tolerance: tolerance of its nominal parameters.
+        freedom: nominal parameters that may move beyond the tolerance.
+        names: screened effects.
+        workers: number of threads.
     """
 
     def __init__(
@@ -141,25 +141,25 @@ class Screen:
             moving = moving[:, np.linalg.norm(moving, axis=0) > 1.0e-9]
             stacked = np.column_stack([stacked, moving])
         self._nominal_basis = np.linalg.qr(stacked)[0]
-        self._left = self.left_over()
+        self._left = self.residual_without_nominal()
         with ThreadPoolExecutor(max_workers=workers) as pool:
             self.screenings: dict[str, Screening] = dict(zip(names, pool.map(self._screened, names), strict=True))
 
     def without_nominal(self, values: Floats, prior: Floats | None = None) -> Floats:
-        """Return whitened columns (or a residual) with what nominal parameters can take removed; prior rows below."""
+        """Return whitened columns, with prior rows, projected onto the complement of the nominal columns."""
         padded = np.concatenate([values, np.zeros((len(self._prior), *values.shape[1:])) if prior is None else prior])
         return np.asarray(padded - self._nominal_basis @ (self._nominal_basis.T @ padded))
 
-    def left_over(self) -> Floats:
-        """Return the recordings' residual without what the nominal parameters can take."""
+    def residual_without_nominal(self) -> Floats:
+        """Return the residual projected onto the complement of the nominal columns."""
         return self.without_nominal(self.residual, self._prior_residual)
 
     def _screened(self, name: str) -> Screening:
-        """Return the shapes of one effect that take most of what is left, one shape in memory at a time."""
+        """Return the screening of one effect, with one shape in memory at a time."""
         if name == PERIODIC_DISTURBANCE:
-            gain, best = self._strongest_line(self._left)
+            reduction, best = self._strongest_sine(self._left)
             return Screening(
-                () if best is None else ((gain, best),), 1, 1.0 if best is None else best.independent_share
+                () if best is None else ((reduction, best),), 1, 1.0 if best is None else best.independent_share
             )
         found: list[tuple[float, Columns]] = []
         shares: list[float] = []
@@ -170,13 +170,13 @@ class Screen:
             if item is None:
                 continue
             shares.append(item.independent_share)
-            gain = item.gain(self._left)
-            if gain > 0.0:
-                found = sorted([*found, (gain, item)], key=lambda pair: -pair[0])[:MAX_SHAPES]
+            reduction = item.chi2_reduction(self._left)
+            if reduction > 0.0:
+                found = sorted([*found, (reduction, item)], key=lambda pair: -pair[0])[:MAX_SHAPES]
         return Screening(tuple(found), len(shapes), float(np.median(shares)) if shares else 0.0)
 
-    def _strongest_line(self, left: Floats) -> tuple[float, Columns | None]:
-        """Return gain and columns of the sine in time that takes most, near the largest line of the spectrum."""
+    def _strongest_sine(self, left: Floats) -> tuple[float, Columns | None]:
+        """Return chi2_reduction and columns of the best sine in time near the largest line of the spectrum."""
         motion, noise = self.data.motions[0], self.data.noise[0]
         grid = np.fft.rfftfreq(len(self._thin[0]["t"]), noise.period)
         grid = grid[grid <= noise.band]
@@ -187,30 +187,30 @@ class Screen:
         size = search.TRIAL_SHARE * self.model.friction.coulomb_force
         best: tuple[float, Columns | None] = (0.0, None)
         for offset in (-0.6, -0.3, 0.0, 0.3, 0.6):
-            shape = search.wave(PERIODIC_DISTURBANCE, size, peak + offset / float(motion.time[-1]))
+            shape = search.sine_and_cosine(PERIODIC_DISTURBANCE, size, peak + offset / float(motion.time[-1]))
             raw = np.column_stack([self._column(PERIODIC_DISTURBANCE, item.values) for item in shape.columns()])
             item = self._orthonormal(shape, raw)
-            if item is not None and (gain := item.gain(left)) > best[0]:
-                best = (gain, item)
+            if item is not None and (reduction := item.chi2_reduction(left)) > best[0]:
+                best = (reduction, item)
         return best
 
     def starts(self, name: str) -> list[EffectSettings]:
-        """Return where a fit starts: the best shape, and a clearly different one that is nearly as good."""
+        """Return the starts of a fit: the best shape, and a clearly different one that is nearly as good."""
         listed = self.screenings[name].best
         if not listed:
             return []
         largest, first = listed[0]
         found = [first.start(self._left)]
-        for gain, item in listed[1:]:
+        for reduction, item in listed[1:]:
             if (
-                gain > SECOND_START_SHARE.get(name, 0.8) * largest
+                reduction > SECOND_START_SHARE.get(name, 0.8) * largest
                 and abs(float(first.basis[:, 0] @ item.basis[:, 0])) < 0.8
             ):
                 return [*found, item.start(self._left)]
         return found
 
     def _orthonormal(self, shape: search.Shape, raw: Floats) -> Columns | None:
-        """Return a shape's columns ready for projections, or None when nothing of them is left."""
+        """Return the orthonormal columns of a shape, or None if the nominal parameters absorb them."""
         norm = float(np.linalg.norm(raw))
         if not np.isfinite(norm) or norm < 1.0e-9:
             return None
@@ -223,7 +223,7 @@ class Screen:
         return Columns(shape, q, np.linalg.inv(r), independent_share, norm)
 
     def _column(self, name: str, values: tuple[float, ...]) -> Floats:
-        """Return what an effect changes in the whitened residual."""
+        """Return the change of the whitened residual by an effect."""
         entry = effect(name)
         if (
             name not in SIMULATED_EFFECTS
@@ -240,7 +240,7 @@ class Screen:
         return self.data.whitened(changes)
 
     def _memory_column(self, name: str, values: tuple[float, ...]) -> Floats:
-        """Return the column of an effect with memory, stepped at the rate of residuals."""
+        """Return the column of an effect with memory, computed at the rate of residuals."""
         parts = []
         for motion, noise, weights, thin in zip(
             self.data.motions, self.data.noise, self.data.weights, self._thin, strict=True
@@ -253,13 +253,13 @@ class Screen:
                 thin["q"], travel / noise.period, thin["a"], thin["t"] - motion.time[0], thin["u"], step, sliding_force,
                 effects.initial_state(), thin["v2"], thin["a2"],
             )  # fmt: skip
-            if name in PARTS_OF_SLIDING_FORCE:  # not on top of it
+            if name in PARTS_OF_SLIDING_FORCE:  # the sliding force of the file includes the effect
                 factor = factor - share_of_sliding_force(name, values, self.model.friction.coulomb_force, 1.0)
             parts.append(noise.whitened(-(force + thin["friction"] * (factor - 1.0)), weights))
         return np.concatenate(parts)
 
     def _thin_column(self, entry: Effect, values: tuple[float, ...]) -> Floats:
-        """Return the column of an effect without memory, at the rate of residuals alone."""
+        """Return the column of an effect without memory, computed at the rate of residuals."""
         formula = getattr(vectorised(entry.output.__module__), entry.output.__name__)
         wanted = inspect.signature(formula).parameters
         parts = []

@@ -1,4 +1,4 @@
-"""Effects that are a part of the friction level: what they take, its owner has measured with it."""
+"""Effects that carry a part of the sliding force: the Coulomb force of the file includes their force."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ Floats = NDArray[np.float64]
 PRESLIDING = "presliding"
 BACKLASH = "backlash"
 PARTS_OF_SLIDING_FORCE = (PRESLIDING, BACKLASH)
-"""Effects whose force the owner's Coulomb and static force already contain."""
+"""Effects whose force is included in the Coulomb and static force of the file."""
 
 
-def owner_logs(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Floats:
-    """Return the logarithms as their owner would see them: what a part of the level takes, he measured with it."""
+def total_force_logs(logs: Floats, nominal: Model, effects: Sequence[EffectSettings]) -> Floats:
+    """Return the logarithms with Coulomb and static force of contact and effects together, as the file states them."""
     parts = [item for item in effects if item.name in PARTS_OF_SLIDING_FORCE]
     if not parts:
         return logs
-    owned = logs.copy()
+    total = logs.copy()
     for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):
-        sliding_force = np.exp(logs[row])
-        own = sum(share_of_sliding_force(item.name, item.values, force, sliding_force) for item in parts)
-        owned[row] = np.log(max(sliding_force + own, 1.0e-3))
-    return owned
+        contact = np.exp(logs[row])
+        effects_share = sum(share_of_sliding_force(item.name, item.values, force, contact) for item in parts)
+        total[row] = np.log(max(contact + effects_share, 1.0e-3))
+    return total
 
 
 def start_logs(logs: Floats, nominal: Model, start: EffectSettings) -> Floats:
-    """Return where a fit with one more effect starts: a part of the level leaves the level as it is."""
+    """Return the start of a fit with one more effect. The total sliding force of contact and effect stays the same."""
     moved = logs.copy()
     for row, force in ((COULOMB, nominal.friction.coulomb_force), (STATIC, nominal.friction.static_force)):
         if start.name == PRESLIDING:
@@ -42,13 +42,13 @@ def start_logs(logs: Floats, nominal: Model, start: EffectSettings) -> Floats:
     return moved
 
 
-def share_of_sliding_force(name: str, values: Sequence[float], force: float, sliding_force: float) -> float:
-    """Return what a part of the level takes, as a share of the owner's force.
+def share_of_sliding_force(name: str, values: Sequence[float], force: float, contact: float) -> float:
+    """Return the force of an effect as a share of the sliding force of the file.
 
     Args:
-        name: of an effect in ``PARTS_OF_SLIDING_FORCE``.
+        name: effect in ``PARTS_OF_SLIDING_FORCE``.
         values: its values.
-        force: the level that the owner measured [N].
-        level: what is left of it beside the part, as a share [-].
+        force: sliding force of the file [N].
+        contact: share of it that the contact carries [-].
     """
-    return values[0] / force if name == PRESLIDING else sliding_force * values[1] / (1.0 - values[1])
+    return values[0] / force if name == PRESLIDING else contact * values[1] / (1.0 - values[1])

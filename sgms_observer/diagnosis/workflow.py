@@ -1,4 +1,4 @@
-"""The workflow: refit the file, add the hypothesis that predicts best what it was not fitted to, and repeat."""
+"""The workflow: refit the file, then repeatedly add the hypothesis with the best prediction of other data."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Report = Callable[[str, float], None]
 Floats = NDArray[np.float64]
 
 NOT_SEARCHED = ("quantisation", *MAP_NAMES)
-"""Effects that are read off the data, or made of them, and not searched."""
+"""Effects that are not searched: the encoder resolution is measured directly, learnt maps are fitted at the end."""
 
 
 def diagnose(
@@ -44,17 +44,17 @@ def diagnose(
     options: Options,
     report: Report = lambda text, share: None,
 ) -> Diagnosis:
-    """Find what the model of an axis misses.
+    """Return the effects and changed values that the model of an axis misses.
 
     Args:
         records: recordings to learn from.
-        holdouts: recordings to judge on; parts of the first ones in turn if empty.
+        holdouts: held-out recordings. If empty, the evidence is cross-validated.
         axis: settings with the nominal model.
-        options: how to run.
-        report: called with what is being done and the share that is done.
+        options: options of the diagnosis.
+        report: called with the current step and the completed share.
 
     Raises:
-        DataError: the recordings cannot be judged at all.
+        DataError: a recording is too short.
     """
     report("audit", 0.0)
     stated_lag = HELD_LAG if axis.filter.effort_is_held else 0.0
@@ -72,7 +72,7 @@ def diagnose(
         fixed_effects=frozenset(item.name for item in own), workers=options.workers,
     )  # fmt: skip
     state = FitState(recordings, learn, held, setup, setup.fit(own, None, FIT_STEPS))
-    state = state.refitted(state.current, REFIT_STEPS).timed()
+    state = state.refitted(state.current, REFIT_STEPS).with_fitted_lag()
     state = choose_element_freedom(state.refitted(state.current, REFIT_STEPS), options)
     warnings = list(audited.warnings)
     if axis.filter.effort_is_held and state.recordings.lag < MIN_HELD_LAG:
@@ -92,15 +92,15 @@ def diagnose(
 
 
 def choose_element_freedom(state: FitState, options: Options) -> FitState:
-    """Return the state with elements as near to the file as its other values, unless those further off predict better.
+    """Return the state with narrow elements, unless elements with a wider tolerance predict significantly better.
 
-    Few elements approximate a continuous contact, so their best values may lie far from those of the file. Where the
-    contact follows another law, though, elements that are free fit what that law leaves and predict worse. Samples
-    where the contact sticks may count less in the fit than in the reported gap, so that the gap has to agree.
+    Few elements approximate a continuous contact, so their best values may be far from those of the file. If the
+    contact follows another law, wide elements fit the residual of that law and predict worse. Samples where the contact
+    sticks have a lower weight in the fit than in the reported gap, so the reported gap must not grow either.
 
     Args:
-        state: with elements that may move further.
-        options: how to run.
+        state: state with wide elements.
+        options: options of the diagnosis.
     """
     narrow = replace(state, setup=replace(state.setup, freedom=Freedom(has_narrow_elements=True)))
     narrow = narrow.refitted(narrow.current, FIT_STEPS)
@@ -118,7 +118,7 @@ def choose_element_freedom(state: FitState, options: Options) -> FitState:
 def _search(
     state: FitState, own: Sequence[EffectSettings], options: Options, report: Report
 ) -> tuple[FitState, tuple[Round, ...]]:
-    """Add one hypothesis after another, as long as one passes every test."""
+    """Add hypotheses one by one, as long as one passes every test."""
     rounds: list[Round] = []
     names = [name for name in catalogue_names() if name not in NOT_SEARCHED and name not in options.excluded]
     changed = [name for name in CHANGE_HYPOTHESES if name not in options.excluded]
@@ -127,10 +127,10 @@ def _search(
     for number in range(most):
         share = 0.1 + 0.7 * number / most
         report(f"first look at {len(names)} effects", share)
-        setup, current = state.setup, finish_fit(state.setup, state.current)  # as many steps as the hypotheses get
+        setup, current = state.setup, finish_fit(state.setup, state.current)  # as many steps as for the hypotheses
         state = replace(state, current=current)
         evaluation = state.evaluation(options, first)
-        if rounds and evaluation.is_closed(current.model):
+        if rounds and evaluation.is_gap_closed(current.model):
             break
         earlier = evidence_of(current, evaluation)
         screen = Screen(setup.data, current, options.tolerance, setup.freedom, names, options.workers)
@@ -147,7 +147,7 @@ def _search(
         rounds.append(Round(screen.screenings, tuple(decisions), best, alternatives(best, decisions, options.criteria)))
         setup = replace(item.setup, data=setup.data, workers=options.workers)
         state = replace(state, setup=setup, current=item.refit)
-        state = state.refitted(state.current, FIT_STEPS).timed()
+        state = state.refitted(state.current, FIT_STEPS).with_fitted_lag()
         names = [name for name in names if name != best.candidate.name]
         changed = [name for name in changed if name != best.candidate.name]
         if sum(item.candidate.settings is not None for item in (r.accepted for r in rounds) if item) >= (
@@ -160,13 +160,14 @@ def _search(
 def select_hypothesis(
     decisions: Sequence[Decision], evaluation: EvaluationData, listed: Sequence[str] = ()
 ) -> Decision | None:
-    """Return the hypothesis to add, or None where none passes every test.
+    """Return the hypothesis to add, or None if none passes every test.
 
-    Of effects that the data do not tell apart it is one that the file lists: that a known value moved is the simplest.
+    If the data do not distinguish the best effect from an effect of the file, the effect of the file is returned: a
+    changed value of a known effect is the simpler explanation.
 
     Args:
-        decisions: the best predicting first.
-        court: recordings that evidence was taken from.
+        decisions: decisions, the best predicting first.
+        evaluation: evaluation data.
         listed: effects of the file.
     """
     passed = [item for item in decisions if item.passed]
@@ -180,17 +181,17 @@ def select_hypothesis(
 
 
 def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> Decision:
-    """Return the hypothesis that predicts best, in the order in which names may be believed.
+    """Return the hypothesis that predicts best, in order of credibility.
 
-    An effect that leaves nothing above the floor explains all there is with its few values. Else no file has the
-    contact exactly right: an effect that a contact may look like waits until it surely predicts better than every
-    change of the contact that passes, or until none passes any more. Any other effect goes before a change of the
-    contact that moves more values and does not surely predict better, unless another effect does. An effect that
-    describes nothing but another contact law comes last.
+    1. An effect that closes the gap to the floor is returned.
+    2. A contact law effect is returned only if nothing else passes.
+    3. An effect that a contact can imitate must predict significantly better than every passing change of the contact.
+    4. Any other effect is preferred to a change of the contact that moves more values, unless that change or another
+       effect predicts significantly better.
 
     Args:
         passed: hypotheses that passed every test, the best predicting first.
-        court: recordings that evidence was taken from.
+        evaluation: evaluation data.
     """
     most = evaluation.criteria.min_z_score
     contact_law_effects = [item for item in passed if is_contact_law_effect(item.candidate.name)]
@@ -198,7 +199,7 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
     effects = [item for item in others if item.candidate.settings is not None]
     if not evaluation.is_noise(evaluation.first_gap):
         for item in (*effects, *contact_law_effects):
-            if evaluation.is_closed(item.candidate.refit.model):
+            if evaluation.is_gap_closed(item.candidate.refit.model):
                 return item
     if not others:
         return contact_law_effects[0]
@@ -221,5 +222,5 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
 
 
 def file_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:
-    """Return the effects an axis already has, with all their values."""
+    """Return the effects of the file with all their values."""
     return tuple(EffectSettings(item.name, item.values or effect(item.name).defaults) for item in axis.effects)

@@ -85,13 +85,15 @@ def test_first_look_ranks_the_true_effect_first_and_replicates_do_not_alarm() ->
     data = data_with_own_noise((motion,), model)
     found = refit(data, model, 0.05, iterations=4)
     screenings = Screen(data, found, 0.05, Freedom(), names, 2).screenings
-    assert max(screenings, key=lambda name: screenings[name].gain) == "spring"
+    assert max(screenings, key=lambda name: screenings[name].chi2_reduction) == "spring"
     data = data_with_own_noise((motion,), model.with_effects([hidden]))
     empty = replicate_of(motion, model, data.noise[0], np.random.default_rng(2))
     data = data_with_own_noise((empty,), model)
     found = refit(data, model, 0.05, iterations=4)
     by_chance = Screen(data, found, 0.05, Freedom(), names, 1).screenings
-    assert max(screening.gain for screening in by_chance.values()) < 0.05 * screenings["spring"].gain
+    assert (
+        max(screening.chi2_reduction for screening in by_chance.values()) < 0.05 * screenings["spring"].chi2_reduction
+    )
 
 
 def test_a_replicate_has_the_noise_and_nothing_else() -> None:
@@ -135,8 +137,8 @@ def decision(name: str, scale: float, chance: float = 0.0, is_passed: bool = Tru
     none: Any = None
     evidence = Evidence(blocks, [], blocks, blocks)
     test = at_least(name, "any", 1.0 if is_passed else 0.0, 0.5)
-    gain = improvement(blocks, blocks)
-    return Decision(Candidate(name, none, found, 1), evidence, gain, gain, gain, (test,))
+    reduction = improvement(blocks, blocks)
+    return Decision(Candidate(name, none, found, 1), evidence, reduction, reduction, reduction, (test,))
 
 
 def test_alternatives_are_what_left_out_data_do_not_tell_from_the_best() -> None:

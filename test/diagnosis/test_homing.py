@@ -6,7 +6,7 @@ import pytest
 from workflow_case import AXIS, evaluation_of, record
 
 from sgms_observer.diagnosis.evaluation import EvaluationData
-from sgms_observer.diagnosis.homing import PLACES_PER_PITCH, homing_warnings, pitch_of, position_offset
+from sgms_observer.diagnosis.homing import OFFSETS_PER_PITCH, homing_warnings, pitch_of, position_offset
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.settings.axis import EffectSettings
@@ -21,7 +21,7 @@ UNITS = Units()
 
 
 def evaluation(lacks: float, is_unseen: bool = True) -> EvaluationData:
-    """Return a court with one recording whose positions lack so much [m]."""
+    """Return evaluation data with one recording whose positions lack so much [m]."""
     homed = record((COGGING,), seed=3, duration=12.0)
     motion = motion_of(replace(homed, position=homed.position - lacks))
     return evaluation_of((motion_of(homed),) if is_unseen else (motion,), RIPPLED, (motion,) if is_unseen else ())
@@ -30,8 +30,8 @@ def evaluation(lacks: float, is_unseen: bool = True) -> EvaluationData:
 def test_the_ripple_tells_where_a_recording_counts_from() -> None:
     motion = evaluation(LACKS).motions[0]
     for seconds in (None, 4.0):
-        assert position_offset(RIPPLED, motion, seconds) == pytest.approx(LACKS, abs=0.6 * PITCH / PLACES_PER_PITCH)
-    with pytest.raises(ValueError, match="nothing tells the place"):
+        assert position_offset(RIPPLED, motion, seconds) == pytest.approx(LACKS, abs=0.6 * PITCH / OFFSETS_PER_PITCH)
+    with pytest.raises(ValueError, match="offset is not identifiable"):
         position_offset(Model.of(AXIS), motion)
 
 

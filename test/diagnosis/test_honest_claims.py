@@ -9,7 +9,7 @@ from workflow_case import AXIS, PERIOD, evaluation_of, record
 
 from sgms_observer.diagnosis.candidates import Candidate, finish_fit, first_fit
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, changed_candidate
-from sgms_observer.diagnosis.decision import Decision, decide, strength_of
+from sgms_observer.diagnosis.decision import Decision, decide, strength_over_error
 from sgms_observer.diagnosis.diagnosis import FitState, Options, Recordings, Round
 from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
@@ -161,8 +161,8 @@ def test_an_effect_needs_the_same_size_in_every_recording_to_be_named(there: flo
 
 
 def test_the_strength_of_a_gain_is_how_far_it_is_from_one() -> None:
-    assert strength_of(EffectSettings("actuator_gain", (0.994,)), {0: 0.015}) == pytest.approx(0.4)
-    assert strength_of(OFFSET, {0: 0.1}) == pytest.approx(6.0)
+    assert strength_over_error(EffectSettings("actuator_gain", (0.994,)), {0: 0.015}) == pytest.approx(0.4)
+    assert strength_over_error(OFFSET, {0: 0.1}) == pytest.approx(6.0)
 
 
 def test_errors_grow_with_what_comes_back_in_every_block_and_hold_for_plain_noise() -> None:

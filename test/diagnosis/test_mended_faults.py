@@ -17,7 +17,7 @@ from sgms_observer.diagnosis.model import COULOMB, STATIC, STRIBECK_VELOCITY, Mo
 from sgms_observer.diagnosis.motion import HELD_LAG, delayed, fast_length, motion_of
 from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.diagnosis.screen import Screen
-from sgms_observer.diagnosis.sliding_force import owner_logs, start_logs
+from sgms_observer.diagnosis.sliding_force import start_logs, total_force_logs
 from sgms_observer.formulas.effects_force import flexible_mode_next
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
@@ -106,16 +106,16 @@ def test_a_spring_does_not_rest_far_outside_the_stroke() -> None:
 def test_a_missing_element_is_part_of_the_level_its_owner_measured() -> None:
     logs = np.zeros(len(MODEL.parameter_names()))
     logs[[COULOMB, STATIC]] = np.log([0.8, 0.84])
-    seen = owner_logs(logs, MODEL, (EffectSettings("presliding", (0.8, 1e-4)),))
+    seen = total_force_logs(logs, MODEL, (EffectSettings("presliding", (0.8, 1e-4)),))
     assert seen[[COULOMB, STATIC]] == pytest.approx(0.0, abs=1e-9)
-    assert np.array_equal(owner_logs(logs, MODEL, ()), logs)
+    assert np.array_equal(total_force_logs(logs, MODEL, ()), logs)
 
 
 def test_a_load_behind_play_takes_its_share_of_the_level_its_owner_measured() -> None:
     start = EffectSettings("backlash", (4e-5, 0.2, 2e-6))
     moved = start_logs(np.zeros(len(MODEL.parameter_names())), MODEL, start)
     assert np.exp(moved[[COULOMB, STATIC]]) == pytest.approx(0.8)
-    assert owner_logs(moved, MODEL, (start,)) == pytest.approx(0.0, abs=1e-12)
+    assert total_force_logs(moved, MODEL, (start,)) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_missing_elements_remember_a_large_motion_through_small_ones() -> None:

@@ -69,7 +69,7 @@ def record(
 def evaluation_of(
     learn: Sequence[Motion], truth: Model, held: Sequence[Motion] = (), floor: float | None = None
 ) -> EvaluationData:
-    """Return a court whose noise is what the truth leaves, and whose first gap is what the nominal model leaves.
+    """Return evaluation data with the noise of the true model and the first gap of the nominal model.
 
     Args:
         learn: recordings to learn from.
