@@ -200,8 +200,8 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     )
     if predictable_share > criteria.min_predictable_share and not diagnosis.is_poor and contradiction is None:
         known = _fit_residual(diagnosis, model)
-        judge = rest_to_judge if has_held_out else known  # cross-validated by parts, not by halves
-        map_ = fit_map(known, judge, _free_name(fit.effects), axis.units, criteria)
+        evaluated = rest_to_judge if has_held_out else known  # cross-validated by parts, not by halves
+        map_ = fit_map(known, evaluated, _free_name(fit.effects), axis.units, criteria)
         if map_ is not None:
             learnt = (map_,)
     final = model.with_effects([item.settings for item in learnt])
@@ -314,8 +314,8 @@ def _best_unnamed(diagnosis: Diagnosis, criteria: Criteria) -> Decision | None:
 
 def _free_name(effects: Sequence[EffectSettings]) -> str:
     """Return a name of a learnt map that the model does not use yet."""
-    taken = {item.name for item in effects}
-    return next((name for name in MAP_NAMES if name not in taken), MAP_NAMES[-1])
+    used = {item.name for item in effects}
+    return next((name for name in MAP_NAMES if name not in used), MAP_NAMES[-1])
 
 
 def _share_added_by_refit(before: WeightedResidual, given: Sequence[Floats], criteria: Criteria) -> float:

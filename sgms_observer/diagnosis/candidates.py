@@ -105,9 +105,9 @@ def first_fit(setup: RefitSetup, before: Refit, start: EffectSettings, columns: 
         )
         found = again if again.cost < found.cost else found
     if start.name in PARTS_OF_SLIDING_FORCE:  # the elements may have absorbed it: start from those of the file
-        home = before.logs.copy()
-        home[STRIBECK_VELOCITY + 1 :] = 0.0
-        again = setup.fit(effects, start_logs(home, nominal, start), LAST_STEPS, fixed)
+        file_logs = before.logs.copy()
+        file_logs[STRIBECK_VELOCITY + 1 :] = 0.0
+        again = setup.fit(effects, start_logs(file_logs, nominal, start), LAST_STEPS, fixed)
         found = again if again.cost < found.cost else found
     if start.name == "cogging":
         found = _with_second_harmonic(setup, found, place, columns)

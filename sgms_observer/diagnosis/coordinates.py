@@ -59,7 +59,9 @@ def is_confusable_with_contact(name: str) -> bool:
 
 
 @njit
-def _history(direction: Floats, position: Floats, period: float, since: Floats, far: Floats, rest: Floats) -> None:
+def _history(
+    direction: Floats, position: Floats, period: float, time_since: Floats, distance: Floats, rest_before: Floats
+) -> None:
     """Write time and distance since the last reversal, and the duration of the rest before the motion."""
     last, start, resting, before = 0.0, 0, 0, 0.0
     for k in range(direction.shape[0]):
@@ -71,9 +73,9 @@ def _history(direction: Floats, position: Floats, period: float, since: Floats, 
                 resting = 0
             if direction[k] != last:
                 start, last = k, direction[k]
-        since[k] = (k - start) * period
-        far[k] = abs(position[k] - position[start])
-        rest[k] = before
+        time_since[k] = (k - start) * period
+        distance[k] = abs(position[k] - position[start])
+        rest_before[k] = before
 
 
 def coordinates_of(motion: Motion, names: Sequence[str]) -> Floats:
@@ -82,7 +84,7 @@ def coordinates_of(motion: Motion, names: Sequence[str]) -> Floats:
     Args:
         motion: the recording.
         names: ``position``, ``direction``, ``velocity``, ``acceleration``, ``time``, ``effort``,
-            ``time since reversal``, ``distance since reversal``, ``dwell``.
+            ``time time_since reversal``, ``distance time_since reversal``, ``dwell``.
 
     Returns:
         Shape (n, len(names)), SI units; the direction is -1, 0 or 1.
@@ -95,8 +97,8 @@ def _all(motion: Motion) -> dict[str, Floats]:
     """Return every coordinate at the samples of residuals."""
     speed = np.abs(motion.velocity)
     direction = np.where(speed > REST_SHARE * float(np.quantile(speed, 0.995)), np.sign(motion.velocity), 0.0)
-    since, far, rest = (np.zeros(len(direction)) for _ in range(3))
-    _history(direction, motion.position, motion.period, since, far, rest)
+    time_since, distance, rest_before = (np.zeros(len(direction)) for _ in range(3))
+    _history(direction, motion.position, motion.period, time_since, distance, rest_before)
     listed = {
         "position": motion.position,
         "direction": direction,
@@ -104,8 +106,8 @@ def _all(motion: Motion) -> dict[str, Floats]:
         "acceleration": motion.acceleration,
         "time": motion.time,
         "effort": motion.effort,
-        "time since reversal": since,
-        "distance since reversal": far,
-        "dwell": rest,
+        "time since reversal": time_since,
+        "distance since reversal": distance,
+        "dwell": rest_before,
     }
     return {name: motion.thinned(values) for name, values in listed.items()}

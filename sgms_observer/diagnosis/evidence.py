@@ -52,11 +52,11 @@ def improvement(before: Sequence[Floats], after: Sequence[Floats]) -> Improvemen
         before: residual of the earlier model in each block.
         after: residual of the later model in the same blocks.
     """
-    fall = sum(float(one @ one - other @ other) for one, other in zip(before, after, strict=True))
+    decrease = sum(float(one @ one - other @ other) for one, other in zip(before, after, strict=True))
     products = [2.0 * float(other @ (one - other)) for one, other in zip(before, after, strict=True)]
     error = float(np.sqrt(np.sum(np.square(products))))
     total = sum(float(one @ one) for one in before)
-    return Improvement(fall, fall / error if error > 0.0 else 0.0, total)
+    return Improvement(decrease, decrease / error if error > 0.0 else 0.0, total)
 
 
 def blocks_of(values: Floats, period: float, length: float) -> list[Floats]:

@@ -368,9 +368,18 @@ class RefitSetup:
             fixed: parameters that keep their value, see ``refit``; those that are never fitted if None.
             columns: derivatives with respect to the nominal parameters if they are known, see ``refit``.
         """
-        still = [*(fixed_parameters(effects) if fixed is None else fixed), *self.fixed_effect_parameters(effects)]
+        all_fixed = [*(fixed_parameters(effects) if fixed is None else fixed), *self.fixed_effect_parameters(effects)]
         return refit(
-            self.data, self.nominal, self.tolerance, effects, start, still, steps, columns, self.freedom, self.workers
+            self.data,
+            self.nominal,
+            self.tolerance,
+            effects,
+            start,
+            all_fixed,
+            steps,
+            columns,
+            self.freedom,
+            self.workers,
         )
 
     def fixed_effect_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:

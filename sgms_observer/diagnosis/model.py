@@ -365,5 +365,5 @@ def friction_drop_after_reversal(friction: FrictionSettings, distance: float) ->
 
 def largest_slip_deflection(friction: FrictionSettings) -> float:
     """Return the largest slip deflection of the elements [m]."""
-    reaches = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
-    return float(reaches.max())
+    slips = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
+    return float(slips.max())

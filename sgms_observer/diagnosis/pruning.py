@@ -20,7 +20,9 @@ from sgms_observer.diagnosis.uncertainty import with_between_recording_error
 Floats = NDArray[np.float64]
 
 
-def without_redundant(state: FitState, rounds: Sequence[Round], options: Options) -> tuple[FitState, tuple[Round, ...]]:
+def without_redundant_effects(
+    state: FitState, rounds: Sequence[Round], options: Options
+) -> tuple[FitState, tuple[Round, ...]]:
     """Remove each effect without which the model does not predict significantly worse.
 
     Args:
@@ -42,7 +44,7 @@ def without_redundant(state: FitState, rounds: Sequence[Round], options: Options
     return state, tuple(rounds)
 
 
-def without_insignificant(
+def without_insignificant_effects(
     found: FitState, state: FitState, rounds: Sequence[Round], nominal: Model, options: Options
 ) -> tuple[FitState, tuple[Round, ...], WrittenFits]:
     """Remove each effect whose reported 90 % interval includes a strength of zero, the weakest first.

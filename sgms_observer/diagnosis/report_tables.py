@@ -130,5 +130,5 @@ def screening_table(answer: Answer) -> list[Table]:
         return []
     screenings = sorted(answer.diagnosis.rounds[0].screenings.items(), key=lambda item: -item[1].chi2_reduction)
     rows = [(name, f"{screening.chi2_reduction:.0f}", f"{screening.trials}") for name, screening in screenings]
-    caption = "First look: decrease of the whitened squared residual"
+    caption = "Screening: decrease of the whitened squared residual"
     return [Table(("effect", "chi2_reduction", "shapes tried"), rows, caption, is_folded=True)]

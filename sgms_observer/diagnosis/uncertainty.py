@@ -162,8 +162,8 @@ def between_variance(values: Floats, errors: Floats) -> float:
         values: estimate from each recording, the reported one first.
         errors: standard error of each; 0 if a recording does not determine the parameter.
     """
-    tells = _is_informative(values, errors)
-    values, weights = values[tells], 1.0 / errors[tells] ** 2
+    is_informative = _is_informative(values, errors)
+    values, weights = values[is_informative], 1.0 / errors[is_informative] ** 2
     if len(values) < 2:
         return 0.0
     total = float(weights.sum())

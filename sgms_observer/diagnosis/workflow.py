@@ -22,7 +22,7 @@ from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.map_fit import MAP_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD_LAG
-from sgms_observer.diagnosis.pruning import without_insignificant, without_redundant
+from sgms_observer.diagnosis.pruning import without_insignificant_effects, without_redundant_effects
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
@@ -64,30 +64,30 @@ def diagnose(
     if not learn:
         raise DataError("no recording is long enough to learn from; record at least 3 s without a pause")
     audited = audit.audit(learn, axis)
-    nominal, own = replace(Model.of(axis), effects=()), file_effects(axis)
+    nominal, known_effects = replace(Model.of(axis), effects=()), file_effects(axis)
     report("refit of the file within its tolerance", 0.03)
     fine = nominal.with_split_elements()
     setup = RefitSetup(
-        data_with_own_noise(learn, fine.with_effects(own)), fine, options.tolerance,
-        fixed_effects=frozenset(item.name for item in own), workers=options.workers,
+        data_with_own_noise(learn, fine.with_effects(known_effects)), fine, options.tolerance,
+        fixed_effects=frozenset(item.name for item in known_effects), workers=options.workers,
     )  # fmt: skip
-    state = FitState(recordings, learn, held, setup, setup.fit(own, None, FIT_STEPS))
+    state = FitState(recordings, learn, held, setup, setup.fit(known_effects, None, FIT_STEPS))
     state = state.refitted(state.current, REFIT_STEPS).with_fitted_lag()
     state = choose_element_freedom(state.refitted(state.current, REFIT_STEPS), options)
     warnings = list(audited.warnings)
     if axis.filter.effort_is_held and state.recordings.lag < MIN_HELD_LAG:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
-    found = state
+    file_state = state
     rounds: tuple[Round, ...] = ()
     if not audited.is_poor:
-        state, rounds = without_redundant(*_search(state, own, options, report), options)
+        state, rounds = without_redundant_effects(*_search(state, known_effects, options, report), options)
     report("refit of the file's own elements", 0.85)
-    state, rounds, written = without_insignificant(found, state, rounds, nominal, options)
+    state, rounds, written = without_insignificant_effects(file_state, state, rounds, nominal, options)
     evaluation = state.evaluation(options)
     return Diagnosis(
-        nominal, own, found, state, written, rounds, evaluation, audited.resolution, audited.notes, tuple(warnings),
-        audited.is_poor,
-        is_gap_explained=evaluation.is_gap_explained(state.current.model, found.current.model),
+        nominal, known_effects, file_state, state, written, rounds, evaluation, audited.resolution, audited.notes,
+        tuple(warnings), audited.is_poor,
+        is_gap_explained=evaluation.is_gap_explained(state.current.model, file_state.current.model),
     )  # fmt: skip
 
 
@@ -116,7 +116,7 @@ def choose_element_freedom(state: FitState, options: Options) -> FitState:
 
 
 def _search(
-    state: FitState, own: Sequence[EffectSettings], options: Options, report: Report
+    state: FitState, known_effects: Sequence[EffectSettings], options: Options, report: Report
 ) -> tuple[FitState, tuple[Round, ...]]:
     """Add hypotheses one by one, as long as one passes every test."""
     rounds: list[Round] = []
@@ -126,7 +126,7 @@ def _search(
     first = state.current.model
     for number in range(most):
         share = 0.1 + 0.7 * number / most
-        report(f"first look at {len(names)} effects", share)
+        report(f"screening of {len(names)} effects", share)
         setup, current = state.setup, finish_fit(state.setup, state.current)  # as many steps as for the hypotheses
         state = replace(state, current=current)
         evaluation = state.evaluation(options, first)
@@ -139,7 +139,7 @@ def _search(
         listed += [changed_candidate(setup, current, name) for name in changed if can_be_freed(setup, name)]
         decisions = [decide(item, current, earlier, evaluation) for item in listed if item.refit.cost < current.cost]
         decisions.sort(key=lambda item: -item.improvement.decrease)
-        best = select_hypothesis(decisions, evaluation, [item.name for item in own])
+        best = select_hypothesis(decisions, evaluation, [item.name for item in known_effects])
         if best is None or sum(item.accepted is not None for item in rounds) >= most:
             rounds.append(Round(screen.screenings, tuple(decisions), None, ()))
             break

@@ -88,7 +88,7 @@ def test_report_shows_what_it_is_made_for(case: tuple[CasePaths, Path]) -> None:
     ):  # fmt: skip
         assert f">{label}<" in page, label
     folded = page[page.index("<details") :]
-    assert "Round 1: hypotheses fitted fully" in folded and "First look" in folded
+    assert "Round 1: hypotheses fitted fully" in folded and "Screening" in folded
     gap = json.loads((case[1] / "result.json").read_text())["gap"]
     assert f"rows, fit {100.0 - gap['after']:.1f} %" in page
 

@@ -18,7 +18,7 @@ from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup, data_with_ow
 from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.model import COULOMB, STATIC, Model, predict
 from sgms_observer.diagnosis.motion import HELD_LAG, Motion, motion_of
-from sgms_observer.diagnosis.pruning import without_redundant
+from sgms_observer.diagnosis.pruning import without_redundant_effects
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.diagnosis.sliding_force import start_logs
 from sgms_observer.diagnosis.uncertainty import (
@@ -139,7 +139,7 @@ def test_an_effect_that_a_later_one_made_needless_is_taken_out(stiffness: float,
         accepted(setup, current, first, "offset", evaluation),
     ]
     state = FitState(Recordings((source,), (), HELD_LAG, HELD_LAG, 100.0), (motion,), (), setup, current)
-    after, left = without_redundant(state, rounds, Options())
+    after, left = without_redundant_effects(state, rounds, Options())
     assert [item.name for item in after.current.effects] == (["spring", "offset"] if kept else ["offset"])
     assert [item.accepted is not None for item in left] == [kept, True]
     (test,) = (left[0].accepted or left[0].decisions[0]).tests
