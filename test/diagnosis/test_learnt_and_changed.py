@@ -11,13 +11,13 @@ from workflow_case import AXIS, record
 from sgms_observer.application.diagnose import refuse_learnt_from
 from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.closing import Closing
-from sgms_observer.diagnosis.gap import Remainder, residuals, rms
-from sgms_observer.diagnosis.learnt import learn
+from sgms_observer.diagnosis.compensation_check import CompensationCheck
+from sgms_observer.diagnosis.diagnosis import Options
+from sgms_observer.diagnosis.gap import WeightedResidual, residuals, rms
+from sgms_observer.diagnosis.map_fit import fit_map
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.diagnosis.result import result_of, write_augmented
-from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.effect import named_values
@@ -85,10 +85,10 @@ def test_a_friction_level_along_the_rail_is_learnt_and_its_file_loads_and_closes
     one, other = (motion_of(record, band=25.0) for record in rail)
     model = Model.of(AXIS)
     known, judge = (
-        Remainder([motion], left := residuals(model, [motion]), [np.ones_like(part) for part in left])
+        WeightedResidual([motion], left := residuals(model, [motion]), [np.ones_like(part) for part in left])
         for motion in (one, other)
     )
-    found = learn(known, judge, "learnt_map", AXIS.units, OPTIONS.criteria)
+    found = fit_map(known, judge, "learnt_map", AXIS.units, OPTIONS.criteria)
     assert found is not None and found.coordinates == ("position", "direction")
     assert found.share > 0.7
     assert "friction level that varies along the position" in found.sentence
@@ -150,6 +150,7 @@ def test_of_two_names_for_one_force_the_one_with_fewer_parameters_is_given(monke
     axis = replace(AXIS, joint_type="revolute")
     answer = answered((made(hidden, 1), made(hidden, 2)), axis)
     assert [item.settings.name for item in answer.effects] == ["gravity"]
+    assert answer.verdict == "effect_found"  # cogging with the pitch of a turn is no other explanation
 
 
 def test_a_ripple_is_named_although_the_same_recording_also_lacks_a_drag(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -185,7 +186,7 @@ def test_a_coulomb_force_that_moved_is_listed_with_its_old_and_new_value() -> No
     assert moved.before == 5.6
     assert moved.after == pytest.approx(4.0, rel=0.05)
     assert moved.closes > 0.5
-    result = result_of(answer, (Closing(1.0, 1.0), Closing(1.0, 1.0)), None, AXIS.units)
+    result = result_of(answer, (CompensationCheck(1.0, 1.0), CompensationCheck(1.0, 1.0)), None, AXIS.units)
     (entry,) = [item for item in result["changed"] if item["name"] == "friction.coulomb_force"]
     assert set(entry) == {"name", "from", "to", "std_error", "closes"} and entry["std_error"] > 0.0
 
