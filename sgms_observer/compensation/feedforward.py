@@ -156,7 +156,7 @@ class Compensator:
             settings.timeout,
         )
         time, standstill, at_rest = self._state[[LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL]].tolist()
-        self._reach: tuple[float, float, float] = time, standstill, at_rest
+        self._look_ahead_settings: tuple[float, float, float] = time, standstill, at_rest
 
     @property
     def path(self) -> ActuatorPath:
@@ -225,7 +225,9 @@ class Compensator:
             Columns as named in ``motion_ahead`` [SI units], shape (n, AHEAD_WIDTH).
         """
         ahead = np.empty((len(motion), AHEAD_WIDTH))
-        look_ahead_block(self._memory, *self._reach, motion, reference_position, reference_velocity, ahead)
+        look_ahead_block(
+            self._memory, *self._look_ahead_settings, motion, reference_position, reference_velocity, ahead
+        )
         return ahead
 
     @property

@@ -29,7 +29,7 @@ from sgms_observer.jit import njit
 if TYPE_CHECKING:
     from sgms_observer.compensation.feedforward_kernel import ActuatorPath
 
-SHORTEST_STEP = 1.0e-3
+MIN_STEP = 1.0e-3
 """Time between two points [s], or the sample period where that is longer. Between reversal and sliding the friction of
 a stage takes several of these."""
 
@@ -114,17 +114,17 @@ class Horizon:
     effort: Floats
 
 
-def grid_of(look_ahead: float, reach: float, sample_period: float) -> tuple[Floats, int]:
+def grid_of(look_ahead: float, duration: float, sample_period: float) -> tuple[Floats, int]:
     """Return the times of the legs after the latest sample [s], and which of them is the horizon's first.
 
     Args:
         look_ahead: from the sample to the horizon's first point [s].
-        reach: from the sample to the horizon's last point [s].
+        duration: time from the sample to the last point of the horizon [s].
         sample_period: nominal time between two samples [s].
     """
-    step = max(SHORTEST_STEP, sample_period)
+    step = max(MIN_STEP, sample_period)
     before = math.ceil(look_ahead / step)
-    inside = max(1, math.floor((reach - look_ahead) / step + 1e-9))
+    inside = max(1, math.floor((duration - look_ahead) / step + 1e-9))
     way = look_ahead * np.arange(before) / max(before, 1)
     return np.concatenate([way, look_ahead + step * np.arange(inside + 1)]), before
 

@@ -14,7 +14,7 @@ from sgms_observer.settings.observer import CompensationSettings
 
 @njit
 def safe_output(previous: float, target: float, period: float, limit: float, slew_limit: float) -> float:
-    """Return the output that comes as near to ``target`` as is safe.
+    """Return the safe output nearest to ``target``.
 
     Args:
         previous: last output [N].
@@ -31,15 +31,15 @@ def safe_output(previous: float, target: float, period: float, limit: float, sle
     if math.isinf(bound):
         bound = 1.0e300
     start = previous if math.isfinite(previous) else 0.0
-    wish = target if math.isfinite(target) else 0.0
-    reach = slew_limit * period if period > 0.0 and slew_limit > 0.0 else 0.0
-    if math.isnan(reach):
-        reach = 0.0
-    change = wish - start
-    if change > reach:
-        change = reach
-    elif change < -reach:
-        change = -reach
+    finite_target = target if math.isfinite(target) else 0.0
+    max_change = slew_limit * period if period > 0.0 and slew_limit > 0.0 else 0.0
+    if math.isnan(max_change):
+        max_change = 0.0
+    change = finite_target - start
+    if change > max_change:
+        change = max_change
+    elif change < -max_change:
+        change = -max_change
     return min(max(start + change, -bound), bound)
 
 

@@ -36,13 +36,13 @@ from sgms_observer.identification.problem import (
 from sgms_observer.identification.scales import Scales, scales_of
 from sgms_observer.identification.search import Fit, search
 from sgms_observer.identification.selection import (
-    AS_GOOD,
+    NEGLIGIBLE_EXCESS,
     Rows,
     by_deflection,
     choose_count,
     fit_each_count,
-    judged_squares,
     rows_to_use,
+    validation_squares,
 )
 from sgms_observer.identification.simulation import ElementShape
 from sgms_observer.identification.start_values import Atoms, fit_atoms
@@ -59,24 +59,24 @@ MIN_REVERSALS = 2
 _REVERSAL_SHARE = 0.02  # of the travel: a shorter way back is no reversal of the sliding
 _MIN_GRAVITY_GAIN = 0.05  # share of the squared residual that gravity has to explain where the file does not have it
 _OTHER_CORNER = 2.0**-0.5
-_HOPELESS = 0.5  # half interval over value beyond which a shared parameter is not identifiable
+_MAX_RELATIVE_HALF_WIDTH = 0.5  # half interval over value up to which a shared parameter is identifiable
 _V_S_SHARES = (1.0e-3, 0.3)  # of the largest velocity: where the search for the Stribeck velocity starts
 _MAX_DELAY_WIDTH = 1.0e-3  # s
 _REASON_KEPT = "it acts on the measurement, which a fit could erase; sgms diagnose judges it"
 _ITERATIONS = 60
 _NEGLIGIBLE_EFFECT = 0.01  # of the effort: a smaller strength need not be known to half of itself
-_CHOOSING = 0.8  # of the time goes into the number of elements, about; only the progress shown depends on it
+_SELECTION_TIME_SHARE = 0.8  # of the time, for the choice of the number of elements; used for the progress only
 
 
 @dataclass(frozen=True)
 class IdentifyOptions:
-    """How to identify.
+    """Options of an identification.
 
     Attributes:
         model: ``sgms`` or ``gms``.
         cutoff: corner of the low-pass on the force balance [Hz]; 0 takes the judging band.
-        largest_count: most elements to try.
-        count: elements to use; 0 lets the held-out error choose.
+        largest_count: largest number of elements to try.
+        count: number of elements; 0 chooses it by the held-out error.
     """
 
     model: str = "sgms"
@@ -91,12 +91,12 @@ class HeldOut:
 
     Attributes:
         count: number of elements.
-        taught: rms of the force error over the teaching chunks [N].
-        held_out: rms of the force error over the judging chunks [N].
+        fit_error: rms of the force error over the fitted chunks [N].
+        held_out: rms of the force error over the validation chunks [N].
     """
 
     count: int
-    taught: float
+    fit_error: float
     held_out: float
 
 
@@ -106,7 +106,7 @@ class Identification:
 
     Attributes:
         parameters: the estimate.
-        confidence: intervals and what was shown.
+        confidence: intervals, and which parameters are identifiable.
         frozen: indices of ``Parameters.vector`` that stay at the start value because the data cannot tell.
         relaxation: largest element damping over stiffness that the recordings allow [s], whether or not it was needed.
         choices: held-out error of each number of elements tried.
@@ -158,7 +158,7 @@ class Identification:
 
 @dataclass(frozen=True)
 class _Start:
-    """Where the search begins."""
+    """Start of the search."""
 
     data: list[Prepared]
     terms: EffectTerms
@@ -178,12 +178,12 @@ def identify(
 
     Args:
         recordings: evenly sampled pieces.
-        axis: start settings: smoothing, effects, and values for what the recordings cannot show.
-        options: how to identify.
-        show: told how much is done, from 0 to 1.
+        axis: start settings: smoothing, effects, and values of parameters that are not identifiable.
+        options: options of the identification.
+        show: called with the completed share, from 0 to 1.
 
     Returns:
-        Estimate with intervals, and what could be shown.
+        Estimate with intervals, and which parameters are identifiable.
 
     Raises:
         DataError: if the recordings hold too little motion.
@@ -204,24 +204,28 @@ def identify(
         prepare_all(pieces, _OTHER_CORNER * band.corner, start.terms),
         prepare_all([piece.with_more_noise(seed) for seed, piece in enumerate(pieces)], band.corner, start.terms),
     )
-    data = rows_to_use(start.data, others, start.atoms.reach)
+    data = rows_to_use(start.data, others, start.atoms.slip_deflection)
     rate = axis.friction.attraction_rate / axis.friction.coulomb_force
     counts = (options.count,) if options.count else tuple(range(1, options.largest_count + 1))
     fits = fit_each_count(
-        data, start.atoms, shape, rate, start.velocity, counts, lambda share: show(_CHOOSING * share)
+        data, start.atoms, shape, rate, start.velocity, counts, lambda share: show(_SELECTION_TIME_SHARE * share)
     )
-    show(_CHOOSING)
-    errors = {count: judged_squares(data, fit.parameters, shape) for count, fit in fits.items()}
+    show(_SELECTION_TIME_SHARE)
+    errors = {count: validation_squares(data, fit.parameters, shape) for count, fit in fits.items()}
     count = choose_count(errors)
     fit, confidence, frozen, most = _final(
-        data, by_deflection(fits[count].parameters), shape, axis, rate, start, lambda: show(0.5 * (_CHOOSING + 1.0))
+        data,
+        by_deflection(fits[count].parameters),
+        shape,
+        axis,
+        rate,
+        start,
+        lambda: show(0.5 * (_SELECTION_TIME_SHARE + 1.0)),
     )
-    effort = np.concatenate(
-        [piece.effort(piece.time)[mask] for piece, mask in zip(data.main, data.masks, strict=True)]
-    )
+    effort = np.concatenate([piece.effort(piece.time)[mask] for piece, mask in zip(data.main, data.masks, strict=True)])
     reasons = {start.terms.names[number]: reason for number, reason in start.linear.reasons.items()}
     reasons |= {name: reason_fixed(name) for name in start.terms.names if reason_fixed(name)}
-    reasons |= {item.name: _REASON_KEPT for item in start.terms.kept}
+    reasons |= {item.name: _REASON_KEPT for item in start.terms.transforming}
     return Identification(
         parameters=fit.parameters,
         confidence=confidence,
@@ -355,7 +359,7 @@ def _final(
         frozen = (*frozen, DELAY)
     show()
     at_start = _at_start(fit.parameters, axis, rate, begun)
-    fit, confidence, frozen = _without_hopeless(data, fit, shape, frozen, at_start)
+    fit, confidence, frozen = _without_not_identifiable(data, fit, shape, frozen, at_start)
     relaxation, most = _relaxation(data, fit.parameters, shape, [j for j in frozen if j != RELAXATION])
     if relaxation > 0.0:
         frozen = tuple(j for j in frozen if j != RELAXATION)
@@ -363,11 +367,11 @@ def _final(
         scalars[RELAXATION] = relaxation
         start = replace(fit.parameters, scalars=scalars)
         fit = search(data.main, data.masks, start, shape, frozen, iterations=_ITERATIONS, tolerance=1e-5)
-        fit, confidence, frozen = _without_hopeless(data, fit, shape, frozen, at_start)
+        fit, confidence, frozen = _without_not_identifiable(data, fit, shape, frozen, at_start)
     return fit, confidence, frozen, most
 
 
-def _without_hopeless(
+def _without_not_identifiable(
     data: Rows, fit: Fit, shape: ElementShape, frozen: tuple[int, ...], at_start: Floats
 ) -> tuple[Fit, Confidence, tuple[int, ...]]:
     """Put back what the data cannot tell, the least essential first, and fit the others again.
@@ -379,16 +383,16 @@ def _without_hopeless(
     effects = range(fit.parameters.first_effect, len(at_start))
     for group in ((DELAY,), (RHO, V_S, RATE), effects, (MASS, VISCOUS, OFFSET)):
         confidence = _judge(data, fit, shape, frozen)
-        found = _hopeless(fit.parameters, confidence, shape.is_gms, at_start)
-        hopeless = [index for index in found if index in group and index not in frozen]
-        if hopeless:
+        found = _not_identifiable(fit.parameters, confidence, shape.is_gms, at_start)
+        not_identifiable = [index for index in found if index in group and index not in frozen]
+        if not_identifiable:
             before = fit.parameters.vector()
             values = before.copy()
-            values[hopeless] = at_start[hopeless]
+            values[not_identifiable] = at_start[not_identifiable]
             start = fit.parameters.with_vector(values)
-            held = (*frozen, *hopeless)
+            held = (*frozen, *not_identifiable)
             again = search(data.main, data.masks, start, shape, held, iterations=_ITERATIONS, tolerance=1e-5)
-            if again.cost <= (1.0 + AS_GOOD) * fit.cost or DELAY in group:
+            if again.cost <= (1.0 + NEGLIGIBLE_EXCESS) * fit.cost or DELAY in group:
                 fit, frozen = again, held
                 moved += np.abs(fit.parameters.vector() - before)
     return fit, widened(_judge(data, fit, shape, frozen), moved, fit.parameters), frozen
@@ -419,14 +423,14 @@ def _relaxation(data: Rows, parameters: Parameters, shape: ElementShape, frozen:
     return (value if value > width else 0.0), max(value, 0.0) + float(width)
 
 
-def _hopeless(parameters: Parameters, confidence: Confidence, is_gms: bool, start: Floats) -> tuple[int, ...]:
+def _not_identifiable(parameters: Parameters, confidence: Confidence, is_gms: bool, start: Floats) -> tuple[int, ...]:
     """Return the shared parameters that the data cannot tell: they stay at the start value if the interval holds it."""
     value, width = parameters.vector(), confidence.half_width
     out = []
     for index in (MASS, VISCOUS, V_S, RATE):
-        if (index != RATE or is_gms) and not width[index] <= _HOPELESS * abs(value[index]):
+        if (index != RATE or is_gms) and not width[index] <= _MAX_RELATIVE_HALF_WIDTH * abs(value[index]):
             out.append(index)
-    if not width[RHO] <= max(_HOPELESS * (value[RHO] - 1.0), 0.05):
+    if not width[RHO] <= max(_MAX_RELATIVE_HALF_WIDTH * (value[RHO] - 1.0), 0.05):
         out.append(RHO)
     if value[RHO] - 1.0 <= width[RHO] and V_S not in out:
         out.append(V_S)
@@ -440,7 +444,7 @@ def _hopeless(parameters: Parameters, confidence: Confidence, is_gms: bool, star
     for number in parameters.effects.free:
         index = first + number
         size = max(abs(value[index]), abs(parameters.effects.scale[number]) * _NEGLIGIBLE_EFFECT)
-        if not width[index] <= _HOPELESS * size and not is_contradicted[index]:
+        if not width[index] <= _MAX_RELATIVE_HALF_WIDTH * size and not is_contradicted[index]:
             out.append(index)
     return tuple(out)
 

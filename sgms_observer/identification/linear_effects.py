@@ -91,17 +91,19 @@ def linear_effects(data: Sequence[Prepared], terms: EffectTerms, vector: EffectV
             reasons.update({free_phase if free_phase is not None else strength: IMITATED})
     for number in [number for number in reasons if parameters[number].is_strength]:
         owner = names[number].split(".")[0] + "."
-        own = [other for other in vector.free if names[other].startswith(owner) and not parameters[other].is_strength]
-        reasons.update(dict.fromkeys(own, IMITATED))
+        shape_parameters = [
+            other for other in vector.free if names[other].startswith(owner) and not parameters[other].is_strength
+        ]
+        reasons.update(dict.fromkeys(shape_parameters, IMITATED))
     free = tuple(number for number in vector.free if number not in reasons)
     stacked = tuple(
         np.column_stack([group[k] for group in columns]) if columns else np.empty((len(data[k].time), 0))
         for k in range(len(data))
     )
     given = basic.copy()  # strengths that no column shows keep the file's value
-    kept = [number for number in linear if number not in {strength for strength, _phase in chosen}]
-    given[kept] = vector.values[kept]
-    if kept:
+    fixed_numbers = [number for number in linear if number not in {strength for strength, _phase in chosen}]
+    given[fixed_numbers] = vector.values[fixed_numbers]
+    if fixed_numbers:
         base = tuple(_rows(piece, given, coulomb) for piece in data)
     return LinearEffects(replace(vector, values=given, free=free), tuple(chosen), base, stacked, reasons)
 

@@ -36,7 +36,7 @@ _COLUMNS = 8  # that are filtered at once
 _WORKING_RATE = 10.0  # samples of the driving position per period of its corner
 _ROW_RATE = 8.0  # rows of the balance per period of its corner
 _BORDER = 4.0  # of the filter's time constants 1/cutoff dropped at either end
-_FORGET = 3.0  # slip deflections of one-way travel after which the unknown start no longer matters
+_TRAVEL_OVER_DEFLECTION = 3.0  # slip deflections of one-way travel after which the unknown start no longer matters
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Prepared:
         Args:
             slip_deflection: largest deflection at which an element slips [m].
         """
-        far = np.flatnonzero(self._way_since_reversal() > _FORGET * slip_deflection)
+        far = np.flatnonzero(self._travel_since_reversal() > _TRAVEL_OVER_DEFLECTION * slip_deflection)
         mask = self.usable.copy()
         mask[: (int(far[0]) // self.stride + 1 if len(far) else len(mask))] = False
         return mask
@@ -97,16 +97,16 @@ class Prepared:
             slip_deflection: largest deflection at which an element slips [m].
             clear: time to the nearest reversal, in which the low-pass rings [s].
         """
-        run = np.concatenate(([0.0], self._way_since_reversal()))
+        run = np.concatenate(([0.0], self._travel_since_reversal()))
         turns = np.flatnonzero(np.diff(np.sign(np.diff(self.position)))) + 1
         near = np.zeros(len(run) + 1)
         width = int(np.ceil(clear / self.period))
         np.add.at(near, np.maximum(turns - width, 0), 1.0)
         np.add.at(near, np.minimum(turns + width + 1, len(run)), -1.0)
         is_clear = np.cumsum(near)[:-1] == 0.0
-        return np.asarray((is_clear & (run > _FORGET * slip_deflection))[:: self.stride])
+        return np.asarray((is_clear & (run > _TRAVEL_OVER_DEFLECTION * slip_deflection))[:: self.stride])
 
-    def _way_since_reversal(self) -> Floats:
+    def _travel_since_reversal(self) -> Floats:
         """Return how far the axis has moved since it last turned round, after each step of the working rate [m]."""
         way = np.sign(np.diff(self.position))
         turning = np.concatenate(([True], way[1:] != way[:-1]))
@@ -138,12 +138,12 @@ def prepare(recording: Recording, cutoff: float, terms: EffectTerms = NO_EFFECTS
     noise = recording.position_noise
     recording = _dense(recording, _WORKING_RATE * motion_cutoff)
     rate = 1.0 / recording.period
-    kept = CompiledEffects(terms.kept, recording.period)
-    sharp = _low_pass(motion_cutoff, rate)
-    both = np.concatenate([sharp, _low_pass(cutoff, rate)])
-    measured = kept.corrected_position(recording.position)
-    effort = kept.arrived_effort(recording.effort, kept.initial_state())
-    position = signal.sosfiltfilt(sharp, measured)
+    transforming = CompiledEffects(terms.transforming, recording.period)
+    motion_filter = _low_pass(motion_cutoff, rate)
+    both = np.concatenate([motion_filter, _low_pass(cutoff, rate)])
+    measured = transforming.corrected_position(recording.position)
+    effort = transforming.arrived_effort(recording.effort, transforming.initial_state())
+    position = signal.sosfiltfilt(motion_filter, measured)
     step = max(1, int(rate / (_WORKING_RATE * motion_cutoff) + 1e-6))
     period = recording.period * step
     stride = max(1, int(1.0 / (_ROW_RATE * cutoff * period) + 1e-6))
@@ -157,7 +157,7 @@ def prepare(recording: Recording, cutoff: float, terms: EffectTerms = NO_EFFECTS
     usable[border:-border] = True
     driving = np.ascontiguousarray(position[::step])
     other = recording.other_position
-    other = None if other is None else np.asarray(signal.sosfiltfilt(sharp, other)[::step])
+    other = None if other is None else np.asarray(signal.sosfiltfilt(motion_filter, other)[::step])
     return Prepared(
         name=recording.name,
         period=period,
@@ -170,7 +170,12 @@ def prepare(recording: Recording, cutoff: float, terms: EffectTerms = NO_EFFECTS
         effort=CubicSpline(time, signal.sosfiltfilt(both, effort)[keep]),
         usable=usable,
         effects=EffectForce.along(
-            terms.fitted, period, driving, np.ascontiguousarray(signal.sosfiltfilt(sharp, effort)[::step]), other, first
+            terms.fitted,
+            period,
+            driving,
+            np.ascontiguousarray(signal.sosfiltfilt(motion_filter, effort)[::step]),
+            other,
+            first,
         ),
         noise=noise,
         unit=terms.unit,

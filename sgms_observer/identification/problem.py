@@ -77,8 +77,8 @@ class Parameters:
             is_gms: whether the model has an attraction rate.
         """
         first = self.first_effect
-        own = [j for j in range(first) if j not in frozen and (j != RATE or is_gms)]
-        return own + [first + j for j in self.effects.free if first + j not in frozen]
+        scalars_and_elements = [j for j in range(first) if j not in frozen and (j != RATE or is_gms)]
+        return scalars_and_elements + [first + j for j in self.effects.free if first + j not in frozen]
 
     def names(self) -> tuple[str, ...]:
         """Return the name of each entry of ``vector`` but the effects'."""
@@ -123,9 +123,7 @@ def residual_and_jacobian(data: Prepared, parameters: Parameters, shape: Element
     return residual, jacobian
 
 
-def _inner_force(
-    data: Prepared, parameters: Parameters, shape: ElementShape
-) -> tuple[Floats, Floats, Floats, Floats]:
+def _inner_force(data: Prepared, parameters: Parameters, shape: ElementShape) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the force of elements and effects, its slopes by the elements, its lead and its slopes by the effects.
 
     All at the working rate, shapes (n,), (n, 2 n_z + 3), (n,) and (n, m). The effects' formulas are differentiated by
@@ -179,7 +177,7 @@ def chunk_numbers(data: Sequence[Prepared], count: int) -> list[NDArray[np.int64
     numbers = []
     first = 0
     for piece in data:
-        own = max(1, round(count * float(piece.time[-1]) / total))
-        numbers.append(first + np.minimum(np.arange(len(piece.time)) * own // len(piece.time), own - 1))
-        first += own
+        chunk_count = max(1, round(count * float(piece.time[-1]) / total))
+        numbers.append(first + np.minimum(np.arange(len(piece.time)) * chunk_count // len(piece.time), chunk_count - 1))
+        first += chunk_count
     return numbers

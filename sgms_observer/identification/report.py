@@ -33,8 +33,8 @@ def report_path(yaml: str | Path, is_overwriting: bool) -> Path:
         is_overwriting: what is there may be replaced.
     """
     path = Path(yaml)
-    plain, own = path.with_name("report.html"), path.with_name(f"{path.stem}_report.html")
-    return own if own.exists() or (plain.exists() and not is_overwriting) else plain
+    plain, named = path.with_name("report.html"), path.with_name(f"{path.stem}_report.html")
+    return named if named.exists() or (plain.exists() and not is_overwriting) else plain
 
 
 def identification_page(parts: Sequence[Part], yaml: str, learnt: Sequence[str], held_out: Sequence[str]) -> Page:

@@ -106,13 +106,13 @@ def traces_of(
 
     shape = ElementShape.of(axis.friction, result.model)
 
-    def beside_the_model(recordings: Sequence[Recording]) -> tuple[Trace, ...]:
+    def traces_of_recordings(recordings: Sequence[Recording]) -> tuple[Trace, ...]:
         pieces = long_enough(recordings, result.cutoff)[0] if len(recordings) else []
         if result.is_opposed:
             pieces = [replace(piece, effort=-piece.effort) for piece in pieces]
         return tuple(_trace(piece, result, shape) for piece in prepare_all(pieces, result.cutoff, result.terms))
 
-    return Traces(beside_the_model(learnt), beside_the_model(held_out), curve)
+    return Traces(traces_of_recordings(learnt), traces_of_recordings(held_out), curve)
 
 
 def _trace(piece: Prepared, result: Identification, shape: ElementShape) -> Trace:

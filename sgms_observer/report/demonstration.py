@@ -122,9 +122,9 @@ def _run_of(bag: Path, axis: AxisSettings) -> tuple[Run, Ints]:
     stamps, estimate = _signal(bag, "friction_estimate", axis.name)
 
     def on_stamps(topic: str) -> dict[str, Floats]:
-        own, fields = _signal(bag, topic, axis.name)
-        place = np.minimum(np.searchsorted(own, stamps), max(0, len(own) - 1))
-        is_there = own[place] == stamps
+        stamps_of_topic, fields = _signal(bag, topic, axis.name)
+        place = np.minimum(np.searchsorted(stamps_of_topic, stamps), max(0, len(stamps_of_topic) - 1))
+        is_there = stamps_of_topic[place] == stamps
         return {name: np.where(is_there, values[place], np.nan) for name, values in fields.items()}
 
     truth = on_stamps("friction_true")
