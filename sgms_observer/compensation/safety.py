@@ -1,7 +1,7 @@
-"""The last stage before a compensation leaves: finite, bounded, and never faster than allowed.
+"""Output stage of the compensation: the output is finite, bounded and limited in its rate of change.
 
-Nothing upstream is trusted here. Whatever comes in, the output's magnitude stays within the limit and its change
-within the slew limit times the elapsed time; an input that is not a number counts as zero.
+The stage does not rely on its input. For any input, the magnitude of the output stays within the limit and its change
+within the slew limit times the elapsed time. An input that is not a number counts as zero.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def safe_output(previous: float, target: float, period: float, limit: float, sle
 
 
 class SafetyStage:
-    """The same guard for a shell that publishes by the clock: silence and switching off both end at zero.
+    """Output stage for a caller that publishes periodically: the output goes to zero without input or if disabled.
 
     Args:
         settings: limit, slew limit and timeout.

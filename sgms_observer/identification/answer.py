@@ -33,7 +33,7 @@ class Row:
         value: estimate, SI unit.
         half_width: half its 95 % interval; NaN if it was not estimated, infinite if it is not identifiable.
         unit: SI unit.
-        is_shown: whether it is identifiable from the recordings.
+        is_identifiable: whether it is identifiable from the recordings.
         note: what to do if it is not.
     """
 
@@ -41,7 +41,7 @@ class Row:
     value: float
     half_width: float
     unit: str
-    is_shown: bool
+    is_identifiable: bool
     note: str = ""
 
     @property
@@ -52,8 +52,8 @@ class Row:
         elif math.isinf(self.half_width):
             known = f"{_UNKNOWN}: an estimate without interval"
         else:
-            known = f"+- {self.half_width:.2g} (95 %)" + ("" if self.is_shown else ", wider than 5 %")
-        note = f"; {self.note}" if self.note and not self.is_shown else ""
+            known = f"+- {self.half_width:.2g} (95 %)" + ("" if self.is_identifiable else ", wider than 5 %")
+        note = f"; {self.note}" if self.note and not self.is_identifiable else ""
         return f"{self.unit}; {known}{note}"
 
 
@@ -288,7 +288,7 @@ def _rows(result: Identification, axis: AxisSettings) -> tuple[Row, ...]:
     n_z = result.parameters.count
     widths = sure.half_width
     wide = [float("nan") if index in result.frozen else float(widths[index]) for index in range(len(widths))]
-    shown = sure.is_shown
+    shown = sure.is_identifiable
     coulomb_width = sure.coulomb_half_width
     static_width = math.hypot(coulomb_width * scalars[RHO], coulomb * wide[RHO])
     if RHO in result.frozen:
@@ -364,7 +364,7 @@ def identification_warnings(result: Identification, axis: AxisSettings, rows: Se
         out.append(_unexplained_sentence(axis, result.unexplained, " on held-out chunks"))
     if not result.is_converged:
         out.append(f"{axis.name}: the fit did not converge; rerun from the file that was written, or record longer")
-    if result.asks_negative_delay:
+    if result.needs_negative_delay:
         out.append(
             f"{axis.name}: the fit asks for a negative delay, which is impossible: it stays at 0 s; check whether"
             " control_effort is stamped late or position is filtered"
@@ -402,7 +402,7 @@ def _remarks(rows: Sequence[Row], result: Identification) -> dict[str, str]:
     for name in ("friction.element_stiffness", "friction.element_fraction"):
         listed = [row for row in rows if row.name.startswith(f"{name}[")]
         widths = ", ".join(f"{100.0 * row.half_width / abs(row.value):.2g}" for row in listed)
-        wide_elements = ", ".join(row.name.split("[")[1][:-1] for row in listed if not row.is_shown)
+        wide_elements = ", ".join(row.name.split("[")[1][:-1] for row in listed if not row.is_identifiable)
         remarks[name] = f"{listed[0].unit}; +- {widths} % (95 %)" + (
             f"; wider than 5 %: {wide_elements}" if wide_elements else ""
         )

@@ -1,7 +1,7 @@
 """Effects of the parameter file as terms of the force balance: which of their parameters are fitted, and their force.
 
 Added forces, level factors and effects of the plant are fitted. Effects of the effort's path and of the measured
-position change what was measured: a fit of them could explain the recording by erasing it. They stay as they are.
+position keep their values: they change the measurement, so a fit could reduce the residual by reducing the measurement.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class EffectVector:
 
 @dataclass(frozen=True)
 class EffectTerms:
-    """The effects of one axis as identification sees them.
+    """The effects of one axis in the identification.
 
     Attributes:
         fitted: effects whose force enters the balance; the offset is a parameter of its own.
@@ -146,7 +146,7 @@ class EffectForce:
         seconds: time since the recording's first sample [s], shape (n,).
         effort: effort [N], shape (n,).
         other_velocity, other_acceleration: motion of the other axis, shape (n,).
-        has_level: whether a formula asks for the Stribeck level.
+        has_level: whether a formula uses the Stribeck level.
     """
 
     compiled: CompiledEffects

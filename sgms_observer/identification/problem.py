@@ -131,16 +131,16 @@ def _inner_force(data: Prepared, parameters: Parameters, shape: ElementShape) ->
     """
     scalars, effects = parameters.scalars, parameters.effects
     shared = scalars[[RHO, V_S, RATE]]
-    lasting = scalars[RELAXATION]
+    relaxation = scalars[RELAXATION]
 
     def elements(factor: Floats) -> tuple[Floats, Floats, Floats]:
         friction, slopes = friction_and_slopes(
             data.position, data.period, parameters.kappa, parameters.level, shared, shape, factor
         )
         rate: Floats = np.gradient(friction) / data.period
-        if lasting != 0.0:  # sigma_i = lasting * kappa_i: the force of every element leads by the same time
-            friction = friction + lasting * rate
-            slopes = slopes + lasting * np.gradient(slopes, axis=0) / data.period
+        if relaxation != 0.0:  # sigma_i = lasting * kappa_i: the force of every element leads by the same time
+            friction = friction + relaxation * rate
+            slopes = slopes + relaxation * np.gradient(slopes, axis=0) / data.period
         return friction, slopes, rate
 
     by_effects = np.zeros((len(data.position), len(effects)))

@@ -1,8 +1,8 @@
 """Friction of a whole recording with its sensitivities, driven by the measured motion.
 
 Parameters of an element are kappa_i and its Coulomb force a_i = nu_i f_C; all elements share rho = f_S / f_C, the
-Stribeck velocity v_s and, for GMS, c = C / f_C. In these the elements need no side condition, and forces stay linear
-in the a_i while sliding.
+Stribeck velocity v_s and, for GMS, c = C / f_C. These parameters need no constraint, and forces are linear in the a_i
+while sliding.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _IS_GMS, _LAMBDA, _ZETA, _GAMMA, _IS_PAPER, _FIXED = range(6)
 
 @dataclass(frozen=True)
 class ElementShape:
-    """What identification does not change: the model's kind and its smoothing.
+    """Kind and smoothing of the model, which are not fitted.
 
     Attributes:
         is_gms: GMS instead of S-GMS.

@@ -1,7 +1,7 @@
-"""A recording made ready for identification and diagnosis: evenly sampled, finite, without holes.
+"""A recording prepared for identification and diagnosis: evenly sampled, finite, without gaps.
 
 Irregular stamps are brought to an even grid by a cubic through the samples. Equal and backward stamps are dropped.
-Pauses cut the recording into pieces; pieces too short to learn from are left out. Notes say what was done.
+Pauses cut the recording into pieces; pieces that are too short are left out. Notes report these changes.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Recording:
     """One evenly sampled piece of a recording, in SI units.
 
     Attributes:
-        name: where it comes from, for people.
+        name: name of the recording.
         period: time between two samples [s].
         position: measured position [m or rad], shape (n,).
         effort: effort of the actuator [N or N m], shape (n,).
@@ -182,7 +182,7 @@ def read_recordings(
 
 
 def _without_unit_of_log(piece: Recording) -> Recording:
-    """Return a piece that does not show in its last bits which unit its log was written in."""
+    """Return a piece rounded so that the unit of its log does not change its last bits."""
     step = piece.encoder_step
     noise = step / math.sqrt(12.0) if step > 0.0 else white_noise(piece.position)
     reference, other = (
@@ -199,10 +199,10 @@ def recordings_from_samples(samples: Samples, name: str, sha256: str = "", other
     """Cut a block of samples into evenly sampled pieces.
 
     Args:
-        samples: everything one axis recorded, in SI units.
-        name: where it comes from, for people.
+        samples: recorded samples of one axis, in SI units.
+        name: name of the recording.
         sha256: hash of the file it comes from.
-        other: what another axis recorded meanwhile, or None.
+        other: recorded samples of another axis, or None.
 
     Returns:
         Pieces between pauses, each long enough to learn from, in order of time, and notes.
@@ -259,7 +259,7 @@ def recordings_from_samples(samples: Samples, name: str, sha256: str = "", other
 def _mean_period(pauses: Floats, typical: float) -> float:
     """Return the period over half of the recording, the median of all halves [s].
 
-    A clock that ticks coarsely has a median pause that drifts off; a few odd stamps would move the plain mean.
+    A coarse clock biases the median pause; a few wrong stamps bias the mean.
     """
     counts = np.concatenate(([0.0], np.cumsum(np.maximum(np.round(pauses / typical), 1.0))))
     seconds = np.concatenate(([0.0], np.cumsum(pauses)))
@@ -288,7 +288,7 @@ def _even_piece(
 
 
 def _without_odd_ends(seconds: Floats, signals: Sequence[Floats], period: float) -> tuple[Floats, Sequence[Floats]]:
-    """Return the samples without a few at either end, where all uneven pauses of a log lie that is even elsewhere."""
+    """Return the samples without a few at either end, if only these have uneven pauses."""
     uneven = np.flatnonzero(np.abs(np.diff(seconds) - period) > _MAX_UNEVEN * period)
     early, late = uneven[uneven < _MAX_TRIMMED], uneven[uneven >= len(seconds) - 1 - _MAX_TRIMMED]
     if not len(uneven) or len(early) + len(late) < len(uneven):

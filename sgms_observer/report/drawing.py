@@ -1,4 +1,4 @@
-"""How every picture of a report is made: one style, SVG in the page's own colours, no screen needed."""
+"""Drawing of pictures for reports: one style, SVG in the colours of the page, no screen needed."""
 
 from __future__ import annotations
 

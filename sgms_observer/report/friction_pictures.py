@@ -1,4 +1,4 @@
-"""Pictures of friction and of what a model misses: over velocity, over position, measured against modelled."""
+"""Pictures of friction and residual: over velocity, over position, measured against modelled."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def residual_over_position(
     effect: Floats | None = None,
     period: float | None = None,
 ) -> Picture:
-    """Draw the residual in even bins of the position, a colour for each direction, and what effects say of it.
+    """Draw the residual in even bins of the position, a colour for each direction, with the fitted effects.
 
     Args:
         name: short name.

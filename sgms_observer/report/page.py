@@ -114,7 +114,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """What a report says.
+    """Content of a report.
 
     Args:
         title: heading of the page.

@@ -19,7 +19,7 @@ _MIN_POINTS = 50
 
 @dataclass(frozen=True)
 class Run:
-    """What there is to draw of one axis; all arrays of shape (n,), NaN where nothing is known.
+    """Signals of one axis to draw; all arrays of shape (n,), NaN where a signal is unknown.
 
     Attributes:
         time: since the first sample [s].
