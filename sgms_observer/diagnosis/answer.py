@@ -29,7 +29,7 @@ from sgms_observer.diagnosis.gap import (
 )
 from sgms_observer.diagnosis.homing import homing_warnings
 from sgms_observer.diagnosis.locate import Located, locate
-from sgms_observer.diagnosis.map_fit import MAP_NAMES, FittedMap, fit_map
+from sgms_observer.diagnosis.map_fit import MAP_NAMES, FittedMap, fit_map, with_map
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
@@ -191,23 +191,30 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         is_confirmed = all(item.passed for item in written) and contradiction is None
         if not is_confirmed:  # the written model does not confirm the names
             accepted, model, fit, after = [], diagnosis.written.before.model, diagnosis.written.before, before
-    learnt: tuple[FittedMap, ...] = ()
     rest_to_judge = left_by(after)
-    free = _free_form_rest(diagnosis, model, rest_to_judge, options)
+
+    def predictable(rest: WeightedResidual, mapped: Model) -> tuple[FreeForm, float]:
+        """Return the free-form prediction of the residual of a model, and the significantly predicted squared share."""
+        free = _free_form_rest(diagnosis, mapped, rest, options)
+        return free, free.improvement.share if free.improvement.z_score > criteria.min_z_score else 0.0
+
+    free, predictable_share = predictable(rest_to_judge, model)
     stands_out = over_noise(after) >= criteria.min_gap_over_floor
-    predictable_share = (
-        free.improvement.share if stands_out and free.improvement.z_score > criteria.min_z_score else 0.0
-    )
-    if predictable_share > criteria.min_predictable_share and not diagnosis.is_poor and contradiction is None:
-        known = _fit_residual(diagnosis, model)
-        evaluated = rest_to_judge if has_held_out else known  # cross-validated by parts, not by halves
-        map_ = fit_map(known, evaluated, _free_name(fit.effects), axis.units, criteria)
-        if map_ is not None:
-            learnt = (map_,)
-    final = model.with_effects([item.settings for item in learnt])
-    total = after
-    if learnt:
+    predictable_share = predictable_share if stands_out else 0.0
+    learnt: list[FittedMap] = []
+    final, total, share = model, after, predictable_share
+    free_names = [] if diagnosis.is_poor or contradiction is not None else _free_names(fit.effects)
+    while free_names and share > criteria.min_predictable_share:
+        known = _fit_residual(diagnosis, final)
+        evaluated = left_by(total) if has_held_out else known  # cross-validated by parts, not by halves
+        another = fit_map(known, evaluated, free_names[0], axis.units, criteria)
+        if another is None:
+            break
+        learnt = with_map(learnt, another, axis.units)
+        free_names = _free_names([*fit.effects, *(item.settings for item in learnt)])
+        final = model.with_effects([item.settings for item in learnt])
         total = residuals(final, motions)
+        share = predictable(left_by(total), final)[1] if free_names else 0.0
     unnamed = _best_unnamed(diagnosis, criteria) if has_held_out and stands_out else None
     floor = _floor(
         noise, [gap_of(before), gap_of(after), gap_of(total)], rest_to_judge, free, predictable_share, unnamed
@@ -256,7 +263,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     significant = [item for item in everywhere if item.p_value < LOCATED_P_VALUE][:MAX_LOCATED] if is_alarm else []
     afterwards = {item.coordinate: item for item in locate(total, motions, options.seed)}
     return Answer(
-        verdict, gap, tuple(effects), learnt, tuple(changed), remainder, tuple(significant), tuple(everywhere),
+        verdict, gap, tuple(effects), tuple(learnt), tuple(changed), remainder, tuple(significant), tuple(everywhere),
         tuple(afterwards[item.coordinate] for item in significant if item.coordinate in afterwards),
         detectable(diagnosis, axis, options), next_experiment(verdict, effects, significant, diagnosis, axis.units),
         tuple(tests), whole.passed and not diagnosis.is_poor, tuple(warnings), final, diagnosis, motions, before, total,
@@ -312,10 +319,10 @@ def _best_unnamed(diagnosis: Diagnosis, criteria: Criteria) -> Decision | None:
     return max(sure, key=lambda item: item.significant_share(criteria), default=None)
 
 
-def _free_name(effects: Sequence[EffectSettings]) -> str:
-    """Return a name of a learnt map that the model does not use yet."""
+def _free_names(effects: Sequence[EffectSettings]) -> list[str]:
+    """Return the names of learnt maps that the model does not use yet."""
     used = {item.name for item in effects}
-    return next((name for name in MAP_NAMES if name not in used), MAP_NAMES[-1])
+    return [name for name in MAP_NAMES if name not in used]
 
 
 def _share_added_by_refit(before: WeightedResidual, given: Sequence[Floats], criteria: Criteria) -> float:

@@ -15,7 +15,7 @@ from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.evaluation import EvaluationData, Evidence, evidence_of
 from sgms_observer.diagnosis.evidence import Improvement, improvement
 from sgms_observer.diagnosis.fit import Refit
-from sgms_observer.diagnosis.free_form import FreeForm, free_form
+from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
@@ -91,7 +91,7 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, evaluation: Evalua
     if item.settings is not None:
         tests += physical_tests(item, evaluation)
         if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
-            tests += free_form_tests(item, before, later, evaluation)
+            tests += free_form_tests(item, before, evaluation)
     return Decision(item, later, gain, gap, reported, tuple(tests))
 
 
@@ -197,17 +197,42 @@ def strength_over_error(settings: EffectSettings, errors: Mapping[int, float]) -
     return max(found, default=math.inf)
 
 
-def free_form_tests(item: Candidate, before: Refit, later: Evidence, evaluation: EvaluationData) -> list[Test]:
-    """Return the test that a free-form regression over the same coordinates predicts no better than the effect."""
+def free_form_tests(item: Candidate, before: Refit, evaluation: EvaluationData) -> list[Test]:
+    """Return the test that a free-form regression over the same coordinates predicts no better than the effect.
+
+    The residual may contain other effects, and coordinates are correlated in a recording: a stage that repeats one move
+    has the same velocity at the same position. Both models may therefore use a regression over all other coordinates.
+
+    Args:
+        item: the hypothesis.
+        before: fit without it.
+        evaluation: the recordings.
+    """
     names = FREE_FORM.get(item.name)
     if names is None:
         return []
-    criteria = evaluation.criteria
-    free = free_form_prediction(names, before.model, evaluation)
-    evaluated = WeightedResidual(evaluation.motions, residuals(before.model, evaluation.motions), evaluation.weights)
-    better = improvement(later.force, evaluated.minus(free.predicted).blocks(criteria.block))
+    others = tuple(name for name in ALL if name not in names)
+    effect_blocks = _best_blocks(item.refit.model, ((), others), evaluation)
+    free_blocks = _best_blocks(before.model, (names, ALL), evaluation)
+    better = improvement(effect_blocks, free_blocks)
     title = f"z-score of a free-form term over {', '.join(names)}"
-    return [at_most(item.name, title, better.z_score, criteria.min_z_score)]
+    return [at_most(item.name, title, better.z_score, evaluation.criteria.min_z_score)]
+
+
+def _best_blocks(model: Model, choices: Sequence[Sequence[str]], evaluation: EvaluationData) -> list[Floats]:
+    """Return the blocks of the smallest residual of a model with one of several free-form regressions.
+
+    Args:
+        model: the model.
+        choices: coordinates of each regression; empty for none.
+        evaluation: the recordings.
+    """
+    evaluated = WeightedResidual(evaluation.motions, residuals(model, evaluation.motions), evaluation.weights)
+    left = [
+        evaluated.minus(free_form_prediction(names, model, evaluation).predicted) if names else evaluated
+        for names in choices
+    ]
+    return min(left, key=lambda one: one.rms).blocks(evaluation.criteria.block)
 
 
 def free_form_prediction(names: Sequence[str], model: Model, evaluation: EvaluationData) -> FreeForm:

@@ -114,12 +114,11 @@ class FitState:
             state = state.refitted(state.current, REFIT_STEPS)
         return state
 
-    def evaluation(self, options: Options, first: Model | None = None) -> EvaluationData:
+    def evaluation(self, options: Options) -> EvaluationData:
         """Return the evaluation data.
 
         Args:
             options: options of the diagnosis.
-            first: model of the file refitted within its tolerance; the current one if None.
         """
         data = self.setup.data
         motions = self.held_out_motions or self.fit_motions
@@ -127,8 +126,8 @@ class FitState:
         data_of_motions = held_out_data if self.held_out_motions else data
         weightings = data_of_motions.weights, data_of_motions.gap_weights
         floor, reported_floor = noise_floors(motions, self.current.model, data.noise, options.seed, *weightings)
-        first_residuals = residuals(first or self.current.model, motions)
-        gap, reported_first_gap = (rms(weighted(first_residuals, weights)) for weights in weightings)
+        current_residuals = residuals(self.current.model, motions)
+        gap, reported_gap = (rms(weighted(current_residuals, weights)) for weights in weightings)
         return EvaluationData(
             self.fit_motions,
             motions,
@@ -137,7 +136,7 @@ class FitState:
             floor,
             gap,
             reported_floor,
-            reported_first_gap,
+            reported_gap,
             options.criteria,
             options.seed,
         )

@@ -33,8 +33,8 @@ class EvaluationData:
         fit_data: ``fit_motions`` with their noise.
         held_out_data: held-out recordings with the noise of ``fit_data``; may be empty.
         floor: rms weighted residual of a perfect model on ``motions``, from noise and encoder [N].
-        first_gap: rms weighted residual of the file refitted within its tolerance [N].
-        reported_floor, reported_first_gap: the same two with the weights of the reported gap [N].
+        current_gap: rms weighted residual of the model so far on ``motions`` [N].
+        reported_floor, reported_gap: the same two with the weights of the reported gap [N].
         criteria: thresholds.
         seed: seed of the free-form regression.
     """
@@ -44,9 +44,9 @@ class EvaluationData:
     fit_data: WhitenedData
     held_out_data: WhitenedData
     floor: float
-    first_gap: float
+    current_gap: float
     reported_floor: float
-    reported_first_gap: float
+    reported_gap: float
     criteria: Criteria
     seed: int
 
@@ -72,8 +72,8 @@ class EvaluationData:
     def closed_share(self, gap: Improvement, reported: Improvement) -> float:
         """Return the share of the closable squared gap that an improvement closes.
 
-        The closable part is the first squared gap minus the squared floor. If the first gap is not above the floor, the
-        whole gap counts, because the noise may contain the effect. The smaller of the two shares counts.
+        The closable part is the current squared gap minus the squared floor. If the current gap is not above the floor,
+        the whole gap counts, because the noise may contain the effect. The smaller of the two shares counts.
 
         Args:
             gap: improvement of the weighted squared residual on ``motions`` [N^2].
@@ -85,9 +85,7 @@ class EvaluationData:
             closable = (first**2 - (0.0 if self.criteria.is_noise(first, floor) else floor**2)) * count
             return one.decrease / closable if closable > 0.0 else 0.0
 
-        return min(
-            share(gap, self.floor, self.first_gap), share(reported, self.reported_floor, self.reported_first_gap)
-        )
+        return min(share(gap, self.floor, self.current_gap), share(reported, self.reported_floor, self.reported_gap))
 
     def is_gap_closed(self, model: Model) -> bool:
         """Return whether the residual of a model on ``motions`` is not above the floor."""

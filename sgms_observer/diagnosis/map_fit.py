@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,6 +111,25 @@ def fit_map(
         if is_simpler and improvement(item[1], best[1]).z_score < criteria.min_z_score:
             return item[0]
     return best[0]
+
+
+def with_map(maps: Sequence[FittedMap], another: FittedMap, units: Units) -> list[FittedMap]:
+    """Return maps with one more. A map over the coordinates of an earlier map is added to that map.
+
+    Args:
+        maps: maps so far.
+        another: map fitted to their residual on the same recordings, so that equal coordinates have equal grids.
+        units: units of the axis.
+    """
+    same = next((item for item in maps if item.coordinates == another.coordinates), None)
+    if same is None:
+        return [*maps, another]
+    values = np.add(same.map.values, another.map.values)
+    decrease = same.improvement.decrease + another.improvement.decrease
+    gain = replace(same.improvement, decrease=decrease)
+    total = replace(same.map, values=tuple(values.tolist()))
+    both = FittedMap(total, same.coordinates, gain, gain.share, sentence(total, units))
+    return [both if item is same else item for item in maps]
 
 
 def _path(motion: Motion) -> MotionPath:

@@ -123,13 +123,12 @@ def _search(
     names = [name for name in catalogue_names() if name not in NOT_SEARCHED and name not in options.excluded]
     changed = [name for name in CHANGE_HYPOTHESES if name not in options.excluded]
     most = options.criteria.max_effects + len(changed)
-    first = state.current.model
     for number in range(most):
         share = 0.1 + 0.7 * number / most
         report(f"screening of {len(names)} effects", share)
         setup, current = state.setup, finish_fit(state.setup, state.current)  # as many steps as for the hypotheses
         state = replace(state, current=current)
-        evaluation = state.evaluation(options, first)
+        evaluation = state.evaluation(options)
         if rounds and evaluation.is_gap_closed(current.model):
             break
         earlier = evidence_of(current, evaluation)
@@ -163,7 +162,8 @@ def select_hypothesis(
     """Return the hypothesis to add, or None if none passes every test.
 
     If the data do not distinguish the best effect from an effect of the file, the effect of the file is returned: a
-    changed value of a known effect is the simpler explanation.
+    changed value of a known effect is the simplest explanation. Otherwise the one with the fewest parameters of the
+    effects that the data do not distinguish is returned.
 
     Args:
         decisions: decisions, the best predicting first.
@@ -177,7 +177,24 @@ def select_hypothesis(
     known = [item for item in passed if item.candidate.name in listed]
     if best.candidate.settings is None:
         return best
-    return next((item for item in known if z_score_between(best, item) <= evaluation.criteria.min_z_score), best)
+    equal = [item for item in passed if z_score_between(best, item) <= evaluation.criteria.min_z_score]
+    return next((item for item in equal if item in known), _simplest(best, equal))
+
+
+def _simplest(best: Decision, equal: Sequence[Decision]) -> Decision:
+    """Return the effect with the fewest parameters of those that the data do not distinguish from the best one.
+
+    Args:
+        best: the best effect.
+        equal: hypotheses that the data do not distinguish from it, the best predicting first.
+    """
+    is_contact = is_confusable_with_contact(best.candidate.name)
+    others = [
+        item for item in equal
+        if item.candidate.settings is not None
+        and (is_contact or not is_confusable_with_contact(item.candidate.name))
+    ]  # fmt: skip
+    return min((best, *others), key=lambda item: item.candidate.parameter_count)
 
 
 def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> Decision:
@@ -197,7 +214,7 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
     contact_law_effects = [item for item in passed if is_contact_law_effect(item.candidate.name)]
     others = [item for item in passed if item not in contact_law_effects]
     effects = [item for item in others if item.candidate.settings is not None]
-    if not evaluation.is_noise(evaluation.first_gap):
+    if not evaluation.is_noise(evaluation.current_gap):
         for item in (*effects, *contact_law_effects):
             if evaluation.is_gap_closed(item.candidate.refit.model):
                 return item

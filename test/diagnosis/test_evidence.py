@@ -118,7 +118,7 @@ def test_a_name_is_earned_where_a_free_form_term_over_its_coordinates_does_no_be
     for start, is_earned in ((COGGING, True), (EffectSettings("spring", (10.0, 0.0)), False)):
         found = setup.fit((start,), None, 8)
         item = Candidate(start.name, setup, found, 1)
-        (test,) = free_form_tests(item, plain, evidence_of(found, evaluation), evaluation)
+        (test,) = free_form_tests(item, plain, evaluation)
         assert test.passed == is_earned, (start.name, test.value)
         assert test.name == "z-score of a free-form term over position"
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import workflow_case
 from workflow_case import AXIS, record
 
 from sgms_observer.application.diagnose import refuse_learnt_from
@@ -39,9 +40,9 @@ def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workflow, "catalogue_names", lambda: SEARCHED)
 
 
-def made(effects: tuple[EffectSettings, ...], seed: int, axis: AxisSettings = AXIS) -> Recording:
+def made(effects: tuple[EffectSettings, ...], seed: int, duration: float = 12.0) -> Recording:
     """Return a short recording at a low rate."""
-    return record(effects, seed=seed, duration=12.0, period=PERIOD)
+    return record(effects, seed=seed, duration=duration, period=PERIOD)
 
 
 def hidden_map(level: np.ndarray) -> LearntMap:
@@ -122,6 +123,45 @@ def test_diagnose_learns_the_rail_and_takes_the_map_of_its_own_file_for_granted(
     second = answered(rail, axis)
     assert second.gap.given < 0.7 * first.gap.given
     assert second.gap.given == pytest.approx(first.gap_with_learnt, rel=0.1)
+
+
+def test_a_second_map_is_learnt_where_the_first_leaves_something_predictable() -> None:
+    speeds = (-0.08, -0.04, 0.0, 0.04, 0.08)
+    drag = LearntMap(("velocity",), (speeds,), (-1.5, 1.5, 0.0, 1.5, -1.5), name="learnt_map_2")
+    hidden = (hidden_map(np.array([1.5, -0.5, 1.5, 0.0, -1.0])).settings(), drag.settings())
+    records = [made(hidden, seed, duration=24.0) for seed in (1, 2, 3, 4)]
+    answer = answer_of(diagnose(records[:2], records[2:], AXIS, OPTIONS), AXIS, OPTIONS)
+    assert sorted(item.coordinates for item in answer.learnt) == [("position", "direction"), ("velocity",)]
+    first = answer.diagnosis.written.after.model.with_effects([answer.learnt[0].settings])
+    assert rms(answer.residual_after) < 0.7 * rms(residuals(first, answer.motions))
+
+
+def test_a_small_effect_is_named_beside_one_that_closes_nearly_everything() -> None:
+    spring, drag = EffectSettings("spring", (150.0, 0.0)), EffectSettings("quadratic_drag", (60.0,))
+    answer = answered((made((spring, drag), 1), made((spring, drag), 2)), AXIS)
+    assert [item.settings.name for item in answer.effects] == ["spring", "quadratic_drag"]
+    closed = answer.effects[0].gap_before ** 2 - answer.effects[0].gap_after ** 2
+    assert closed > 0.95 * answer.gap.before**2  # what is left for the drag is less than min_closed_share of the whole
+
+
+def test_of_two_names_for_one_force_the_one_with_fewer_parameters_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("cogging", "gravity"))
+    hidden = (EffectSettings("gravity", (3.0, 0.4, 1.0)),)
+    axis = replace(AXIS, joint_type="revolute")
+    answer = answered((made(hidden, 1), made(hidden, 2)), axis)
+    assert [item.settings.name for item in answer.effects] == ["gravity"]
+
+
+def test_a_ripple_is_named_although_the_same_recording_also_lacks_a_drag(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("cogging",))
+    time = np.arange(round(24.0 / PERIOD)) * PERIOD
+    position = 0.013 * np.sin(2.0 * np.pi * 0.5013 * time) + 0.009 * np.sin(2.0 * np.pi * 0.173 * time)
+    monkeypatch.setattr(workflow_case, "rich_position", lambda *_: position)
+    hidden = (EffectSettings("cogging", (0.4, 0.004, 0.3, 0.0, 0.0)), EffectSettings("asymmetric_viscous", (15.0,)))
+    recording = made(hidden, 1, duration=24.0)
+    answer = answer_of(diagnose([recording], [], AXIS, OPTIONS), AXIS, OPTIONS)
+    assert [item.settings.name for item in answer.effects] == ["cogging"]
+    assert answer.effects[0].settings.values[1] == pytest.approx(0.004, rel=0.01)
 
 
 def test_parts_left_out_in_turn_are_enough_to_learn_from(rail: tuple[Recording, Recording]) -> None:
