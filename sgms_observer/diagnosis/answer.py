@@ -13,7 +13,7 @@ from scipy import stats
 from sgms_observer.diagnosis.advice import Named, detectable, next_experiment
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
-from sgms_observer.diagnosis.decision import Decision, within_range, z_score_between
+from sgms_observer.diagnosis.decision import Decision, rivals, within_range, z_score_between
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Options, Round
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, RefitSetup, data_with_noise_of, data_with_own_noise
@@ -193,12 +193,12 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
             accepted, model, fit, after = [], diagnosis.written.before.model, diagnosis.written.before, before
     rest_to_judge = left_by(after)
 
-    def predictable(rest: WeightedResidual, mapped: Model) -> tuple[FreeForm, float]:
-        """Return the free-form prediction of the residual of a model, and the significantly predicted squared share."""
+    def predict_rest(rest: WeightedResidual, mapped: Model) -> tuple[FreeForm, float]:
+        """Return a free-form prediction of a residual and the share of its square that it significantly predicts."""
         free = _free_form_rest(diagnosis, mapped, rest, options)
         return free, free.improvement.share if free.improvement.z_score > criteria.min_z_score else 0.0
 
-    free, predictable_share = predictable(rest_to_judge, model)
+    free, predictable_share = predict_rest(rest_to_judge, model)
     stands_out = over_noise(after) >= criteria.min_gap_over_floor
     predictable_share = predictable_share if stands_out else 0.0
     learnt: list[FittedMap] = []
@@ -214,7 +214,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         free_names = _free_names([*fit.effects, *(item.settings for item in learnt)])
         final = model.with_effects([item.settings for item in learnt])
         total = residuals(final, motions)
-        share = predictable(left_by(total), final)[1] if free_names else 0.0
+        share = predict_rest(left_by(total), final)[1] if free_names else 0.0
     unnamed = _best_unnamed(diagnosis, criteria) if has_held_out and stands_out else None
     floor = _floor(
         noise, [gap_of(before), gap_of(after), gap_of(total)], rest_to_judge, free, predictable_share, unnamed
@@ -413,8 +413,8 @@ def _as_named(
     std = tuple(diagnosis.written.errors.get((index, j), 0.0) for j in range(len(settings.values)))
     others = [
         z_score_between(item.accepted, other)
-        for other in item.decisions
-        if other.candidate.settings is not None and other.candidate.name not in rounds and other.passed
+        for other in rivals(item.accepted, item.decisions)
+        if other.candidate.name not in rounds
     ]
     confidence = float(np.prod([stats.norm.cdf(z) for z in others])) if others else 1.0
     confidence = min(confidence, float(stats.norm.cdf(item.accepted.improvement.z_score)))

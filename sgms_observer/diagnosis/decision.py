@@ -200,8 +200,8 @@ def strength_over_error(settings: EffectSettings, errors: Mapping[int, float]) -
 def free_form_tests(item: Candidate, before: Refit, evaluation: EvaluationData) -> list[Test]:
     """Return the test that a free-form regression over the same coordinates predicts no better than the effect.
 
-    The residual may contain other effects, and coordinates are correlated in a recording: a stage that repeats one move
-    has the same velocity at the same position. Both models may therefore use a regression over all other coordinates.
+    The residual may contain other effects, and a recording correlates coordinates: a stage that repeats one move has
+    the same velocity at the same position. Both sides may therefore also use all other coordinates.
 
     Args:
         item: the hypothesis.
@@ -212,25 +212,24 @@ def free_form_tests(item: Candidate, before: Refit, evaluation: EvaluationData) 
     if names is None:
         return []
     others = tuple(name for name in ALL if name not in names)
-    effect_blocks = _best_blocks(item.refit.model, ((), others), evaluation)
-    free_blocks = _best_blocks(before.model, (names, ALL), evaluation)
-    better = improvement(effect_blocks, free_blocks)
+    with_effect = _smallest_blocks(item.refit.model, ((), others), evaluation)
+    without_effect = _smallest_blocks(before.model, (names, ALL), evaluation)
+    better = improvement(with_effect, without_effect)
     title = f"z-score of a free-form term over {', '.join(names)}"
     return [at_most(item.name, title, better.z_score, evaluation.criteria.min_z_score)]
 
 
-def _best_blocks(model: Model, choices: Sequence[Sequence[str]], evaluation: EvaluationData) -> list[Floats]:
-    """Return the blocks of the smallest residual of a model with one of several free-form regressions.
+def _smallest_blocks(model: Model, choices: Sequence[Sequence[str]], evaluation: EvaluationData) -> list[Floats]:
+    """Return the blocks of the smallest residual that a free-form regression over one of several choices leaves.
 
     Args:
-        model: the model.
+        model: model whose residual is predicted.
         choices: coordinates of each regression; empty for none.
         evaluation: the recordings.
     """
-    evaluated = WeightedResidual(evaluation.motions, residuals(model, evaluation.motions), evaluation.weights)
+    rest = WeightedResidual(evaluation.motions, residuals(model, evaluation.motions), evaluation.weights)
     left = [
-        evaluated.minus(free_form_prediction(names, model, evaluation).predicted) if names else evaluated
-        for names in choices
+        rest.minus(free_form_prediction(names, model, evaluation).predicted) if names else rest for names in choices
     ]
     return min(left, key=lambda one: one.rms).blocks(evaluation.criteria.block)
 
@@ -261,20 +260,30 @@ def z_score_between(one: Decision, other: Decision) -> float:
     return z_score
 
 
+def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
+    """Return the other effects that pass every test and are another explanation than the best one.
+
+    An effect that contains the best one as a special case is no other explanation.
+
+    Args:
+        best: the accepted decision.
+        others: all decisions of the same round.
+    """
+    general = effect(best.candidate.name).special_case_of if best.candidate.settings else ""
+    return [
+        item for item in others
+        if item.candidate.settings is not None and item.passed
+        and item.candidate.name not in (best.candidate.name, general)
+    ]  # fmt: skip
+
+
 def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria) -> tuple[str, ...]:
     """Return the effects that the recordings do not distinguish from the best one.
 
     Args:
         best: the accepted decision.
-        others: the other decisions of the same round.
+        others: all decisions of the same round.
         criteria: thresholds.
     """
-    found = []
-    for item in others:
-        if item.candidate.settings is None or item.candidate.name == best.candidate.name:
-            continue
-        is_distinguished = z_score_between(best, item) > criteria.min_z_score
-        is_possible = all(test.passed for test in item.tests)
-        if not is_distinguished and is_possible:
-            found.append(item.candidate.name)
-    return tuple(found)
+    found = [item for item in rivals(best, others) if z_score_between(best, item) <= criteria.min_z_score]
+    return tuple(item.candidate.name for item in found)

@@ -126,8 +126,8 @@ class FitState:
         data_of_motions = held_out_data if self.held_out_motions else data
         weightings = data_of_motions.weights, data_of_motions.gap_weights
         floor, reported_floor = noise_floors(motions, self.current.model, data.noise, options.seed, *weightings)
-        current_residuals = residuals(self.current.model, motions)
-        gap, reported_gap = (rms(weighted(current_residuals, weights)) for weights in weightings)
+        left = residuals(self.current.model, motions)
+        gap, reported_gap = (rms(weighted(left, weights)) for weights in weightings)
         return EvaluationData(
             self.fit_motions,
             motions,

@@ -33,7 +33,7 @@ class EvaluationData:
         fit_data: ``fit_motions`` with their noise.
         held_out_data: held-out recordings with the noise of ``fit_data``; may be empty.
         floor: rms weighted residual of a perfect model on ``motions``, from noise and encoder [N].
-        current_gap: rms weighted residual of the model so far on ``motions`` [N].
+        gap: rms weighted residual of the current model on ``motions`` [N].
         reported_floor, reported_gap: the same two with the weights of the reported gap [N].
         criteria: thresholds.
         seed: seed of the free-form regression.
@@ -44,7 +44,7 @@ class EvaluationData:
     fit_data: WhitenedData
     held_out_data: WhitenedData
     floor: float
-    current_gap: float
+    gap: float
     reported_floor: float
     reported_gap: float
     criteria: Criteria
@@ -69,23 +69,23 @@ class EvaluationData:
         """Return the rms weighted residual of a model on ``motions`` [N]."""
         return rms(weighted(residuals(model, self.motions), self.weights))
 
-    def closed_share(self, gap: Improvement, reported: Improvement) -> float:
+    def closed_share(self, gain: Improvement, reported: Improvement) -> float:
         """Return the share of the closable squared gap that an improvement closes.
 
-        The closable part is the current squared gap minus the squared floor. If the current gap is not above the floor,
-        the whole gap counts, because the noise may contain the effect. The smaller of the two shares counts.
+        The closable part is the squared gap of the current model minus the squared floor. If the gap is not above the
+        floor, the whole gap counts, because the noise may contain the effect. The smaller of the two shares counts.
 
         Args:
-            gap: improvement of the weighted squared residual on ``motions`` [N^2].
+            gain: improvement of the weighted squared residual on ``motions`` [N^2].
             reported: the same with the weights of the reported gap.
         """
         count = sum(len(motion.thinned(motion.time)) for motion in self.motions)
 
-        def share(one: Improvement, floor: float, first: float) -> float:
-            closable = (first**2 - (0.0 if self.criteria.is_noise(first, floor) else floor**2)) * count
+        def share(one: Improvement, floor: float, gap: float) -> float:
+            closable = (gap**2 - (0.0 if self.criteria.is_noise(gap, floor) else floor**2)) * count
             return one.decrease / closable if closable > 0.0 else 0.0
 
-        return min(share(gap, self.floor, self.current_gap), share(reported, self.reported_floor, self.reported_gap))
+        return min(share(gain, self.floor, self.gap), share(reported, self.reported_floor, self.reported_gap))
 
     def is_gap_closed(self, model: Model) -> bool:
         """Return whether the residual of a model on ``motions`` is not above the floor."""

@@ -114,19 +114,18 @@ def fit_map(
 
 
 def with_map(maps: Sequence[FittedMap], another: FittedMap, units: Units) -> list[FittedMap]:
-    """Return maps with one more. A map over the coordinates of an earlier map is added to that map.
+    """Return maps with one more. A map over the same coordinates as an earlier one is added to that one.
 
     Args:
         maps: maps so far.
-        another: map fitted to their residual on the same recordings, so that equal coordinates have equal grids.
+        another: map of their residual on the same recordings, so that equal coordinates have equal grids.
         units: units of the axis.
     """
     same = next((item for item in maps if item.coordinates == another.coordinates), None)
     if same is None:
         return [*maps, another]
     values = np.add(same.map.values, another.map.values)
-    decrease = same.improvement.decrease + another.improvement.decrease
-    gain = replace(same.improvement, decrease=decrease)
+    gain = replace(same.improvement, decrease=same.improvement.decrease + another.improvement.decrease)
     total = replace(same.map, values=tuple(values.tolist()))
     both = FittedMap(total, same.coordinates, gain, gain.share, sentence(total, units))
     return [both if item is same else item for item in maps]

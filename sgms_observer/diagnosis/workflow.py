@@ -162,8 +162,8 @@ def select_hypothesis(
     """Return the hypothesis to add, or None if none passes every test.
 
     If the data do not distinguish the best effect from an effect of the file, the effect of the file is returned: a
-    changed value of a known effect is the simplest explanation. Otherwise the one with the fewest parameters of the
-    effects that the data do not distinguish is returned.
+    changed value of a known effect is the simpler explanation. If the file lists none of them, the effect with the
+    fewest parameters is returned.
 
     Args:
         decisions: decisions, the best predicting first.
@@ -185,14 +185,14 @@ def _simplest(best: Decision, equal: Sequence[Decision]) -> Decision:
     """Return the effect with the fewest parameters of those that the data do not distinguish from the best one.
 
     Args:
-        best: the best effect.
+        best: the effect that predicts best.
         equal: hypotheses that the data do not distinguish from it, the best predicting first.
     """
-    is_contact = is_confusable_with_contact(best.candidate.name)
+    is_confusable = is_confusable_with_contact(best.candidate.name)
     others = [
         item for item in equal
         if item.candidate.settings is not None
-        and (is_contact or not is_confusable_with_contact(item.candidate.name))
+        and (is_confusable or not is_confusable_with_contact(item.candidate.name))
     ]  # fmt: skip
     return min((best, *others), key=lambda item: item.candidate.parameter_count)
 
@@ -214,7 +214,7 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
     contact_law_effects = [item for item in passed if is_contact_law_effect(item.candidate.name)]
     others = [item for item in passed if item not in contact_law_effects]
     effects = [item for item in others if item.candidate.settings is not None]
-    if not evaluation.is_noise(evaluation.current_gap):
+    if not evaluation.is_noise(evaluation.gap):
         for item in (*effects, *contact_law_effects):
             if evaluation.is_gap_closed(item.candidate.refit.model):
                 return item

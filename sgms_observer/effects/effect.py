@@ -148,6 +148,7 @@ class Effect:
         inverse: formula of the command that lets a force arrive, or of the true position behind a measured one.
         added_mass: mass that it adds to the model's own, as a multiple of its first parameter [-].
         is_delay: whether it delays the effort by its first parameter [s].
+        special_case_of: effect that becomes this one at some values of its shape, or empty; it is no other explanation.
         question: what a report asks about it, parameters in braces (``Is there a {pitch} pitch?``); empty asks for it
             by its name.
     """
@@ -170,6 +171,7 @@ class Effect:
     added_mass: float = 0.0
     is_delay: bool = False
     question: str = ""
+    special_case_of: str = ""
 
     def __post_init__(self) -> None:
         """Check names and formula arguments.

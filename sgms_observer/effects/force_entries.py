@@ -112,6 +112,7 @@ FORCE_EFFECTS = (
         formula.gravity,
         coordinates=("position",),
         question="Does a weight act on the axis, {amplitude} at most?",
+        special_case_of="cogging",
     ),
     Effect(
         "asymmetric_viscous",
@@ -171,6 +172,7 @@ FORCE_EFFECTS = (
         formula.quadratic_drag,
         coordinates=("velocity",),
         question="Does a drag grow with the square of the velocity?",
+        special_case_of="nonlinear_viscous",
     ),
     Effect(
         "eddy_current",

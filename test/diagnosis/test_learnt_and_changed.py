@@ -150,6 +150,7 @@ def test_of_two_names_for_one_force_the_one_with_fewer_parameters_is_given(monke
     axis = replace(AXIS, joint_type="revolute")
     answer = answered((made(hidden, 1), made(hidden, 2)), axis)
     assert [item.settings.name for item in answer.effects] == ["gravity"]
+    assert answer.verdict == "effect_found"  # cogging with the pitch of a turn is no other explanation
 
 
 def test_a_ripple_is_named_although_the_same_recording_also_lacks_a_drag(monkeypatch: pytest.MonkeyPatch) -> None:
