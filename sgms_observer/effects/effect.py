@@ -1,4 +1,4 @@
-"""What an effect is: a named term with parameters, units, bounds and where it came from."""
+"""Definition of an effect: a named term with parameters, units, bounds and source."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from sgms_observer.errors import ConfigurationError
 
 INPUTS = ("q", "v", "a", "t", "u", "h", "level", "v2", "a2")
-"""Names a formula may ask for: position [m], velocity [m/s], acceleration [m/s^2], time since the first sample [s],
+"""Names of arguments of a formula: position [m], velocity [m/s], acceleration [m/s^2], time since the first sample [s],
 effort [N], time step [s], Stribeck level [N], velocity and acceleration of the other axis."""
 
 
@@ -26,14 +26,14 @@ COORDINATES = (
     "distance since reversal",
     "dwell",
 )
-"""Coordinates over which a term of no particular form could say the same as an effect."""
+"""Coordinates of a free-form term that can imitate an effect."""
 
 QUANTITIES = ("position", "velocity", "acceleration", "effort", "time", "travel", "rate")
 """Recorded quantities that bound a parameter; ``travel`` is the distance covered, ``rate`` the sampling rate."""
 
 
 class Place(Enum):
-    """Where an effect acts; the values are the words a user reads."""
+    """Place where an effect acts; the values are the texts for the user."""
 
     ADDED_FORCE = "a force added to the friction"
     LEVEL_FACTOR = "a factor on the Stribeck level"
@@ -256,7 +256,7 @@ class Effect:
 
 
 def flat_values(entry: Effect, named: Mapping[str, Any]) -> tuple[float, ...]:
-    """Return an effect's values as its formula takes them: the numbers, then each list as its length and its entries.
+    """Return the values of an effect in the order of its formula: numbers, then each list as length and entries.
 
     Args:
         entry: the effect.

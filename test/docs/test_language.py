@@ -45,7 +45,10 @@ TERMS = {
 }
 """One spelling for each term."""
 
-CORE = ("diagnosis",)
+CORE = (
+    "compensation", "diagnosis", "effects", "estimators", "filters", "formulas", "friction", "identification",
+    "observer", "offline", "report",
+)  # fmt: skip
 """Folders of ``sgms_observer`` whose names are checked below."""
 
 NAMES = {
