@@ -64,6 +64,11 @@ class Candidate:
         return next((item for item in self.refit.effects if item.name == self.name), None)
 
     @property
+    def is_contact_law(self) -> bool:
+        """Return whether the hypothesis is an effect that only describes another contact law."""
+        return self.settings is not None and effect(self.name).is_contact_law
+
+    @property
     def parameter_count(self) -> int:
         """Return the number of fitted parameters."""
         return len(self.refit.logs) + len(self.refit.free) if self.settings is None else len(self.refit.free)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.jit import njit
 
 Floats = NDArray[np.float64]
@@ -16,37 +17,19 @@ REST_SHARE = 2.0e-3
 """The stage counts as resting below this share of the 99.5 % quantile of the speed."""
 CONTACT = ("velocity", "acceleration", "direction", "distance since reversal", "time since reversal", "dwell")
 """Coordinates of any contact law. An effect on them has to predict better than a regression over them."""
-CONTACT_EFFECTS = (
-    "asymmetric_viscous", "nonlinear_viscous", "quadratic_drag", "eddy_current", "stribeck", "load_dependent_friction",
-    "dwell_breakaway", "presliding", "backlash", "frictional_lag",
-)  # fmt: skip
-"""Effects that another contact law than that of the file can imitate."""
-CONTACT_LAW_EFFECTS = (
-    "nonlinear_viscous", "eddy_current", "stribeck", "load_dependent_friction", "presliding", "backlash",
-    "frictional_lag",
-)  # fmt: skip
-"""Effects that only describe another contact law. They fit the residual of any contact that deviates from the file."""
-FREE_FORM = {
-    "cogging": ("position",),
-    "spring": ("position",),
-    "gravity": ("position",),
-    "position_periodic_friction": ("position", "direction"),
-    "position_dependent_friction": ("position", "direction"),
-    "asymmetric_coulomb": ("direction",),
-    "thermal_drift": ("time", "direction"),
-    "wear_step": ("time", "direction"),
-    **dict.fromkeys((*CONTACT_EFFECTS, "mass_error", "flexible_mode", "actuator_delay", "actuator_dead_zone"), CONTACT),
-}
-"""Coordinates of the free-form regression that an effect has to match; effects periodic in time have none."""
 
 
-def is_contact_law_effect(name: str) -> bool:
-    """Return whether an effect only describes another contact law.
+def free_form_coordinates(name: str) -> tuple[str, ...]:
+    """Return the coordinates of the free-form regression that an effect has to match; empty for none.
+
+    The direction alone belongs to many effects. Every other coordinate of a contact law brings in all of them, because
+    the regression then stands for any contact law.
 
     Args:
         name: the effect.
     """
-    return name in CONTACT_LAW_EFFECTS
+    coordinates = effect(name).coordinates
+    return CONTACT if set(coordinates) & set(CONTACT) - {"direction"} else coordinates
 
 
 def is_confusable_with_contact(name: str) -> bool:
@@ -55,7 +38,7 @@ def is_confusable_with_contact(name: str) -> bool:
     Args:
         name: the effect.
     """
-    return FREE_FORM.get(name) == CONTACT
+    return free_form_coordinates(name) == CONTACT
 
 
 @njit

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate
-from sgms_observer.diagnosis.coordinates import FREE_FORM
+from sgms_observer.diagnosis.coordinates import free_form_coordinates
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.evaluation import EvaluationData, Evidence, evidence_of
 from sgms_observer.diagnosis.evidence import Improvement, improvement
@@ -208,8 +208,8 @@ def free_form_tests(item: Candidate, before: Refit, evaluation: EvaluationData) 
         before: fit without it.
         evaluation: the recordings.
     """
-    names = FREE_FORM.get(item.name)
-    if names is None:
+    names = free_form_coordinates(item.name)
+    if not names:
         return []
     others = tuple(name for name in ALL if name not in names)
     with_effect = _smallest_blocks(item.refit.model, ((), others), evaluation)

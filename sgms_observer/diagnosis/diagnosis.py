@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.coordinates import is_contact_law_effect
 from sgms_observer.diagnosis.criteria import Criteria, Test
 from sgms_observer.diagnosis.decision import Decision, strength_over_error
 from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
@@ -243,5 +242,5 @@ class Diagnosis:
     @property
     def unnamed_contact_effects(self) -> frozenset[str]:
         """Return the contact law effects that were accepted and are not named."""
-        added = {item.accepted.candidate.name for item in self.rounds if item.accepted}
-        return frozenset(name for name in added if is_contact_law_effect(name) and not self.is_gap_explained)
+        added = [item.accepted.candidate for item in self.rounds if item.accepted]
+        return frozenset(one.name for one in added if one.is_contact_law and not self.is_gap_explained)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import MAX_COMPARED, effect_candidates, finish_fit
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_freed, changed_candidate
-from sgms_observer.diagnosis.coordinates import is_confusable_with_contact, is_contact_law_effect
+from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.decision import Decision, alternatives, decide, z_score_between
 from sgms_observer.diagnosis.diagnosis import FIT_STEPS, REFIT_STEPS, Diagnosis, FitState, Options, Recordings, Round
 from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG
@@ -211,7 +211,7 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
         evaluation: evaluation data.
     """
     most = evaluation.criteria.min_z_score
-    contact_law_effects = [item for item in passed if is_contact_law_effect(item.candidate.name)]
+    contact_law_effects = [item for item in passed if item.candidate.is_contact_law]
     others = [item for item in passed if item not in contact_law_effects]
     effects = [item for item in others if item.candidate.settings is not None]
     if not evaluation.is_noise(evaluation.gap):

@@ -149,6 +149,7 @@ class Effect:
         added_mass: mass that it adds to the model's own, as a multiple of its first parameter [-].
         is_delay: whether it delays the effort by its first parameter [s].
         special_case_of: effect that becomes this one at some values of its shape, or empty; it is no other explanation.
+        is_contact_law: whether it only describes another contact law than that of the file.
         question: what a report asks about it, parameters in braces (``Is there a {pitch} pitch?``); empty asks for it
             by its name.
     """
@@ -172,6 +173,7 @@ class Effect:
     is_delay: bool = False
     question: str = ""
     special_case_of: str = ""
+    is_contact_law: bool = False
 
     def __post_init__(self) -> None:
         """Check names and formula arguments.
