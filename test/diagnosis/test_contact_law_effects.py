@@ -98,6 +98,7 @@ def test_held_out_recordings_may_contradict() -> None:
 
 
 def test_the_general_form_of_an_effect_is_no_other_explanation() -> None:
-    drag, general, other = (decision(name, 1.0, 1.0) for name in ("quadratic_drag", "nonlinear_viscous", "eddy_current"))
+    names = ("quadratic_drag", "nonlinear_viscous", "eddy_current")
+    drag, general, other = (decision(name, 1.0, 1.0) for name in names)
     assert alternatives(drag, [drag, general, other], Criteria()) == ("eddy_current",)
     assert alternatives(general, [drag, general, other], Criteria()) == ("quadratic_drag", "eddy_current")
