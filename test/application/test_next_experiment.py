@@ -106,7 +106,9 @@ def test_an_ambiguous_pair_is_separated(bench: Callable[..., Bench]) -> None:
     session = table.session(AMBIGUOUS)
     sentence, files = step.next_experiment(session)
     assert table.diagnosed == [[LEARN_BAG, "recordings/experiment_1"]]
-    assert session.ledger.effects == [found("asymmetric_coulomb")] and session.ledger.facts["diagnosis"] == "diagnosis_1"
+    assert (
+        session.ledger.effects == [found("asymmetric_coulomb")] and session.ledger.facts["diagnosis"] == "diagnosis_1"
+    )
     assert "experiment 1 for asymmetric_coulomb, offset" in sentence and "nothing is ambiguous" in sentence
     assert all(session.path(name).exists() or name == "commission.json" for name in files)
     (motion,) = table.played
@@ -172,9 +174,7 @@ def test_a_rerun_goes_on_behind_what_is_recorded(bench: Callable[..., Bench]) ->
     assert "experiment 1 for" in sentence and "experiment 2 for" in sentence and "nothing is ambiguous" in sentence
 
 
-def test_nothing_moves_where_motion_does_not_help(
-    bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_moves_where_motion_does_not_help(bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(step, "separating", lambda *_: None)
     table = bench()
     sentence, _ = step.next_experiment(table.session(AMBIGUOUS))

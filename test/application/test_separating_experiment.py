@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sgms_observer.application.commission.motion import Motion, learning_motion, representative_motion
 from sgms_observer.application.commission.next_experiment import separating
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
@@ -53,10 +55,9 @@ def test_the_designed_motion_separates_what_the_first_recording_does_not(tmp_pat
 
     own = played(representative_motion(limits, PERIOD), "own", 1)
     friction = axis.friction
-    presliding = 2.0 * friction.static_force * max(
-        share / stiffness for share, stiffness in zip(friction.element_fraction, friction.element_stiffness, strict=True)
-    )  # fmt: skip
-    learn = played(learning_motion(limits, PERIOD, presliding, friction.stribeck_velocity, 25.0), "learn", 1)
+    deflections = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
+    first_motion = learning_motion(limits, PERIOD, 2.0 * float(deflections.max()), friction.stribeck_velocity, 25.0)
+    learn = played(first_motion, "learn", 1)
     first = named([learn], "first")
     assert [(one["name"], one["alternatives"]) for one in first] == [("asymmetric_coulomb", ["offset"])]
     (model,) = load_settings(tmp_path / "first" / "augmented.yaml").axes

@@ -175,7 +175,7 @@ def test_the_whole_way(start: Start, commission: Any, tmp_path: Path) -> None:
 
 
 def test_the_experiment_for_what_is_ambiguous(start: Start, graph: Graph, commission: Any) -> None:
-    """The first diagnosis names two effects; Ctrl-C in the experiment that is to separate them; the rerun goes on with it."""
+    """The first diagnosis names two effects; Ctrl-C in the experiment for them; the rerun plays it and goes on."""
     start("stage_node", table(axis=WEAK, signals=NOISY))
     graph.listen("friction_compensation", "reference")
     run = commission("--time", "1500")
