@@ -120,7 +120,7 @@ def _diagnose_again(session: Session, done: list[dict[str, Any]]) -> str:
     The diagnosis before stays where it predicts the own motion surely better.
     """
     ledger = session.ledger
-    earlier = {name: ledger.facts.get(name) for name in _OF_A_DIAGNOSIS}
+    earlier: dict[str, Any] = {name: ledger.facts.get(name) for name in _OF_A_DIAGNOSIS}
     effects = ledger.effects
     bags = [LEARN_BAG, *(one["bag"] for one in done)]
     sentence, _ = diagnose_bags_of(session, bags, done[-1]["diagnosis"])
