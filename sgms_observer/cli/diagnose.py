@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.many import add_fleet_arguments
+from sgms_observer.cli.fleet_commands import add_fleet_arguments
 from sgms_observer.cli.options import (
     ONE_AXIS,
     add_bag_options,
@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int | Outcome:
         raise ConfigurationError(["--workers and --seed must not be negative; leave them out for the defaults"])
     axis = axis_from(args.axis, NAME)
     if args.each:
-        from sgms_observer.cli.many import diagnose_each
+        from sgms_observer.cli.fleet_commands import diagnose_each
 
         return diagnose_each(args)
     if args.scheduler is not None:

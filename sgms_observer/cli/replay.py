@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from sgms_observer.cli.many import add_fleet_arguments
+from sgms_observer.cli.fleet_commands import add_fleet_arguments
 from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option
 from sgms_observer.outcome import Outcome
 
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int | Outcome:
     from sgms_observer.cli.progress import Progress
 
     if len(args.bags) > 1 or args.scheduler is not None:
-        from sgms_observer.cli.many import replay_many
+        from sgms_observer.cli.fleet_commands import replay_many
 
         return replay_many(args, topics_from(args.topic))
     start = time.perf_counter()

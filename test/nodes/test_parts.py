@@ -12,12 +12,12 @@ import pytest
 
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bags.diagnostics_cdr import ERROR, WARN
-from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.intake import Intake
 from sgms_observer.nodes.pace import LONGEST_CATCH_UP, Pace
 from sgms_observer.nodes.report import NO_SAMPLES, axis_entry
 from sgms_observer.nodes.statistics import AxisStatistics, Growth, Sentences, StepClock
+from sgms_observer.nodes.transport import claim_domain
 from sgms_observer.observer.learnt import learnt_changes
 from sgms_observer.observer.outgoing import ELEMENTS, ESTIMATE, Outgoing
 from sgms_observer.observer.pairing import PairingCounts
@@ -211,7 +211,7 @@ def test_the_engine_starts_a_new_block_when_the_clock_was_reset() -> None:
 
 
 def test_two_runs_never_share_a_domain() -> None:
-    code = "from sgms_observer.nodes.domain import claim_domain; print(claim_domain(), flush=True); input()"
+    code = "from sgms_observer.nodes.transport import claim_domain; print(claim_domain(), flush=True); input()"
     others = [
         subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         for _ in range(5)
