@@ -17,7 +17,6 @@ from sgms_observer.cli.options import add_output_options, add_overwrite_option
 if TYPE_CHECKING:
     from sgms_observer.cli.progress import Progress
 
-NAME = "bench"
 HELP = "measure run times of the estimators, beside other solvers, and of live runs, beside a bare relay"
 
 PARTS = ("speed", "accuracy", "peers", "growth", "start", "replay", "live")

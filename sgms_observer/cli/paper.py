@@ -9,7 +9,6 @@ from pathlib import Path
 
 from sgms_observer.cli.options import add_output_options, add_overwrite_option
 
-NAME = "paper"
 HELP = "make the paper's Table II and Figures 2, 3, 5-7 again, and the package's best result on the same signals"
 
 
