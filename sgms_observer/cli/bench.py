@@ -218,7 +218,7 @@ def _live(args: argparse.Namespace, result: dict[str, Any], folder: Path) -> Non
     if importlib.util.find_spec("rclpy") is None:
         print("rclpy is not installed, so there is no live run: pip install 'sgms_observer[ros]'", file=sys.stderr)
         return
-    from sgms_observer.bench.live import RATES, time_live
+    from sgms_observer.bench.live_run import RATES, time_live
 
     runs = [time_live(folder, args.live_seconds, args.publish_every, rate) for rate in RATES]
     result["live"] = {**runs[-1], "rates": runs[:-1]}

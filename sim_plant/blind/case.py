@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.bags.writer import BagWriter
 from sim_plant.blind import menu, sizing
-from sim_plant.blind.hidden import Hidden, Kind, Maker
+from sim_plant.blind.hidden_effect import Hidden, Kind, Maker
 from sim_plant.blind.motion import HELD_OUT, PERIOD, Motion, held_out_motion, rich_motion
 from sim_plant.blind.owner import NominalModel, nominal_model, write_owner_file
 from sim_plant.blind.recording import Track, coloured_noise, record

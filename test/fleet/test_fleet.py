@@ -17,8 +17,8 @@ from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main
 from sgms_observer.errors import ConfigurationError, DataError
 from sgms_observer.fleet import run
+from sgms_observer.fleet.job_processes import run_jobs
 from sgms_observer.fleet.jobs import Outcome, ReplayJob, job_names, run_job
-from sgms_observer.fleet.run import run_jobs
 from sgms_observer.fleet.summary import write_summary
 
 YAML = """/**:
