@@ -35,7 +35,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from excitation_recipe import build_recipe
 from identification import START, compare, random_table, record, truth
 
-from sgms_observer.diagnosis.fit import judged_with, kept, refit
+from sgms_observer.diagnosis.fit import data_with_own_noise, fixed_parameters, refit
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.excitation.limits import ExcitationLimits
@@ -107,10 +107,10 @@ def evidence(acting: EffectSettings, rival: EffectSettings, position: Floats) ->
     recordings = followed_by(stage, position, 77)
     motions = [motion_of(one) for one in recordings]
     nominal = Model.of(owner)
-    judged = judged_with(motions, Model.of(stage))
+    judged = data_with_own_noise(motions, Model.of(stage))
     costs = []
     for item in (acting, rival):
-        found = refit(judged, nominal, TOLERANCE, [item], None, kept([item]), STEPS)
+        found = refit(judged, nominal, TOLERANCE, [item], None, fixed_parameters([item]), STEPS)
         costs.append(2.0 * found.cost)
     return costs[1] - costs[0]
 

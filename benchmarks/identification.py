@@ -155,7 +155,7 @@ def compare(result: Identification, true: Parameters) -> list[dict[str, Any]]:
                 "true": float(target[index]),
                 "error_percent": float(100.0 * (estimate[index] - target[index]) / scale),
                 "half_width_percent": float(100.0 * sure.half_width[index] / scale),
-                "shown": bool(sure.is_shown[index]),
+                "shown": bool(sure.is_identifiable[index]),
             }
         )
     total, true_total = float(result.parameters.level.sum()), float(true.level.sum())

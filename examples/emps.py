@@ -28,7 +28,7 @@ from sgms_observer.bags.estimate_topics import write_estimates
 from sgms_observer.bags.reader import read_joint_states, read_samples
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main as sgms
-from sgms_observer.diagnosis.homing import moved, pitch_of, place_of
+from sgms_observer.diagnosis.homing import pitch_of, position_offset, with_position_offset
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.errors import SgmsError
@@ -215,9 +215,9 @@ def homed(given: Model, augmented: Model, motion: Motion) -> str:
         augmented: model with its ripple.
         motion: of the record.
     """
-    place = place_of(augmented, motion, FIRST_STROKE)
+    place = position_offset(augmented, motion, FIRST_STROKE)
     plain = replace(augmented, effects=tuple(item for item in augmented.effects if pitch_of([item]) is None))
-    there = predict(augmented, moved(motion, place)).residual
+    there = predict(augmented, with_position_offset(motion, place)).residual
     whole = np.where(motion.time < FIRST_STROKE, predict(plain, motion).residual, there)
     rest = slice(round(FIRST_STROKE / PERIOD / DECIMATION), None)
     as_given, as_is = (predict(model, motion).residual for model in (given, augmented))

@@ -11,13 +11,13 @@ from threadpoolctl import threadpool_limits
 
 from sgms_observer.application.predicted_tracking import predict_tracking
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.closing import Closing, can_look_ahead, closing
+from sgms_observer.diagnosis.compensation_check import CompensationCheck, can_look_ahead, check_compensation
 from sgms_observer.diagnosis.criteria import Test, at_most
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
 from sgms_observer.diagnosis.result import write_augmented, write_result
-from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.traces import traces_of
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.diagnosis.workflow import diagnose
@@ -68,7 +68,7 @@ class DiagnoseResult:
     """The answer, what observer and compensation make of it before and after, notes on the recordings, and units."""
 
     answer: Answer
-    closings: tuple[Closing, ...]
+    checks: tuple[CompensationCheck, ...]
     tracking: PredictedTracking | None
     notes: tuple[str, ...]
     units: Units
@@ -104,20 +104,20 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
     options = Options(request.tolerance, request.seed, request.workers, band.corner)
     with threadpool_limits(limits=1):  # threads of our own; those of the libraries would only wait for each other
         folder = Path(request.out)
-        step = _ClosingStep((judge or learn)[0], settings, axis, folder, options)
+        step = _CompensationStep((judge or learn)[0], settings, axis, folder, options)
         answer, written, after = _diagnosed(learn, judge, step, show)
-        closings = (step.before, after)
+        checks = (step.before, after)
         tracking = predict_tracking(step.record, axis, written, band.corner)
-    write_result(answer, closings, tracking, axis.units, folder)
+    write_result(answer, checks, tracking, axis.units, folder)
     traces = traces_of(answer)
     write_residual_log(traces, axis.name, folder)
     run = Run(axis, options, [*request.bags, *request.holdout], notes)
-    write_page(diagnosis_page(answer, traces, closings, tracking, run), folder)
-    return DiagnoseResult(answer, closings, tracking, tuple(notes), axis.units)
+    write_page(diagnosis_page(answer, traces, checks, tracking, run), folder)
+    return DiagnoseResult(answer, checks, tracking, tuple(notes), axis.units)
 
 
 @dataclass(frozen=True)
-class _ClosingStep:
+class _CompensationStep:
     """What the feedforward of a model leaves, over one recording.
 
     Attributes:
@@ -135,26 +135,26 @@ class _ClosingStep:
     options: Options
 
     @cached_property
-    def before(self) -> Closing:
+    def before(self) -> CompensationCheck:
         """Return what observer and compensation make of the given model."""
         return self.of(self.axis)
 
-    def of(self, axis: AxisSettings) -> Closing:
+    def of(self, axis: AxisSettings) -> CompensationCheck:
         """Return what observer and compensation make of a model."""
-        return closing(self.record, axis, self.options.band, self.options.criteria.block)
+        return check_compensation(self.record, axis, self.options.band, self.options.criteria.block)
 
     def written(self, answer: Answer) -> AxisSettings:
         """Write an answer into the augmented file and return the axis as it is read from there."""
         write_augmented(answer, self.settings, self.axis.name, self.folder)
         return next(one for one in load_settings(self.folder / FILES[1]).axes if one.name == self.axis.name)
 
-    def growth(self, of: str, later: Closing, earlier: Closing) -> Test:
+    def growth(self, of: str, later: CompensationCheck, earlier: CompensationCheck) -> Test:
         """Return the test that the feedforward of the later model leaves no more than that of the earlier one."""
         z_score = improvement(later.blocks, earlier.blocks).z_score
         most = self.options.criteria.min_z_score
         return at_most(of, "friction not cancelled by the feedforward: z-score of its growth", z_score, most)
 
-    def worst(self, written: AxisSettings, later: Closing, answer: Answer) -> Test | None:
+    def worst(self, written: AxisSettings, later: CompensationCheck, answer: Answer) -> Test | None:
         """Return the failed test of the named effect whose feedforward does most harm, or None."""
         tests = []
         for name in (item.settings.name for item in answer.effects):
@@ -164,8 +164,8 @@ class _ClosingStep:
 
 
 def _diagnosed(
-    learn: Sequence[Recording], judge: Sequence[Recording], step: _ClosingStep, show: Callable[[float], None]
-) -> tuple[Answer, AxisSettings, Closing]:
+    learn: Sequence[Recording], judge: Sequence[Recording], step: _CompensationStep, show: Callable[[float], None]
+) -> tuple[Answer, AxisSettings, CompensationCheck]:
     """Return an answer whose feedforward leaves no more than that of the given file; the axis with it; what it leaves.
 
     An effect whose feedforward does harm is not tried again; where no effect is at fault, neither are changes of the

@@ -218,9 +218,7 @@ def _identified(
     return IdentifiedAxis(axis.name, answer, unexplained, held_out, cutoff, notes, traces, is_converged)
 
 
-def _least_squares(
-    pieces: Recordings, unseen: Recordings, axis: AxisSettings, cutoff: float
-) -> tuple[Answer, Traces]:
+def _least_squares(pieces: Recordings, unseen: Recordings, axis: AxisSettings, cutoff: float) -> tuple[Answer, Traces]:
     """Fit the inverse dynamic model; a reversed effort is turned round and told."""
     fit = fit_inverse_model(pieces, cutoff=cutoff, is_revolute=axis.units.is_revolute)
     opposed = is_reversed(fit)
@@ -260,4 +258,4 @@ def _write_report(settings: Settings, job: IdentifyJob, path: Path, found: Seque
 
 def _row_json(row: Row) -> dict[str, Any]:
     """Return one parameter as ``--json`` prints it."""
-    return {"value": row.value, "half_width": row.half_width, "unit": row.unit, "shown": row.is_shown}
+    return {"value": row.value, "half_width": row.half_width, "unit": row.unit, "shown": row.is_identifiable}

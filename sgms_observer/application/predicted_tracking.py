@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from sgms_observer.diagnosis.closing import SKIPPED
-from sgms_observer.diagnosis.motion import EDGE, HELD, motion_of
+from sgms_observer.diagnosis.compensation_check import SKIPPED
+from sgms_observer.diagnosis.motion import EDGE_TIME, HELD_LAG, motion_of
 from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.offline.recording import Recording
@@ -52,7 +52,7 @@ def predict_tracking(
     followed = through_points(
         times, path, "cubic", velocity=moves.velocity, acceleration=moves.acceleration, jerk=moves.jerk
     )
-    counted = slice(round(SKIPPED / part.period), count - round(EDGE / part.period))
+    counted = slice(round(SKIPPED / part.period), count - round(EDGE_TIME / part.period))
     plain = SimulatedStage(truth, part.period, reference=followed).step(count)
     runs = [plain]
     if not np.all(np.isfinite(plain.position)):
@@ -75,7 +75,7 @@ def predict_tracking(
 
 def _smooth(record: Recording, band: float) -> Floats:
     """Return the measured motion without its noise [m]."""
-    return np.asarray(signal.sosfiltfilt(motion_of(record, HELD, band).smoothing, record.position))
+    return np.asarray(signal.sosfiltfilt(motion_of(record, HELD_LAG, band).smoothing, record.position))
 
 
 def _truth(record: Recording, given: AxisSettings, augmented: AxisSettings) -> AxisSettings:

@@ -12,7 +12,7 @@ from sgms_observer.estimators.descent import IMPROVED
 from sgms_observer.estimators.memory import COUNT, TOLERANCE, views
 from sgms_observer.estimators.reference import WindowProgramme
 
-_MOST_ITERATIONS = 60
+_MAX_ITERATIONS = 60
 _CONVERGED = 1e-9  # as the estimator's own converge mode
 
 
@@ -53,7 +53,7 @@ def converged(flat: Floats) -> Floats:
     """
     copy = flat.copy()
     copy[TOLERANCE] = _CONVERGED
-    for _ in range(_MOST_ITERATIONS):
+    for _ in range(_MAX_ITERATIONS):
         if stages.improve(copy) != IMPROVED:
             break
     return copy

@@ -14,7 +14,7 @@ from sgms_observer.bench.programme import StepFormulas
 from sgms_observer.estimators.estimator import Estimator
 from sgms_observer.estimators.layout import NU
 
-_MOST_ITERATIONS = 300  # of ipopt; now and then a window takes all of the default 3000, seconds long
+_MAX_ITERATIONS = 300  # of ipopt; now and then a window takes all of the default 3000, seconds long
 
 
 def time_do_mpc(problem: Problem, estimator: Estimator) -> tuple[list[float], list[float]]:
@@ -55,7 +55,7 @@ def _make(do_mpc: Any, problem: Problem, estimator: Estimator) -> Any:
     mhe.settings.t_step = PER_INTERVAL * PERIOD
     mhe.settings.meas_from_data = True
     mhe.settings.supress_ipopt_output()
-    mhe.settings.nlpsol_opts["ipopt.max_iter"] = _MOST_ITERATIONS
+    mhe.settings.nlpsol_opts["ipopt.max_iter"] = _MAX_ITERATIONS
     initial = estimator.initial / np.append(unit, 1.0) ** 2
     mhe.set_default_objective(
         P_x=np.diag(1.0 / initial[:-1]),

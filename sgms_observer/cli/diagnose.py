@@ -115,11 +115,12 @@ def run(args: argparse.Namespace) -> int | Outcome:
         f"gap on {gap.held_out} data below {gap.band:.4g} Hz, in % of the rms effort: {gap.given:.3g} with the file as"
         f" given, {gap.before:.3g} refitted, {gap.after:.3g} with what was found ({gap.floor:.3g} is not predictable)"
     )
-    print(f"observer innovation: {done.closings[0].innovation:.4g} -> {done.closings[1].innovation:.4g} {unit} rms")
-    before, after = done.closings
+    print(f"observer innovation: {done.checks[0].innovation:.4g} -> {done.checks[1].innovation:.4g} {unit} rms")
+    before, after = done.checks
     print(
-        f"friction not cancelled by the feedforward: {before.compensation:.4g} -> {after.compensation:.4g} {unit} rms"
-        f" along {after.along} (while it moves, {100.0 * after.share:.0f} % of the time)"
+        f"friction not cancelled by the feedforward: {before.friction_not_cancelled:.4g} ->"
+        f" {after.friction_not_cancelled:.4g} {unit} rms along {after.along}"
+        f" (while it moves, {100.0 * after.share:.0f} % of the time)"
     )
     for line in _tracking(done):
         print(line)

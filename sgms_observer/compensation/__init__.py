@@ -1,1 +1,1 @@
-"""Block F: the friction of the motion to come as a feedforward, and the last stage that keeps it safe."""
+"""Block F: feedforward of the friction of the future motion, and the output stage that limits it."""

@@ -1,11 +1,11 @@
-"""Feedforward of the friction of the motion to come.
+"""Feedforward of the friction of the future motion.
 
-Where a reference is published, the element states are carried along the reference, not along the measurement: the
-measured position would feed the presliding springs back with the delay of filter and actuator, which rings. They
-start from the observer's states, use the observer's estimated parameters, and look ahead over the delay from
-measurement to actuation. The force, with the mass's own that the controller commands, is then turned into the command
-that lets it arrive: dead zone, gain and limit of the actuator. Without a reference the observer's states are carried
-along the estimated velocity.
+If a reference is published, the element states are simulated along the reference, not along the measurement. Feedback
+of the measured position over the presliding stiffness, with the delay of filter and actuator, would oscillate. The
+simulation starts from the states of the observer, uses its estimated parameters, and looks ahead over the delay from
+measurement to actuation. The friction plus the inertial force that the controller commands is then converted to the
+command of the actuator: dead zone, gain and limit are inverted. Without a reference, the states of the observer are
+simulated along the estimated velocity.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ _RESTART = (Status.STARTING, Status.RESTARTED_AFTER_GAP, Status.RESTARTED_AFTER_
 
 @dataclass(frozen=True)
 class Preview:
-    """What one block of samples offers the compensation; row i belongs to sample i.
+    """Input of the compensation for one block of samples; row i belongs to sample i.
 
     Attributes:
         period: time since the previous sample [s], shape (n,).
@@ -71,8 +71,7 @@ class Preview:
         friction_std: standard deviation of the friction estimate [N], shape (n,).
         reference_position: set-point [m], NaN where there is none, shape (n,).
         reference_velocity: its velocity [m/s], NaN where there is none, shape (n,).
-        effects_force: force that the effects of the YAML will take from the actuator where the look-ahead ends [N],
-            shape (n,).
+        effects_force: force of the effects of the YAML at the end of the look-ahead [N], shape (n,).
         effects_factor: their factor on the Stribeck level there [-], shape (n,).
         status: ``Status`` codes, shape (n,).
     """
@@ -96,8 +95,8 @@ class Compensator:
         settings: checked settings.
         model: nominal friction model with mass and offset.
         parameters: which parameters the observer estimates.
-        effects: of the axis, or None; their path of the effort is inverted, their delay adds to the look-ahead.
-        standstill: estimated speed that noise alone reaches hardly ever [m/s]; ``standstill_velocity`` overrides it.
+        effects: effects of the axis, or None. Their effort path is inverted, their delay adds to the look-ahead.
+        standstill: estimated speed that noise alone rarely exceeds [m/s]; ``standstill_velocity`` overrides it.
     """
 
     def __init__(
@@ -139,7 +138,7 @@ class Compensator:
         self.configure(settings)
 
     def configure(self, settings: CompensationSettings) -> None:
-        """Take other settings from the next sample on; the output moves there within the slew limit.
+        """Use other settings from the next sample on; the output changes within the slew limit.
 
         Args:
             settings: checked settings.
@@ -156,25 +155,25 @@ class Compensator:
             settings.timeout,
         )
         time, standstill, at_rest = self._state[[LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL]].tolist()
-        self._reach: tuple[float, float, float] = time, standstill, at_rest
+        self._look_ahead_settings: tuple[float, float, float] = time, standstill, at_rest
 
     @property
     def path(self) -> ActuatorPath:
-        """Return what lies between command and force."""
+        """Return the path from command to force."""
         return self._path
 
     @property
     def state(self) -> Floats:
-        """Return a copy of what evolves, the settings, and what each status means, as the kernel takes them."""
+        """Return a copy of the array of the kernel: state, settings and class of each status."""
         return self._state.copy()
 
     @property
     def output(self) -> float:
-        """Return the latest force [N], from which the slew limit counts."""
+        """Return the latest output [N], the start of the slew limit."""
         return float(self._state[OUTPUT])
 
     def continue_from(self, output: float) -> None:
-        """Go on from another output, the one that really went out; trust has to be regained.
+        """Continue from another output, the one that was actually applied; trust starts again at zero.
 
         Args:
             output: the force [N].
@@ -183,7 +182,7 @@ class Compensator:
         self._state[TRUST] = 0.0
 
     def reset(self) -> None:
-        """Forget everything but the last output, from which the slew limit counts."""
+        """Forget everything except the last output, the start of the slew limit."""
         output = self._state[OUTPUT]
         self._state[:STATE_SIZE] = 0.0
         self._state[OUTPUT] = output
@@ -195,7 +194,7 @@ class Compensator:
         """Return the compensation of each sample of a block [N], shape (n,).
 
         Args:
-            block: what the samples offer.
+            block: input of the samples.
         """
         count, n_z = block.element_force.shape
         n_p = block.parameters.shape[1]
@@ -214,7 +213,7 @@ class Compensator:
         return float(self._state[LOOK_AHEAD])
 
     def look_ahead(self, motion: Floats, reference_position: Floats, reference_velocity: Floats) -> Floats:
-        """Return where the axis is meant to be when the compensation of each sample acts; once for each block.
+        """Return the set-point at the time when the compensation of each sample acts. Call it once per block.
 
         Args:
             motion: ``Motion.table`` [SI units], shape (n, width).
@@ -225,12 +224,14 @@ class Compensator:
             Columns as named in ``motion_ahead`` [SI units], shape (n, AHEAD_WIDTH).
         """
         ahead = np.empty((len(motion), AHEAD_WIDTH))
-        look_ahead_block(self._memory, *self._reach, motion, reference_position, reference_velocity, ahead)
+        look_ahead_block(
+            self._memory, *self._look_ahead_settings, motion, reference_position, reference_velocity, ahead
+        )
         return ahead
 
     @property
     def set_point(self) -> float:
-        """Return the set-point that came with the latest sample [m]; NaN where there was none."""
+        """Return the set-point of the latest sample [m]; NaN if there was none."""
         return float(self._memory[LAST_POSITION]) if self._state[IS_ALIGNED] > 0.5 else math.nan
 
     def horizon(

@@ -1,4 +1,4 @@
-"""The feedforward sample by sample: state, settings and tables in, force out."""
+"""Kernel of the feedforward: state, settings and tables in, force out, sample by sample."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _CLEARLY_MOVING = 10.0
 
 
 class ActuatorPath(NamedTuple):
-    """What lies between the command and the force, and the masses along a reference.
+    """Path from the command to the force, and the masses for the inertial force along a reference.
 
     Attributes:
         kinds, p_at, parameters: effects as ``needed_command`` takes them; no kinds where the path changes no force.
@@ -182,7 +182,7 @@ def compensate_block(
     effects_factor: Floats,
     out: Floats,
 ) -> None:
-    """Call ``compensate`` from Python with nothing but arrays: to see a named tuple's type takes numba 2 us a call."""
+    """Call ``compensate`` with arrays only: numba needs 2 us per call for the type of a named tuple."""
     path = ActuatorPath(
         path_kinds, path_p_at, path_parameters, path_numbers[0], path_numbers[1], path_numbers[2]
     )

@@ -1,7 +1,6 @@
-"""The compensation of the next tenths of a second, along a reference that is known ahead.
+"""Compensation horizon: the compensation of the next tenths of a second, along a reference that is known ahead.
 
-Whoever applies it takes the value at its own time, so a message that comes late changes nothing while the one before it
-still reaches.
+The receiver uses the value at its own time. A late message has no effect while the message before covers that time.
 """
 
 from __future__ import annotations
@@ -29,9 +28,9 @@ from sgms_observer.jit import njit
 if TYPE_CHECKING:
     from sgms_observer.compensation.feedforward_kernel import ActuatorPath
 
-SHORTEST_STEP = 1.0e-3
-"""Time between two points [s], or the sample period where that is longer. Between reversal and sliding the friction of
-a stage takes several of these."""
+MIN_STEP = 1.0e-3
+"""Time between two points [s]; the sample period if that is longer. The transition of friction after a reversal takes
+several points."""
 
 # rows of what the kernel needs beside the motion
 START, END, TRUST, TRUST_RATE, SHARE, STANDSTILL, RAW, LIMIT, SLEW, FADE, HORIZON_SIZE = range(11)
@@ -53,7 +52,7 @@ class KnownMotion:
 
     @classmethod
     def of(cls, time_ns: NDArray[np.int64], position: Floats, velocity: Floats | None = None) -> KnownMotion | None:
-        """Return the motion through points from outside; None where they are no motion.
+        """Return the motion through received points; None if they are not a valid motion.
 
         Args:
             time_ns: as the attribute; points that do not increase are left out.
@@ -103,7 +102,7 @@ class KnownMotion:
 
 @dataclass(frozen=True)
 class Horizon:
-    """The compensation of the time to come.
+    """The future compensation.
 
     Attributes:
         time_ns: when each value is to act [ns], increasing, shape (n,).
@@ -114,17 +113,17 @@ class Horizon:
     effort: Floats
 
 
-def grid_of(look_ahead: float, reach: float, sample_period: float) -> tuple[Floats, int]:
-    """Return the times of the legs after the latest sample [s], and which of them is the horizon's first.
+def grid_of(look_ahead: float, duration: float, sample_period: float) -> tuple[Floats, int]:
+    """Return the times of the points after the latest sample [s], and the number of the first point of the horizon.
 
     Args:
         look_ahead: from the sample to the horizon's first point [s].
-        reach: from the sample to the horizon's last point [s].
+        duration: time from the sample to the last point of the horizon [s].
         sample_period: nominal time between two samples [s].
     """
-    step = max(SHORTEST_STEP, sample_period)
+    step = max(MIN_STEP, sample_period)
     before = math.ceil(look_ahead / step)
-    inside = max(1, math.floor((reach - look_ahead) / step + 1e-9))
+    inside = max(1, math.floor((duration - look_ahead) / step + 1e-9))
     way = look_ahead * np.arange(before) / max(before, 1)
     return np.concatenate([way, look_ahead + step * np.arange(inside + 1)]), before
 
@@ -146,7 +145,7 @@ def horizon_block(
     effects_factor: Floats,
     out: Floats,
 ) -> None:
-    """Carry the elements along a motion and write the compensation at each of its points from ``first`` on.
+    """Simulate the elements along a motion and write the compensation at each point from ``first`` on.
 
     Args:
         carried: element forces at the latest sample [N], not changed, shape (n_z,).

@@ -1,9 +1,9 @@
-"""Where the axis is meant to be when a compensation acts: the set-point carried on by its acceleration and jerk.
+"""Look-ahead: extrapolation of the set-point by its acceleration and jerk to the time when a compensation acts.
 
-Acceleration and jerk are differences of the latest set-points, and count only where successive differences agree: of
-two the smaller one, and none where their signs differ or one is far larger. A smooth reference is followed exactly; the
-corner of a piecewise linear one, a step, or the noise of a set-point that was measured is not carried on. The same
-holds for a velocity that is a difference of set-points: steps of their rounding are travel, but no velocity.
+Acceleration and jerk are differences of the latest set-points. They are used only if successive differences agree: the
+smaller of two counts, and zero if their signs differ or one is far larger. A smooth reference is followed exactly. The
+corner of a piecewise linear reference, a step, and the noise of a measured set-point are not extrapolated. The same
+holds for a velocity that is a difference of set-points: steps from rounding count as travel, not as velocity.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def agreed(first: float, second: float) -> float:
 
 @njit
 def _usable(value: float, instead: float) -> float:
-    """Return a number that later sums can bear."""
+    """Return a number limited in magnitude, so that later sums stay finite."""
     return value if abs(value) < _ABSURD else instead
 
 

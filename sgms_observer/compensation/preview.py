@@ -1,4 +1,4 @@
-"""Compiled steps of the element forces along a motion that is meant to happen.
+"""Compiled steps of the element forces along a future motion.
 
 The model lies in the estimators' flat arrays (``estimators/layout.py``): ``scalars`` and the rows of ``elements``.
 """
@@ -119,7 +119,7 @@ def preview_elements(
 ) -> float:
     """Move the elements through the next ``look_ahead`` seconds at constant jerk, in place.
 
-    Between two reversals the travel is made in one leg.
+    The travel between two reversals is one step.
 
     Args:
         forces: element forces [N], changed in place.

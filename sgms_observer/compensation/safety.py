@@ -1,7 +1,7 @@
-"""The last stage before a compensation leaves: finite, bounded, and never faster than allowed.
+"""Output stage of the compensation: the output is finite, bounded and limited in its rate of change.
 
-Nothing upstream is trusted here. Whatever comes in, the output's magnitude stays within the limit and its change
-within the slew limit times the elapsed time; an input that is not a number counts as zero.
+The stage does not rely on its input. For any input, the magnitude of the output stays within the limit and its change
+within the slew limit times the elapsed time. An input that is not a number counts as zero.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from sgms_observer.settings.observer import CompensationSettings
 
 @njit
 def safe_output(previous: float, target: float, period: float, limit: float, slew_limit: float) -> float:
-    """Return the output that comes as near to ``target`` as is safe.
+    """Return the safe output nearest to ``target``.
 
     Args:
         previous: last output [N].
@@ -31,20 +31,20 @@ def safe_output(previous: float, target: float, period: float, limit: float, sle
     if math.isinf(bound):
         bound = 1.0e300
     start = previous if math.isfinite(previous) else 0.0
-    wish = target if math.isfinite(target) else 0.0
-    reach = slew_limit * period if period > 0.0 and slew_limit > 0.0 else 0.0
-    if math.isnan(reach):
-        reach = 0.0
-    change = wish - start
-    if change > reach:
-        change = reach
-    elif change < -reach:
-        change = -reach
+    finite_target = target if math.isfinite(target) else 0.0
+    max_change = slew_limit * period if period > 0.0 and slew_limit > 0.0 else 0.0
+    if math.isnan(max_change):
+        max_change = 0.0
+    change = finite_target - start
+    if change > max_change:
+        change = max_change
+    elif change < -max_change:
+        change = -max_change
     return min(max(start + change, -bound), bound)
 
 
 class SafetyStage:
-    """The same guard for a shell that publishes by the clock: silence and switching off both end at zero.
+    """Output stage for a caller that publishes periodically: the output goes to zero without input or if disabled.
 
     Args:
         settings: limit, slew limit and timeout.

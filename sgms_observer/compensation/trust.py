@@ -1,4 +1,4 @@
-"""How far data and motion are believed: what grows with good samples and shrinks without."""
+"""Trust in data and motion: factors that increase with good samples and decrease without."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from sgms_observer.jit import njit
 from sgms_observer.settings.observer import FilterSettings
 
 MIN_Z_SCORE = 3.0
-"""Standard deviations from zero at which the sign of an estimate counts as known."""
+"""Smallest z-score at which the sign of an estimate counts as known."""
 _FADE_START = 0.5  # share of fade_std up to which nothing is faded
 
 
 @njit
 def next_trust(trust: float, verdict: float, period: float, timeout: float) -> float:
-    """Return how far the data are trusted: full after ``timeout`` of good samples, none after as long without."""
+    """Return the trust in the data: 1 after ``timeout`` of good samples, 0 after ``timeout`` without."""
     if verdict == 2 or not period > 0.0:
         return 0.0
     change = period / timeout
@@ -24,7 +24,7 @@ def next_trust(trust: float, verdict: float, period: float, timeout: float) -> f
 
 @njit
 def next_steady(steady: float, velocity: float, period: float, standstill: float) -> float:
-    """Return for how long the velocity has kept its sign [s], with that sign."""
+    """Return the time since the last change of the sign of the velocity [s], with that sign."""
     if not (abs(velocity) > standstill and period > 0.0):
         return 0.0
     direction = math.copysign(1.0, velocity)
@@ -33,13 +33,13 @@ def next_steady(steady: float, velocity: float, period: float, standstill: float
 
 @njit
 def contradicts(friction: float, friction_std: float, held: float) -> bool:
-    """Return whether the estimated friction [N] is surely of the other sign than a force that is held [N]."""
+    """Return whether the estimated friction [N] significantly has the other sign than the held force [N]."""
     return friction * held < 0.0 and abs(friction) > MIN_Z_SCORE * friction_std
 
 
 @njit
 def fade(friction_std: float, fade_std: float) -> float:
-    """Return the share left at this uncertainty: 1 up to half of ``fade_std``, 0 from ``fade_std`` on."""
+    """Return the factor for this uncertainty: 1 up to half of ``fade_std``, 0 from ``fade_std`` on."""
     if not friction_std < fade_std:
         return 0.0
     return min(1.0, (1.0 - friction_std / fade_std) / (1.0 - _FADE_START))

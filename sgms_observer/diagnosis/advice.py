@@ -1,4 +1,4 @@
-"""What a diagnosis advises: the smallest effects these recordings would have shown, and what to record next."""
+"""The smallest detectable size of each effect, and the next experiment."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 from sgms_observer.diagnosis.gap import residuals, rms
 from sgms_observer.diagnosis.locate import Located
-from sgms_observer.diagnosis.state import Diagnosis, Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.units import Units
 
 PEAK_OVER_RMS = 2.5
-"""Peak over rms of a force that acts now and then."""
+"""Peak over rms of a force that acts only in short intervals."""
 
 
 @dataclass(frozen=True)
 class Named:
-    """One effect of the answer.
+    """One named effect.
 
     Attributes:
-        settings: with its parameters.
-        std_error: of each parameter.
-        confidence: that it is this one and no alternative.
-        alternatives: names the recordings cannot tell from it.
-        gap_before, gap_after: before and after it was added [%].
+        settings: the effect with its parameters.
+        std_error: standard error of each parameter.
+        confidence: probability that it is this effect and no alternative.
+        alternatives: effects that the recordings do not distinguish from it.
+        gap_before, gap_after: gap without and with it [%].
     """
 
     settings: EffectSettings
@@ -37,52 +37,59 @@ class Named:
     gap_after: float
 
 
-def detectable(found: Diagnosis, axis: AxisSettings, options: Options) -> dict[str, float]:
-    """Return the smallest size of each effect that these recordings would have shown.
+def detectable(diagnosis: Diagnosis, axis: AxisSettings, options: Options) -> dict[str, float]:
+    """Return the smallest size of each effect that these recordings would show.
 
     Sizes are peaks (2.5 times rms) as a share of the Coulomb force; for ``mass_error`` and ``actuator_gain`` a share of
-    mass and gain. What the nominal parameters can take of an effect is not seen.
+    mass and gain. The part of an effect that the nominal parameters absorb is not detectable.
 
     Args:
-        found: the diagnosis.
-        axis: settings as they are given.
-        options: as it was run.
+        diagnosis: the diagnosis.
+        axis: the given settings.
+        options: options of the diagnosis.
     """
     sizes = {"mass_error": options.tolerance, "actuator_gain": options.tolerance}
-    if not found.rounds:
+    if not diagnosis.rounds:
         return sizes
-    count = len(found.state.current.residual)
-    left = rms(residuals(found.state.current.model, found.state.learn)) / axis.friction.coulomb_force
-    for name, look in found.rounds[0].looks.items():
-        if name in sizes or look.trials == 0:
+    count = len(diagnosis.final_state.current.residual)
+    left = (
+        rms(residuals(diagnosis.final_state.current.model, diagnosis.final_state.fit_motions))
+        / axis.friction.coulomb_force
+    )
+    for name, screening in diagnosis.rounds[0].screenings.items():
+        if name in sizes or screening.trials == 0:
             continue
-        needed = options.criteria.z_score_of(look.trials) ** 2
-        sizes[name] = float(min(9.99, PEAK_OVER_RMS * left * math.sqrt(needed / count) / max(look.kept, 1e-3)))
+        needed = options.criteria.z_score_of(screening.trials) ** 2
+        sizes[name] = float(
+            min(9.99, PEAK_OVER_RMS * left * math.sqrt(needed / count) / max(screening.independent_share, 1e-3))
+        )
     return dict(sorted(sizes.items()))
 
 
 def next_experiment(
-    verdict: str, named: Sequence[Named], told: Sequence[Located], found: Diagnosis, units: Units
+    verdict: str, named: Sequence[Named], located: Sequence[Located], diagnosis: Diagnosis, units: Units
 ) -> str | None:
     """Return one sentence on what to record next, or None."""
     if verdict == "cannot_tell":
-        said = found.warnings[0] if found.is_poor else "identify the axis first, or record more motion"
-        return said[0].upper() + said[1:] + "."
+        sentence = diagnosis.warnings[0] if diagnosis.is_poor else "identify the axis first, or record more motion"
+        return sentence[0].upper() + sentence[1:] + "."
     if verdict == "ambiguous":
         for item in named:
             if item.alternatives:
                 names = ", ".join(item.alternatives)
                 return f"To tell {item.settings.name} from {names}, record: {effect(item.settings.name).excitation}."
-    if verdict == "unknown_effect" and told:
-        where = told[0]
+    if verdict == "unknown_effect" and located:
+        where = located[0]
         return (
             f"Record slow repeated motion that stays at {where.coordinate} {where.low:.3g} to {where.high:.3g}"
             f" {units.of(where.unit)}, and the same motion again after changing one thing at a time (load, temperature,"
             " cables)."
         )
-    if verdict == "no_effect" and found.rounds:
-        looks = {name: look for name, look in found.rounds[0].looks.items() if look.trials > 0}
-        weakest = min(looks, key=lambda name: looks[name].kept, default=None)
+    if verdict == "no_effect" and diagnosis.rounds:
+        screenings = {
+            name: screening for name, screening in diagnosis.rounds[0].screenings.items() if screening.trials > 0
+        }
+        weakest = min(screenings, key=lambda name: screenings[name].independent_share, default=None)
         if weakest is not None:
             return f"Least visible here is {weakest}; to see less of it, record: {effect(weakest).excitation}."
     return None

@@ -1,4 +1,4 @@
-"""Audit of the data before anything is fitted: what they can answer, and what can be read off them directly."""
+"""Checks of the recordings before any fit: excitation, encoder resolution, sign of the effort."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.settings.axis import AxisSettings
 
-COARSER = 1.5
-"""A grid this many times the configured resolution is a discrepancy."""
-MIN_TRAVEL_OVER_REACH = 50.0
-"""Least travel over the contact's largest slip deflection: below it the contact hardly slides."""
+MIN_GRID_RATIO = 1.5
+"""Smallest ratio of measured encoder step to configured resolution that is reported as a discrepancy."""
+MIN_TRAVEL_OVER_SLIP_DEFLECTION = 50.0
+"""Smallest ratio of travel to the largest slip deflection. Below it the contact hardly slides."""
 MIN_GRID_STEPS = 50
-"""Least range of the position in steps of the encoder's grid: below it the encoder is too coarse for the motion."""
+"""Smallest range of the position in encoder steps. Below it the encoder is too coarse for the motion."""
 MIN_REVERSALS = 2
-"""Least number of reversals: with fewer, friction and offset cannot be told apart."""
-MOVING = 0.05
-"""Slower than this share of the fast speed (99 %) the stage does not count as moving."""
+"""Smallest number of reversals. With fewer, friction and offset cannot be distinguished."""
+MOVING_SPEED_SHARE = 0.05
+"""The stage counts as moving above this share of the 99 % quantile of the speed."""
 WIDE_ANGLE = 0.5
-"""Range of the position from which a sine of it differs from a line [rad]."""
+"""Range of the position above which gravity is not linear in it [rad]."""
 REVERSED_Z = 6.0
-"""Standard errors by which friction has to be negative for the sign of the effort to be called reversed."""
+"""Standard errors by which the fitted friction must be negative for a reversed sign of the effort."""
 
 
 @dataclass(frozen=True)
 class Audit:
-    """What the recordings can answer.
+    """Result of the checks.
 
     Attributes:
         notes: sentences about the recordings.
-        warnings: sentences that must not be overlooked.
-        is_poor: whether their excitation is too poor to tell anything.
-        resolution: coarser encoder step than the settings say [its unit], or None.
+        warnings: sentences for the user.
+        is_poor: whether the excitation is too poor for any result.
+        resolution: measured encoder step if it is coarser than the configured one [its unit], or None.
     """
 
     notes: tuple[str, ...]
@@ -46,7 +46,7 @@ class Audit:
 
 
 def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
-    """Audit recordings.
+    """Check recordings.
 
     Args:
         motions: recordings to learn from.
@@ -54,7 +54,7 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
     """
     units = axis.units
     friction = Model.of(axis).friction
-    reach = max(
+    slip_deflection = max(
         share * friction.static_force / kappa
         for share, kappa in zip(friction.element_fraction, friction.element_stiffness, strict=True)
     )
@@ -69,7 +69,7 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
     position = np.concatenate([motion.position for motion in motions])
     grid_step = max(motion.resolution for motion in motions)
     poor = []
-    if sliding < MIN_TRAVEL_OVER_REACH * reach:
+    if sliding < MIN_TRAVEL_OVER_SLIP_DEFLECTION * slip_deflection:
         poor.append("the axis hardly slides: record moves over the stroke in both directions")
     if reversals < MIN_REVERSALS:
         poor.append("the axis hardly reverses: record moves in both directions, at least ten reversals")
@@ -87,7 +87,7 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
         notes.append(f"only {reversals} reversals: little can be said about presliding and break-away")
     warnings += poor
     configured = axis.stage.encoder.resolution
-    coarser = configured > 0.0 and grid_step > COARSER * configured
+    coarser = configured > 0.0 and grid_step > MIN_GRID_RATIO * configured
     return Audit(tuple(notes), tuple(warnings), bool(poor), grid_step if coarser else None)
 
 
@@ -98,15 +98,15 @@ def travel_of(motion: Motion) -> float:
 
 def reversals_of(motion: Motion) -> int:
     """Return how often a recording reverses between parts that count as moving."""
-    moving = np.abs(motion.velocity) > MOVING * np.quantile(np.abs(motion.velocity), 0.99)
+    moving = np.abs(motion.velocity) > MOVING_SPEED_SHARE * np.quantile(np.abs(motion.velocity), 0.99)
     signs = np.sign(motion.velocity[moving])
     return int(np.sum(signs[1:] != signs[:-1]))
 
 
 def is_reversed(motions: Sequence[Motion]) -> bool:
-    """Return whether the effort surely points against the motion: mass, friction and the work done would be negative.
+    """Return whether the sign of the effort is reversed: fitted mass, fitted friction and work are all negative.
 
-    A machine takes more work than it gives back; only the sign of the effort can turn that round.
+    A machine dissipates energy, so all three are positive with the right sign.
 
     Args:
         motions: recordings.
@@ -114,17 +114,15 @@ def is_reversed(motions: Sequence[Motion]) -> bool:
     columns, target, work = [], [], 0.0
     for motion in motions:
         speed = motion.low_pass(motion.velocity)
-        sign = np.tanh(speed / (MOVING * float(np.quantile(np.abs(speed), 0.99)) + 1e-300))
+        sign = np.tanh(speed / (MOVING_SPEED_SHARE * float(np.quantile(np.abs(speed), 0.99)) + 1e-300))
         work += float(motion.effort @ motion.velocity) * motion.period
-        columns.append(
-            np.column_stack([sign, motion.low_pass(motion.acceleration), *_conservative(motion)])
-        )
+        columns.append(np.column_stack([sign, motion.low_pass(motion.acceleration), *_conservative(motion)]))
         target.append(motion.low_pass(motion.effort))
     rows, effort = np.vstack(columns), np.concatenate(target)
     rows = rows / np.maximum(np.std(rows, axis=0), 1e-12)
     solution = np.linalg.lstsq(rows, effort, rcond=None)[0]
     left = effort - rows @ solution
-    # neighbouring samples are one: as many independent ones as the band lets pass
+    # neighbouring samples are correlated: the band sets the number of independent ones
     share = 2.0 * motions[0].band * motions[0].residual_period
     variance = np.maximum(np.diag(np.linalg.pinv(rows.T @ rows)), 0.0)
     error = np.sqrt(variance * float(left @ left) / max(len(left) * share, 1.0))
@@ -133,7 +131,7 @@ def is_reversed(motions: Sequence[Motion]) -> bool:
 
 
 def _conservative(motion: Motion) -> list[NDArray[np.float64]]:
-    """Return columns of forces that depend on the place: constant, spring, and gravity where the angle is wide."""
+    """Return columns of forces that depend on the position: constant, spring, gravity if the angle is wide."""
     place = motion.thinned(motion.position)
     listed = [np.ones(len(place)), place]
     return [*listed, np.sin(place), np.cos(place)] if float(np.ptp(place)) > WIDE_ANGLE else listed

@@ -1,7 +1,7 @@
-"""Candidates: every hypothesis that the first look does not exclude, fitted fully beside what is in the model already.
+"""Candidates: hypotheses that pass the screening, each fitted together with the effects that the model already has.
 
-A hypothesis is an effect of the catalogue, an effect of the owner's file whose values moved, or values of the file
-itself that no longer hold (friction, elements, contact law).
+A hypothesis is an effect of the catalogue, an effect of the file with changed values, or changed values of the file
+itself (friction, elements, contact law).
 """
 
 from __future__ import annotations
@@ -13,48 +13,48 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.fit import UNITS, Refit, Refits, units
-from sgms_observer.diagnosis.level import PARTS_OF_THE_LEVEL, measured_start
-from sgms_observer.diagnosis.model import KNEE
+from sgms_observer.diagnosis.fit import REFERENCE_PARAMETERS, Refit, RefitSetup, reference_parameters
+from sgms_observer.diagnosis.model import STRIBECK_VELOCITY
 from sgms_observer.diagnosis.screen import Screen
+from sgms_observer.diagnosis.sliding_force import PARTS_OF_SLIDING_FORCE, start_logs
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
 FIRST_STEPS = 8
-"""Steps of a first fit, with the derivatives of the first look,"""
+"""Steps of a first fit, which uses the derivatives of the screening."""
 LAST_STEPS = 12
-"""and of the fit that is compared, with derivatives of its own."""
-MOST_FITTED = 9
-"""Effects that are fitted fully in one round,"""
-MOST_COMPARED = 5
-"""and that are fitted to the end."""
-MIN_GAIN_SHARE = 0.1
-"""An effect is fitted when the first look gives it this share of the largest gain."""
-LIKE_NOMINAL = ("mass_error", "actuator_gain")
-"""Effects that the nominal parameters can take in whole: only their tolerance tells, which the first look cannot."""
-WEAK = 0.1
-"""Share of its strength at which an effect starts again whose full strength leads nowhere."""
-FIXED_SHAPES = {"cogging": (3, 4), **UNITS}
-"""Parameters that are not free in a first fit: (effect, indices)."""
-SECOND_HARMONIC_GAIN = 15.0
-"""Fall of the cost that a second harmonic's two parameters have to bring: five standard errors."""
+"""Steps of the final fit of a candidate, which computes its own derivatives."""
+MAX_FITTED = 9
+"""Largest number of effects with a first fit in one round."""
+MAX_COMPARED = 5
+"""Largest number of effects with a final fit in one round."""
+MIN_REDUCTION_SHARE = 0.1
+"""Smallest chi2_reduction in the screening, as a share of the largest one, for which an effect is fitted."""
+ABSORBED_BY_NOMINAL = ("mass_error", "actuator_gain")
+"""Effects that the nominal parameters absorb up to their tolerance. The screening cannot exclude them."""
+WEAK_START_SHARE = 0.1
+"""Share of the strength for a second start, if the fit from the full strength does not reduce the cost."""
+FIXED_SHAPES = {"cogging": (3, 4), **REFERENCE_PARAMETERS}
+"""Parameters that are fixed in a first fit: (effect, indices)."""
+MIN_SECOND_HARMONIC_REDUCTION = 15.0
+"""Smallest decrease of the cost for which a second harmonic is kept: five standard errors."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One hypothesis, fitted.
+    """One fitted hypothesis.
 
     Attributes:
-        name: the effect, or which values of the file changed (``changed friction`` and the like).
-        refits: how it was fitted: with which freedom of the nominal parameters.
-        refit: nominal model, effects so far and this one.
-        trials: shapes that were tried before this one was found.
+        name: the effect, or one of ``CHANGE_HYPOTHESES``.
+        setup: setup of the fit.
+        refit: fit with the nominal parameters, the effects so far and this one.
+        trials: number of shapes that the screening tried.
     """
 
     name: str
-    refits: Refits
+    setup: RefitSetup
     refit: Refit
     trials: int
 
@@ -64,97 +64,104 @@ class Candidate:
         return next((item for item in self.refit.effects if item.name == self.name), None)
 
     @property
+    def is_contact_law(self) -> bool:
+        """Return whether the hypothesis is an effect that only describes another contact law."""
+        return self.settings is not None and effect(self.name).is_contact_law
+
+    @property
     def parameter_count(self) -> int:
-        """Return how many parameters the fit moves."""
+        """Return the number of fitted parameters."""
         return len(self.refit.logs) + len(self.refit.free) if self.settings is None else len(self.refit.free)
 
 
 def with_effect(effects: Sequence[EffectSettings], start: EffectSettings) -> tuple[EffectSettings, ...]:
-    """Return the effects with one more, or with new values of one that is there already."""
+    """Return the effects with one more, or with new values if it is one of them."""
     if any(item.name == start.name for item in effects):
         return tuple(start if item.name == start.name else item for item in effects)
     return (*effects, start)
 
 
-def let_go(refits: Refits, name: str) -> Refits:
-    """Return refits in which an effect of the owner's file may move."""
-    return replace(refits, held=refits.held - {name})
+def with_free_effect(setup: RefitSetup, name: str) -> RefitSetup:
+    """Return the setup in which an effect of the file is free."""
+    return replace(setup, fixed_effects=setup.fixed_effects - {name})
 
 
-def fitted(refits: Refits, before: Refit, start: EffectSettings, columns: Floats) -> Refit:
-    """Return a first fit of one effect next to those already there.
+def first_fit(setup: RefitSetup, before: Refit, start: EffectSettings, columns: Floats) -> Refit:
+    """Return a first fit of one effect together with the effects of an earlier fit.
 
     Args:
-        refits: to the recordings to learn from; the effect itself is free in them.
+        setup: setup of the fit, with the effect free.
         before: fit without the effect.
-        start: the effect at its start.
-        columns: derivatives by the nominal parameters.
+        start: the effect with its start values.
+        columns: derivatives with respect to the nominal parameters.
     """
-    nominal = refits.nominal
+    nominal = setup.nominal
     effects = with_effect(before.effects, start)
     place = [item.name for item in effects].index(start.name)
-    fixed = [(place, j) for j in FIXED_SHAPES.get(start.name, ())] + units(before.effects)
-    found = refits.of(effects, measured_start(before.logs, nominal, start), FIRST_STEPS, fixed, columns)
-    if found.cost > before.cost:  # a column reaches only so far: start again near nothing
+    fixed = [(place, j) for j in FIXED_SHAPES.get(start.name, ())] + reference_parameters(before.effects)
+    found = setup.fit(effects, start_logs(before.logs, nominal, start), FIRST_STEPS, fixed, columns)
+    if found.cost > before.cost:  # the start is too strong: start again from a weak effect
         weak = tuple(
-            WEAK * value if parameter.is_strength else value
+            WEAK_START_SHARE * value if parameter.is_strength else value
             for parameter, value in zip(effect(start.name).parameters, start.values, strict=True)
         )
-        again = refits.of(
+        again = setup.fit(
             with_effect(before.effects, replace(start, values=weak)), before.logs, FIRST_STEPS, fixed, columns
         )
         found = again if again.cost < found.cost else found
-    if start.name in PARTS_OF_THE_LEVEL:  # the elements may have bent to stand in for it: start from the owner's
-        home = before.logs.copy()
-        home[KNEE + 1 :] = 0.0
-        again = refits.of(effects, measured_start(home, nominal, start), LAST_STEPS, fixed)
+    if start.name in PARTS_OF_SLIDING_FORCE:  # the elements may have absorbed it: start from those of the file
+        file_logs = before.logs.copy()
+        file_logs[STRIBECK_VELOCITY + 1 :] = 0.0
+        again = setup.fit(effects, start_logs(file_logs, nominal, start), LAST_STEPS, fixed)
         found = again if again.cost < found.cost else found
     if start.name == "cogging":
-        found = _with_second_harmonic(refits, found, place, columns)
+        found = _with_second_harmonic(setup, found, place, columns)
     return found
 
 
-def to_the_end(refits: Refits, found: Refit) -> Refit:
-    """Return a fit continued with derivatives of its own, which evidence and intervals need."""
-    again = refits.of(found.effects, found.logs, LAST_STEPS)
-    return again if again.cost <= found.cost else refits.of(found.effects, found.logs, 1)
+def finish_fit(setup: RefitSetup, found: Refit) -> Refit:
+    """Return the fit continued to convergence, with its own derivatives, which evidence and intervals need."""
+    again = setup.fit(found.effects, found.logs, LAST_STEPS)
+    return again if again.cost <= found.cost else setup.fit(found.effects, found.logs, 1)
 
 
-def _with_second_harmonic(refits: Refits, found: Refit, place: int, columns: Floats) -> Refit:
-    """Return the fit of a cogging with its second harmonic, if that is worth its two parameters."""
+def _with_second_harmonic(setup: RefitSetup, found: Refit, place: int, columns: Floats) -> Refit:
+    """Return the fit of cogging, with the second harmonic if that reduces the cost enough."""
     for phase in (0.0, 2.1, -2.1):
         last = found.effects[place]
         start = replace(last, values=(*last.values[:3], 0.1 * abs(last.values[0]), phase))
         effects = with_effect(found.effects, start)
-        other = refits.of(effects, found.logs, 4, units(effects), columns)
-        if other.cost < found.cost - SECOND_HARMONIC_GAIN:
+        other = setup.fit(effects, found.logs, 4, reference_parameters(effects), columns)
+        if other.cost < found.cost - MIN_SECOND_HARMONIC_REDUCTION:
             return other
     return found
 
 
-def effect_candidates(refits: Refits, screen: Screen, before: Refit, workers: int, most: int) -> list[Candidate]:
-    """Fit the effects that the first look does not exclude.
+def effect_candidates(setup: RefitSetup, screen: Screen, before: Refit, workers: int, most: int) -> list[Candidate]:
+    """Fit the effects that pass the screening.
 
     Args:
-        refits: to the recordings to learn from.
-        screen: first look at the residual of ``before``.
-        before: fit without the effect.
-        workers: threads.
-        most: of them that are fitted to the end.
+        setup: setup of the fits.
+        screen: screening of the residual of ``before``.
+        before: fit without the effects.
+        workers: number of threads.
+        most: largest number of final fits.
 
     Returns:
-        Candidates with derivatives of their own, the lowest cost first.
+        Candidates with their own derivatives, the lowest cost first.
     """
-    looks = screen.looks
-    largest = max((look.gain for look in looks.values()), default=0.0)
-    ranked = sorted(looks, key=lambda name: -looks[name].gain)
-    chosen = [name for name in ranked if looks[name].gain > max(MIN_GAIN_SHARE * largest, 1.0)][:MOST_FITTED]
-    chosen += [name for name in LIKE_NOMINAL if name in looks and name not in chosen]
-    jobs = [start for name in chosen for start in screen.starts(name)]
-    alone = replace(refits, workers=1)  # one thread a candidate
+    screenings = screen.screenings
+    largest = max((screening.chi2_reduction for screening in screenings.values()), default=0.0)
+    ranked = sorted(screenings, key=lambda name: -screenings[name].chi2_reduction)
+    promising = [name for name in ranked if screenings[name].chi2_reduction > max(MIN_REDUCTION_SHARE * largest, 1.0)][
+        :MAX_FITTED
+    ]
+    promising += [name for name in ABSORBED_BY_NOMINAL if name in screenings and name not in promising]
+    jobs = [start for name in promising for start in screen.starts(name)]
+    alone = replace(setup, workers=1)  # one thread a candidate
 
     def first(start: EffectSettings) -> Refit:
-        return fitted(let_go(alone, start.name), before, start, screen.nominal_columns)
+        return first_fit(with_free_effect(alone, start.name), before, start, screen.nominal_columns)
 
     with ThreadPoolExecutor(max_workers=workers) as pool:
         done = list(pool.map(first, jobs))
@@ -163,11 +170,11 @@ def effect_candidates(refits: Refits, screen: Screen, before: Refit, workers: in
         if found.cost < before.cost and (start.name not in best or found.cost < best[start.name].cost):
             best[start.name] = found
     ranked = sorted(best, key=lambda name: best[name].cost)
-    names = ranked[:most] + [name for name in ranked[most:] if name in LIKE_NOMINAL]
+    names = ranked[:most] + [name for name in ranked[most:] if name in ABSORBED_BY_NOMINAL]
 
     def last(name: str) -> Candidate:
-        own = let_go(alone, name)
-        return Candidate(name, own, to_the_end(own, best[name]), looks[name].trials)
+        free = with_free_effect(alone, name)
+        return Candidate(name, free, finish_fit(free, best[name]), screenings[name].trials)
 
     with ThreadPoolExecutor(max_workers=workers) as pool:
         return sorted(pool.map(last, names), key=lambda item: item.refit.cost)

@@ -1,4 +1,4 @@
-"""Values of the owner's file that the recordings moved beyond their tolerance or interval: drift of the machine."""
+"""Values of the file that the fit moved beyond their tolerance and their interval."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.effects.catalogue import effect
 
 if TYPE_CHECKING:
-    from sgms_observer.diagnosis.state import Diagnosis, Options
+    from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 
 
 @dataclass(frozen=True)
 class Changed:
-    """One value of the file that moved.
+    """One changed value of the file.
 
     Attributes:
         name: path below the axis, for instance ``friction.coulomb_force``.
         before: value in the file.
-        after: value that the recordings show.
-        std_error: of the latter.
+        after: fitted value.
+        std_error: standard error of ``after``.
         closes: share of the closable gap that all changed values together close.
     """
 
@@ -33,20 +33,20 @@ class Changed:
     closes: float
 
 
-def changed_values(found: Diagnosis, fit: Refit, options: Options) -> tuple[Changed, ...]:
+def changed_values(diagnosis: Diagnosis, fit: Refit, options: Options) -> tuple[Changed, ...]:
     """Return the values of the file that moved beyond their tolerance by more than their 90 % interval.
 
     Args:
-        found: the diagnosis.
-        fit: the fit that is written.
+        diagnosis: the diagnosis.
+        fit: the fit that augmented.yaml holds.
         options: tolerance and criteria.
     """
     listed: list[Changed] = []
-    closes = _closed(found)
+    closes = _closed(diagnosis)
     criteria = options.criteria
-    freedom = found.written.refits.freedom
+    freedom = diagnosis.written.setup.freedom
     errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.jacobian.T @ fit.jacobian)), 0.0))
-    old, new = found.nominal.friction, fit.model.friction
+    old, new = diagnosis.nominal.friction, fit.model.friction
     names = [name for name in fit.model.parameter_names() if not name.startswith("element")]
     for place, name in enumerate(names):
         if not freedom.friction or name == "mass":
@@ -60,30 +60,30 @@ def changed_values(found: Diagnosis, fit: Refit, options: Options) -> tuple[Chan
     if freedom.elements:
         one, other = float(sum(old.element_stiffness)), float(sum(new.element_stiffness))
         listed.append(Changed("friction.element_stiffness (sum)", one, other, 0.0, closes))
-    if fit.model.relaxation > 0.0 and found.nominal.relaxation == 0.0:
+    if fit.model.relaxation > 0.0 and diagnosis.nominal.relaxation == 0.0:
         total = fit.model.relaxation * float(sum(new.element_stiffness))
         listed.append(Changed("friction.element_damping (sum)", 0.0, total, 0.0, closes))
-    if (fit.model.is_sharp or new.model == "gms") and not (found.nominal.is_sharp or old.model == "gms"):
+    if (fit.model.is_unsmoothed or new.model == "gms") and not (diagnosis.nominal.is_unsmoothed or old.model == "gms"):
         listed.append(Changed("friction.model", old.model, "gms", 0.0, closes))
-    deviations = fit.deviations()
-    own = {item.name: item.values for item in found.own}
+    standard_errors = fit.standard_errors()
+    file_values = {item.name: item.values for item in diagnosis.file_effects}
     for column, (place, number) in enumerate(fit.free):
         item = fit.effects[place]
         parameter, after = effect(item.name).parameters[number], float(item.values[number])
-        if item.name in own:
-            before = float(own[item.name][number])
-        elif item.name in found.bent and parameter.is_strength:
+        if item.name in file_values:
+            before = float(file_values[item.name][number])
+        elif item.name in diagnosis.unnamed_contact_effects and parameter.is_strength:
             before = 0.0
         else:
             continue
         if before != after:
-            error = float(deviations[column])
+            error = float(standard_errors[column])
             listed.append(Changed(f"effects.{item.name}.{parameter.name}", before, after, error, closes))
     return tuple(listed)
 
 
-def _closed(found: Diagnosis) -> float:
-    """Return the share of the closable gap that the changed values close on the recordings to judge on."""
-    court = found.court
-    one, other = (court.rms(fit.model) for fit in (found.written.before, found.written.after))
-    return float(max(0.0, (one - other) / max(one - court.floor, 1e-300)))
+def _closed(diagnosis: Diagnosis) -> float:
+    """Return the share of the closable gap that the changed values close."""
+    evaluation = diagnosis.evaluation
+    one, other = (evaluation.rms(fit.model) for fit in (diagnosis.written.before, diagnosis.written.after))
+    return float(max(0.0, (one - other) / max(one - evaluation.floor, 1e-300)))

@@ -1,4 +1,4 @@
-"""Hypotheses on values of the owner's file: friction, elements, sharpness or contact law let go."""
+"""Hypotheses that values of the file changed: friction, elements, smoothing or contact law."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ import numpy as np
 
 from sgms_observer.diagnosis.candidates import LAST_STEPS, Candidate
 from sgms_observer.diagnosis.contact_start import contact_start
-from sgms_observer.diagnosis.fit import Refit, Refits
+from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.search import CONTACT_SHARE
 
 START_LAG = 0.01
-"""Start of the time in which sliding elements follow the Stribeck curve, where the file's contact has none [s]."""
-SLACK_OF_CONTACT = 10.0
-"""Factor by which the slip deflections of a contact may differ from the file's."""
-CHANGED = ("changed friction", "changed elements", "unsmoothed contact", "changed contact law")
-"""Hypotheses on values of the file, in the order of how much they let go."""
+"""Start value of the time constant of GMS attraction for a file without one [s]."""
+MAX_DEFLECTION_RATIO = 10.0
+"""Largest ratio between the slip deflections of the contact and those of the file."""
+CHANGE_HYPOTHESES = ("changed friction", "changed elements", "unsmoothed contact", "changed contact law")
+"""Hypotheses on values of the file. Later ones free more parameters."""
 
 
-def changed_refits(refits: Refits, name: str) -> Refits:
-    """Return refits in which values of the owner's file are let go.
+def freed_setup(setup: RefitSetup, name: str) -> RefitSetup:
+    """Return the setup in which values of the file are free.
 
     Args:
-        refits: so far.
-        name: one of ``CHANGED``.
+        setup: setup so far.
+        name: one of ``CHANGE_HYPOTHESES``.
     """
-    if name == CHANGED[0]:
-        return replace(refits, freedom=replace(refits.freedom, friction=True))
-    if name == CHANGED[1]:
-        model = refits.nominal.spread(*deflections(refits))
-        return replace(refits, nominal=model, freedom=replace(refits.freedom, friction=True, elements=True))
-    if name == CHANGED[2]:
-        return replace(refits, nominal=replace(refits.nominal, is_sharp=True))
-    whole = with_damping(changed_refits(refits, CHANGED[1]))
+    if name == CHANGE_HYPOTHESES[0]:
+        return replace(setup, freedom=replace(setup.freedom, friction=True))
+    if name == CHANGE_HYPOTHESES[1]:
+        model = setup.nominal.with_log_spaced_elements(*deflections(setup))
+        return replace(setup, nominal=model, freedom=replace(setup.freedom, friction=True, elements=True))
+    if name == CHANGE_HYPOTHESES[2]:
+        return replace(setup, nominal=replace(setup.nominal, is_unsmoothed=True))
+    whole = with_damping(freed_setup(setup, CHANGE_HYPOTHESES[1]))
     friction = whole.nominal.friction
     if friction.model == "gms":
         return whole
@@ -43,52 +43,52 @@ def changed_refits(refits: Refits, name: str) -> Refits:
     )
 
 
-def with_damping(refits: Refits) -> Refits:
-    """Return refits in which the elements have a damping of their own, from one sample of relaxation time on."""
-    if refits.nominal.relaxation > 0.0:
-        return refits
-    period = min(motion.period for motion in refits.judged.motions)
-    return replace(refits, nominal=replace(refits.nominal, relaxation=period))
+def with_damping(setup: RefitSetup) -> RefitSetup:
+    """Return the setup in which the elements have damping. The relaxation time starts at one sample."""
+    if setup.nominal.relaxation > 0.0:
+        return setup
+    period = min(motion.period for motion in setup.data.motions)
+    return replace(setup, nominal=replace(setup.nominal, relaxation=period))
 
 
-def deflections(refits: Refits) -> tuple[float, float]:
-    """Return the smallest and largest slip deflection that a contact unknown to the file may have.
+def deflections(setup: RefitSetup) -> tuple[float, float]:
+    """Return the smallest and largest slip deflection of a contact whose elements are unknown [m].
 
-    From a tenth of the file's smallest to ten times its largest, within what the encoder resolves and what is still a
-    contact beside the stroke.
+    The range is from a tenth of the smallest to ten times the largest slip deflection of the file, limited by the
+    encoder resolution and by a share of the stroke.
 
     Args:
-        refits: recordings and model so far.
+        setup: setup so far.
     """
-    friction, motions = refits.nominal.friction, refits.judged.motions
-    reach = np.array(friction.element_fraction) * friction.coulomb_force / np.array(friction.element_stiffness)
+    friction, motions = setup.nominal.friction, setup.data.motions
+    slip = np.array(friction.element_fraction) * friction.coulomb_force / np.array(friction.element_stiffness)
     stroke = float(np.ptp(np.concatenate([motion.position for motion in motions])))
     step = max(motion.resolution for motion in motions)
-    largest = min(SLACK_OF_CONTACT * float(reach.max()), CONTACT_SHARE * stroke)
-    smallest = max(float(reach.min()) / SLACK_OF_CONTACT, 2.0 * step, 1.0e-4 * largest)
+    largest = min(MAX_DEFLECTION_RATIO * float(slip.max()), CONTACT_SHARE * stroke)
+    smallest = max(float(slip.min()) / MAX_DEFLECTION_RATIO, 2.0 * step, 1.0e-4 * largest)
     return min(smallest, 0.1 * largest), largest
 
 
-def is_possible(refits: Refits, name: str) -> bool:
-    """Return whether values of the file can still be let go."""
-    if name == CHANGED[0]:
-        return not refits.freedom.friction
-    if name == CHANGED[1]:
-        return not refits.freedom.elements
-    if name == CHANGED[3]:
-        return not refits.freedom.elements or refits.nominal.relaxation == 0.0
-    return refits.nominal.friction.model != "gms" and not refits.nominal.is_sharp
+def can_be_freed(setup: RefitSetup, name: str) -> bool:
+    """Return whether the values of a hypothesis are not free yet."""
+    if name == CHANGE_HYPOTHESES[0]:
+        return not setup.freedom.friction
+    if name == CHANGE_HYPOTHESES[1]:
+        return not setup.freedom.elements
+    if name == CHANGE_HYPOTHESES[3]:
+        return not setup.freedom.elements or setup.nominal.relaxation == 0.0
+    return setup.nominal.friction.model != "gms" and not setup.nominal.is_unsmoothed
 
 
-def changed_candidate(refits: Refits, current: Refit, name: str) -> Candidate:
-    """Return the hypothesis that values of the owner's file changed.
+def changed_candidate(setup: RefitSetup, current: Refit, name: str) -> Candidate:
+    """Return the fitted hypothesis that values of the file changed.
 
     Args:
-        refits: so far.
+        setup: setup so far.
         current: fit so far.
-        name: one of ``CHANGED``.
+        name: one of ``CHANGE_HYPOTHESES``.
     """
-    free = changed_refits(refits, name)
-    is_same = free.nominal.parameter_names() == refits.nominal.parameter_names() and not free.freedom.elements
+    free = freed_setup(setup, name)
+    is_same = free.nominal.parameter_names() == setup.nominal.parameter_names() and not free.freedom.elements
     start = current.logs if is_same else contact_start(free, current.effects)
-    return Candidate(name, free, free.of(current.effects, start, LAST_STEPS), 1)
+    return Candidate(name, free, free.fit(current.effects, start, LAST_STEPS), 1)

@@ -1,4 +1,4 @@
-"""The contact's elements along a measured motion."""
+"""Element friction along a measured motion."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from sgms_observer.settings.friction import FrictionSettings
 
 Floats = NDArray[np.float64]
 
-SETTLE = 1.0e-4
-"""Time in which a sharp contact's sliding elements follow the Stribeck curve; a recording sees none of it [s]."""
+UNSMOOTHED_SETTLING_TIME = 1.0e-4
+"""Time constant of the sliding elements of an unsmoothed contact [s]; too short to show in a recording."""
 
 
 @njit
 def _element_friction(
-    first: Floats, second: Floats, period: float, kappa: Floats, fraction: Floats, level: Floats, numbers: Floats,
-    sides: Floats, out: Floats, stiffness: Floats,
+    first: Floats, second: Floats, period: float, kappa: Floats, fraction: Floats, sliding_force: Floats,
+    numbers: Floats, sides: Floats, out: Floats, stiffness: Floats,
 ) -> None:  # fmt: skip
-    """Write the summed element force after each step, and the stiffness of what sticks.
+    """Write the sum of the element forces after each step, and the stiffness of the sticking elements.
 
-    ``numbers``: is_gms, lambda, zeta, gamma, is_paper, v_s, C. ``sides``: factor on the level forward and
-    backward.
+    ``numbers``: is_gms, lambda, zeta, gamma, is_paper, v_s, C. ``sides``: factors on the sliding force for forward and
+    backward motion.
     """
     n_z = kappa.shape[0]
     force = np.zeros(n_z)
@@ -35,7 +35,7 @@ def _element_friction(
             if travel == 0.0:
                 continue
             velocity = travel / period
-            limit = level[k] * (sides[0] if travel > 0.0 else sides[1])
+            limit = sliding_force[k] * (sides[0] if travel > 0.0 else sides[1])
             gain = numbers[3]
             if numbers[4] > 0.5:
                 gain *= abs(velocity) / numbers[5]
@@ -48,7 +48,7 @@ def _element_friction(
                     force[i] = sgms_step(
                         force[i], velocity, period, kappa[i], fraction[i] * limit, numbers[1], numbers[2], gain
                     )
-        limit = level[k] * (sides[0] if first[k] + second[k] > 0.0 else sides[1])
+        limit = sliding_force[k] * (sides[0] if first[k] + second[k] > 0.0 else sides[1])
         total = 0.0
         stuck = 0.0
         for i in range(n_z):
@@ -64,31 +64,31 @@ def element_friction(
     first: Floats,
     second: Floats,
     period: float,
-    level: Floats,
+    sliding_force: Floats,
     sides: tuple[float, float] = (1.0, 1.0),
-    is_sharp: bool = False,
+    is_unsmoothed: bool = False,
 ) -> tuple[Floats, Floats]:
-    """Return the friction of the elements along a motion, without the viscous term [N], and their stiffness [N/m].
+    """Return the element friction along a motion, without the viscous term [N], and the sticking stiffness [N/m].
 
     Args:
         friction: the model.
-        first, second: displacement of each step before and after a reversal in it [m].
+        first, second: displacement of each step before and after a reversal in the step [m].
         period: length of a step [s].
-        level: sliding level at each sample, effects included [N].
-        sides: factor on the level of travel forward and backward [-].
-        is_sharp: whether S-GMS elements stick and slip without smoothing, as GMS elements with a fast attraction do;
-            see ``sharp``.
+        sliding_force: sliding force at each sample, effects included [N].
+        sides: factors on the sliding force for forward and backward motion [-].
+        is_unsmoothed: whether S-GMS elements are computed as unsmoothed Maxwell-slip elements: GMS elements with a
+            fast attraction.
     """
     is_gms = friction.model == "gms"
     numbers = np.array(
         [
-            float(is_gms or is_sharp),
+            float(is_gms or is_unsmoothed),
             friction.smoothing_lambda,
             friction.smoothing_zeta,
             friction.smoothing_gamma,
             float(friction.reset == "paper"),
             friction.stribeck_velocity,
-            friction.attraction_rate if is_gms else friction.coulomb_force / SETTLE,
+            friction.attraction_rate if is_gms else friction.coulomb_force / UNSMOOTHED_SETTLING_TIME,
         ]
     )
     out, stiffness = np.empty(len(first)), np.empty(len(first))
@@ -98,7 +98,7 @@ def element_friction(
         period,
         np.array(friction.element_stiffness),
         np.array(friction.element_fraction),
-        level,
+        sliding_force,
         numbers,
         np.array(sides),
         out,

@@ -1,4 +1,4 @@
-"""Start values of a contact that the file does not know: how much of it slips at each deflection."""
+"""Start values of a contact with unknown elements: share of the friction that slips at each deflection."""
 
 from __future__ import annotations
 
@@ -9,44 +9,40 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from sgms_observer.diagnosis.fit import Refits, limits
+from sgms_observer.diagnosis.fit import RefitSetup, limits
 from sgms_observer.diagnosis.model import COULOMB, STATIC, VISCOUS, predict
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
 
-def contact_start(refits: Refits, effects: Sequence[EffectSettings]) -> Floats:
-    """Return logarithms of the nominal parameters that fit the shares of the elements to the recordings.
+def contact_start(setup: RefitSetup, effects: Sequence[EffectSettings]) -> Floats:
+    """Return logarithms of the nominal parameters for which the shares of the elements fit the recordings.
 
-    With given slip deflections the friction is linear in the shares: each element alone gives a column, and bounded
-    least squares has one solution. Viscous friction is fitted with them.
+    With given slip deflections the friction is linear in the shares. Each element gives a column of a bounded
+    least-squares problem, which has one solution. The viscous coefficient is one more unknown.
 
     Args:
-        refits: to the recordings; the nominal model has the elements.
-        effects: that act beside the contact.
+        setup: setup of the fit; its nominal model has the elements.
+        effects: effects of the model.
 
     Source: Al-Bender, Lampaert, Swevers 2005, IEEE Trans. Automatic Control 50(11) (elements in parallel).
     """
-    judged, nominal = refits.judged, refits.nominal
+    data, nominal = setup.data, setup.nominal
     friction, names = nominal.friction, nominal.parameter_names()
-    reach = limits(nominal, refits.tolerance, refits.freedom)
+    bound = limits(nominal, setup.tolerance, setup.freedom)
     shares = np.array(friction.element_fraction)
     first = len(names) - len(shares)
     columns, target = [], np.zeros(0)
     for kappa, share in zip(friction.element_stiffness, shares, strict=True):
-        alone = replace(
-            friction, element_stiffness=(kappa / share,), element_fraction=(1.0,), element_damping=(0.0,)
-        )
-        predicted = [
-            predict(replace(nominal, friction=alone).with_effects(effects), motion) for motion in judged.motions
-        ]
-        column = judged.whitened([one.friction for one in predicted])
+        alone = replace(friction, element_stiffness=(kappa / share,), element_fraction=(1.0,), element_damping=(0.0,))
+        predicted = [predict(replace(nominal, friction=alone).with_effects(effects), motion) for motion in data.motions]
+        column = data.whitened([one.friction for one in predicted])
         columns.append(column)
-        target = judged.whitened([one.residual for one in predicted]) + column
-    viscous = judged.whitened([friction.viscous_coefficient * motion.velocity for motion in judged.motions])
-    low = np.append(shares * np.exp(-reach[first:]), np.expm1(-reach[VISCOUS]))
-    high = np.append(shares * np.exp(reach[first:]), np.expm1(reach[VISCOUS]))
+        target = data.whitened([one.residual for one in predicted]) + column
+    viscous = data.whitened([friction.viscous_coefficient * motion.velocity for motion in data.motions])
+    low = np.append(shares * np.exp(-bound[first:]), np.expm1(-bound[VISCOUS]))
+    high = np.append(shares * np.exp(bound[first:]), np.expm1(bound[VISCOUS]))
     high = np.maximum(high, low + 1e-9)
     found = lsq_linear(np.column_stack([*columns, viscous]), target, bounds=(low, high)).x
     total = float(np.sum(found[:-1]))
@@ -56,4 +52,4 @@ def contact_start(refits: Refits, effects: Sequence[EffectSettings]) -> Floats:
     ratio = found[:-1] / total / shares
     logs[first - len(shares) : first] = np.log(ratio)  # stiffness follows the share: the deflection stays
     logs[first:] = np.log(ratio)
-    return np.asarray(np.clip(logs, -reach, reach), dtype=np.float64)
+    return np.asarray(np.clip(logs, -bound, bound), dtype=np.float64)

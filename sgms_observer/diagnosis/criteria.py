@@ -1,4 +1,4 @@
-"""The criteria of every decision of the diagnosis: one place, each a convention with its reason."""
+"""Thresholds of every decision of the diagnosis, each a convention with its reason."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ class Criteria:
     """Thresholds of the tests, the same for all effects and all machines.
 
     Attributes:
-        min_z_score: smallest z-score of an improvement on data that was not fitted to; 3 standard errors, one chance in
-            740 (Shewhart's limit). Where many shapes were tried it is raised so that the chance stays the same for all
-            together (Bonferroni).
+        min_z_score: smallest z-score of an improvement on data that was not fitted to; 3 standard errors, probability
+            1/740 (Shewhart's limit). It is higher if many shapes were tried, so that the probability for all together
+            stays the same (Bonferroni).
         interval_z_score: half width of reported intervals in standard errors; 90 %, two-sided.
-        min_closed_share: smallest share of the closable squared gap that an effect has to close to be worth a name.
-        max_gap_over_noise: multiple of the noise from which a gap that nothing predicts makes the verdict
-            ``cannot_tell`` instead of ``no_effect``: an order of magnitude.
-        max_unexplained: share of the rms effort above which the model is unusable: a third, as for identification.
+        min_closed_share: smallest share of the closable squared gap that a named effect closes.
+        max_gap_over_noise: largest ratio of gap to noise for the verdict ``no_effect``, if nothing predicts the gap; an
+            order of magnitude. Above it the verdict is ``cannot_tell``.
+        max_unexplained: largest unexplained share of the rms effort of a usable model: a third, as for identification.
         max_rate_share: highest frequency of an effect over the sample rate: below Nyquist with room for the filter.
-        min_gap_over_floor: the gap counts as closable from this multiple of the floor (closure is null below).
-        min_predictable_share: smallest share of the squared gap, surely predictable, that contradicts ``no_effect``.
+        min_gap_over_floor: smallest ratio of gap to floor for which the gap is closable (closure is null below).
+        min_predictable_share: smallest significantly predictable share of the squared gap that excludes ``no_effect``.
         block: length of a block of time that counts as independent of the next [s].
-        max_effects: most effects that are added.
+        max_effects: largest number of added effects.
     """
 
     min_z_score: float = 3.0
@@ -40,14 +40,14 @@ class Criteria:
     max_effects: int = 4
 
     def is_noise(self, residual: float, floor: float) -> bool:
-        """Return whether an rms residual does not stand out of the floor [both in the same unit]."""
+        """Return whether an rms residual is not above the floor [both in the same unit]."""
         return residual <= self.min_gap_over_floor * floor
 
     def z_score_of(self, trials: int) -> float:
         """Return the z-score that the best of several trials needs.
 
         Args:
-            trials: shapes that were tried; correlated ones make the threshold too careful, never too bold.
+            trials: number of shapes that were tried. Correlated shapes make the threshold too high, never too low.
         """
         tail = stats.norm.sf(self.min_z_score) / max(1, trials)
         return float(stats.norm.isf(tail)) if tail > 0.0 else math.inf

@@ -1,4 +1,4 @@
-"""Decisions: which tests a hypothesis has to pass to be named, each with its value and threshold."""
+"""Decisions: the tests that a hypothesis has to pass, each with its value and threshold."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.candidates import MOST_COMPARED, Candidate
-from sgms_observer.diagnosis.ceiling import FreeForm, free_form
-from sgms_observer.diagnosis.coordinates import FREE_FORM
-from sgms_observer.diagnosis.court import Court, Evidence, evidence_of
+from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate
+from sgms_observer.diagnosis.coordinates import free_form_coordinates
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
+from sgms_observer.diagnosis.evaluation import EvaluationData, Evidence, evidence_of
 from sgms_observer.diagnosis.evidence import Improvement, improvement
 from sgms_observer.diagnosis.fit import Refit
-from sgms_observer.diagnosis.gap import Remainder, residuals
+from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
+from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.ranges import believable
+from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
-LEAST_DELAY = 0.5
-"""Shortest delay with a name, in sample periods: whether an effort is held between samples makes as much."""
-AT_END = 1.0e-6
-"""A parameter lies at the end of its range when it is this near, relative to the end."""
-WHOLE_RANGE = ("motion_share", "attraction_rate", "stop")
-"""Parameters that may well lie at an end of their range."""
+MIN_DELAY = 0.5
+"""Shortest delay that is named, in sample periods. Holding the effort between samples causes as much."""
+RANGE_END_TOLERANCE = 1.0e-6
+"""Largest relative distance at which a parameter counts as at the end of its range."""
+ANY_VALUE_PARAMETERS = ("motion_share", "attraction_rate", "stop")
+"""Parameters that may be at an end of their range."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ class Decision:
 
     Attributes:
         candidate: the hypothesis.
-        evidence: what its fit predicts.
-        improvement: over the model without it, whitened, on all data that was not fitted to.
-        gap: over the model without it, weighted, on the recordings to judge on [N^2].
-        reported: the same with the weights of the gap as it is reported.
-        tests: every test; the first one says whether it surely predicts better.
+        evidence: evidence of its fit.
+        improvement: improvement over the model without it, whitened, on all data that was not fitted to.
+        gap: the same of the weighted residual on the evaluated recordings [N^2].
+        reported: the same with the weights of the reported gap.
+        tests: every test. The first one tests whether the prediction is significantly better.
     """
 
     candidate: Candidate
@@ -58,8 +58,8 @@ class Decision:
         """Return the share of the closable squared gap that the hypothesis closes."""
         return next((test.value for test in self.tests if test.name.startswith("share of the closable")), 0.0)
 
-    def predictable(self, criteria: Criteria) -> float:
-        """Return the share of the squared gap that the hypothesis surely predicts, named or not; 0 if unsure."""
+    def significant_share(self, criteria: Criteria) -> float:
+        """Return the share of the squared gap that the hypothesis predicts; 0 if not significant."""
         is_sure = self.tests[0].passed and self.gap.z_score >= criteria.min_z_score
         return self.reported.share if is_sure else 0.0
 
@@ -69,59 +69,64 @@ class Decision:
         return all(test.passed for test in self.tests)
 
 
-def decide(item: Candidate, before: Refit, earlier: Evidence, court: Court) -> Decision:
+def decide(item: Candidate, before: Refit, earlier: Evidence, evaluation: EvaluationData) -> Decision:
     """Test one hypothesis against the model without it.
 
     Args:
         item: the hypothesis.
         before: fit without it.
-        earlier: what that fit predicts.
-        court: the recordings.
+        earlier: evidence of that fit.
+        evaluation: the recordings.
     """
-    criteria = court.criteria
-    later = evidence_of(item.refit, court)
+    criteria = evaluation.criteria
+    later = evidence_of(item.refit, evaluation)
     gain = improvement(earlier.all, later.all)
-    tests = [_predictive(item, gain, earlier, later, court)]
+    tests = [_prediction_test(item, gain, earlier, later, evaluation)]
     gap, reported = improvement(earlier.force, later.force), improvement(earlier.reported, later.reported)
-    if court.has_held_out:
+    if evaluation.has_held_out:
         tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
-    share = court.closed_share(gap, reported)
+    share = evaluation.closed_share(gap, reported)
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
-    tests += bounds(item, court)
+    tests += range_tests(item, evaluation)
     if item.settings is not None:
-        tests += physical(item, court)
+        tests += physical_tests(item, evaluation)
         if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
-            tests += earned(item, before, later, court)
+            tests += free_form_tests(item, before, evaluation)
     return Decision(item, later, gain, gap, reported, tuple(tests))
 
 
-def _predictive(item: Candidate, gain: Improvement, earlier: Evidence, later: Evidence, court: Court) -> Test:
-    """Return the test that the hypothesis surely predicts better.
+def _prediction_test(
+    item: Candidate, gain: Improvement, earlier: Evidence, later: Evidence, evaluation: EvaluationData
+) -> Test:
+    """Return the test that the hypothesis predicts significantly better.
 
-    Held-out recordings were not searched; all of them together were, over every shape that was tried. Either may tell:
-    a held-out recording need not excite an effect as much as the one that was made to show it.
+    The held-out recordings were not screened, so their threshold counts the compared candidates only. All recordings
+    together were screened, so their threshold counts every tried shape. One of the two tests is enough, because a
+    held-out recording may excite the effect less.
     """
-    criteria = court.criteria
+    criteria = evaluation.criteria
     title = "z-score on data not fitted to"
-    if court.has_held_out:
-        held = improvement(earlier.held, later.held)
-        alone = at_least(item.name, f"{title}, held-out recordings", held.z_score, criteria.z_score_of(MOST_COMPARED))
+    if evaluation.has_held_out:
+        held_out = improvement(earlier.held_out, later.held_out)
+        alone = at_least(
+            item.name, f"{title}, held-out recordings", held_out.z_score, criteria.z_score_of(MAX_COMPARED)
+        )
         if alone.passed:
             return alone
         title = "z-score over all recordings"
     return at_least(item.name, title, gain.z_score, criteria.z_score_of(item.trials))
 
 
-def bounds(item: Candidate, court: Court) -> list[Test]:
-    """Return the test that no parameter of an effect lies at the end of its physical or believable range."""
+def range_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
+    """Return the test that no parameter of an effect is at the end of its physical or plausible range."""
     settings = item.settings
     if settings is None:
         return []
-    return [within_range(settings, court.learn, item.refits.nominal)]
+    return [within_range(settings, evaluation.fit_motions, item.setup.nominal)]
 
 
 def within_range(settings: EffectSettings, motions: Sequence[Motion], nominal: Model) -> Test:
-    """Return the test that no parameter of an effect lies at the end of its physical or believable range.
+    """Return the test that no parameter of an effect is at the end of its physical or plausible range.
 
     Args:
         settings: the effect.
@@ -130,56 +135,58 @@ def within_range(settings: EffectSettings, motions: Sequence[Motion], nominal: M
     """
     at_end = 0
     for parameter, value in zip(effect(settings.name).parameters, settings.values, strict=True):
-        if parameter.name in WHOLE_RANGE or parameter.unit == "rad" or value == parameter.default:
+        if parameter.name in ANY_VALUE_PARAMETERS or parameter.unit == "rad" or value == parameter.default:
             continue
-        limits = believable(settings.name, parameter.name, motions, nominal)
+        limits = plausible_range(settings.name, parameter.name, motions, nominal)
         ends = [end for end in (parameter.minimum, parameter.maximum, *limits) if math.isfinite(end)]
-        at_end += any(abs(value - end) <= AT_END * abs(end) for end in ends)
+        at_end += any(abs(value - end) <= RANGE_END_TOLERANCE * abs(end) for end in ends)
     return at_most(settings.name, "parameters at the end of their range", at_end, 0.0)
 
 
-def physical(item: Candidate, court: Court) -> list[Test]:
-    """Return tests that the recordings reach what the effect acts on."""
+def physical_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
+    """Return tests that the recordings can show the effect: strength, frequency, delay and limit."""
     settings = item.settings
     assert settings is not None
-    tests = [at_least(item.name, "strength over its standard error", strength(item), court.criteria.min_z_score)]
+    tests = [at_least(item.name, "strength over its standard error", strength(item), evaluation.criteria.min_z_score)]
     values = dict(zip((p.name for p in effect(settings.name).parameters), settings.values, strict=True))
-    rate = min(motion.step / motion.period for motion in court.learn)
+    rate = min(motion.step / motion.period for motion in evaluation.fit_motions)
     if "frequency" in values:
         tests.append(
-            at_most(item.name, "frequency over sample rate", values["frequency"] / rate, court.criteria.max_rate_share)
+            at_most(
+                item.name, "frequency over sample rate", values["frequency"] / rate, evaluation.criteria.max_rate_share
+            )
         )
     if settings.name == "actuator_delay":
-        tests.append(at_least(item.name, "delay over sample period", values["delay"] * rate, LEAST_DELAY))
+        tests.append(at_least(item.name, "delay over sample period", values["delay"] * rate, MIN_DELAY))
     if settings.name == "actuator_saturation":
-        effort = np.abs(np.concatenate([motion.effort for motion in court.learn]))
+        effort = np.abs(np.concatenate([motion.effort for motion in evaluation.fit_motions]))
         tests.append(
             at_most(
                 item.name, "share of samples beyond the limit", float(np.mean(effort > values["limit"])),
-                court.criteria.max_unexplained,
+                evaluation.criteria.max_unexplained,
             )
         )  # fmt: skip
     return tests
 
 
 def strength(item: Candidate) -> float:
-    """Return the strength of a hypothesis over its standard error, see ``strength_of``."""
+    """Return the strength of a hypothesis over its standard error, see ``strength_over_error``."""
     assert item.settings is not None
     found = item.refit
     place = [one.name for one in found.effects].index(item.settings.name)
-    errors = {j: error for (i, j), error in zip(found.free, found.deviations(), strict=True) if i == place}
-    return strength_of(item.settings, errors)
+    errors = {j: error for (i, j), error in zip(found.free, found.standard_errors(), strict=True) if i == place}
+    return strength_over_error(item.settings, errors)
 
 
-def strength_of(settings: EffectSettings, errors: Mapping[int, float]) -> float:
-    """Return how far the strongest strength of an effect is from none, over its standard error.
+def strength_over_error(settings: EffectSettings, errors: Mapping[int, float]) -> float:
+    """Return the largest strength parameter of an effect over its standard error.
 
     Args:
         settings: the effect.
-        errors: standard error of each free parameter, by its number.
+        errors: standard error of each free parameter, by its index.
 
     Returns:
-        Infinite where the effect has no free strength.
+        Infinite if the effect has no free strength parameter.
     """
     parameters = effect(settings.name).parameters
     found = [
@@ -190,57 +197,93 @@ def strength_of(settings: EffectSettings, errors: Mapping[int, float]) -> float:
     return max(found, default=math.inf)
 
 
-def earned(item: Candidate, before: Refit, later: Evidence, court: Court) -> list[Test]:
-    """Return the test that a free-form term over the same coordinates predicts no better than the effect."""
-    names = FREE_FORM.get(item.name)
-    if names is None:
+def free_form_tests(item: Candidate, before: Refit, evaluation: EvaluationData) -> list[Test]:
+    """Return the test that a free-form regression over the same coordinates predicts no better than the effect.
+
+    The residual may contain other effects, and a recording correlates coordinates: a stage that repeats one move has
+    the same velocity at the same position. Both sides may therefore also use all other coordinates.
+
+    Args:
+        item: the hypothesis.
+        before: fit without it.
+        evaluation: the recordings.
+    """
+    names = free_form_coordinates(item.name)
+    if not names:
         return []
-    criteria = court.criteria
-    free = term(names, before.model, court)
-    judge = Remainder(court.judge, residuals(before.model, court.judge), court.weights)
-    better = improvement(later.force, judge.less(free.predicted).blocks(criteria.block))
+    others = tuple(name for name in ALL if name not in names)
+    with_effect = _smallest_blocks(item.refit.model, ((), others), evaluation)
+    without_effect = _smallest_blocks(before.model, (names, ALL), evaluation)
+    better = improvement(with_effect, without_effect)
     title = f"z-score of a free-form term over {', '.join(names)}"
-    return [at_most(item.name, title, better.z_score, criteria.min_z_score)]
+    return [at_most(item.name, title, better.z_score, evaluation.criteria.min_z_score)]
 
 
-def term(names: Sequence[str], model: Model, court: Court) -> FreeForm:
-    """Return what a free-form term predicts of a model's residual on the recordings to judge on."""
-    learn = Remainder(court.learn, residuals(model, court.learn), court.judged.gap_weights)
-    judge = learn
-    if court.has_held_out:
-        judge = Remainder(court.judge, residuals(model, court.judge), court.gap_weights)
-    return free_form(names, learn, judge, court.criteria, court.seed)
+def _smallest_blocks(model: Model, choices: Sequence[Sequence[str]], evaluation: EvaluationData) -> list[Floats]:
+    """Return the blocks of the smallest residual that a free-form regression over one of several choices leaves.
+
+    Args:
+        model: model whose residual is predicted.
+        choices: coordinates of each regression; empty for none.
+        evaluation: the recordings.
+    """
+    rest = WeightedResidual(evaluation.motions, residuals(model, evaluation.motions), evaluation.weights)
+    left = [
+        rest.minus(free_form_prediction(names, model, evaluation).predicted) if names else rest for names in choices
+    ]
+    return min(left, key=lambda one: one.rms).blocks(evaluation.criteria.block)
 
 
-def apart(one: Decision, other: Decision) -> float:
+def free_form_prediction(names: Sequence[str], model: Model, evaluation: EvaluationData) -> FreeForm:
+    """Return the free-form prediction of a model's residual on the evaluated recordings."""
+    fitted = WeightedResidual(
+        evaluation.fit_motions, residuals(model, evaluation.fit_motions), evaluation.fit_data.gap_weights
+    )
+    evaluated = fitted
+    if evaluation.has_held_out:
+        evaluated = WeightedResidual(evaluation.motions, residuals(model, evaluation.motions), evaluation.gap_weights)
+    return free_form(names, fitted, evaluated, evaluation.criteria, evaluation.seed)
+
+
+def z_score_between(one: Decision, other: Decision) -> float:
     """Return the z-score by which one hypothesis predicts better than another.
 
-    Over all recordings; over the held-out ones alone where these say the opposite.
+    It is computed over all recordings. If the held-out recordings alone give the opposite sign, their z-score counts.
 
     Args:
         one, other: decisions of the same round.
     """
     z_score = improvement(other.evidence.all, one.evidence.all).z_score
-    if one.evidence.held:
-        held = improvement(other.evidence.held, one.evidence.held).z_score
-        return z_score if held * z_score >= 0.0 else held
+    if one.evidence.held_out:
+        held_out = improvement(other.evidence.held_out, one.evidence.held_out).z_score
+        return z_score if held_out * z_score >= 0.0 else held_out
     return z_score
 
 
-def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria) -> tuple[str, ...]:
-    """Return the names that data which nothing was fitted to do not tell from the best one.
+def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
+    """Return the other effects that pass every test and are another explanation than the best one.
+
+    An effect that contains the best one as a special case is no other explanation.
 
     Args:
         best: the accepted decision.
-        others: the other decisions of the same round.
+        others: all decisions of the same round.
+    """
+    general = effect(best.candidate.name).special_case_of if best.candidate.settings else ""
+    return [
+        item for item in others
+        if item.candidate.settings is not None and item.passed
+        and item.candidate.name not in (best.candidate.name, general)
+    ]  # fmt: skip
+
+
+def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria) -> tuple[str, ...]:
+    """Return the effects that the recordings do not distinguish from the best one.
+
+    Args:
+        best: the accepted decision.
+        others: all decisions of the same round.
         criteria: thresholds.
     """
-    found = []
-    for item in others:
-        if item.candidate.settings is None or item.candidate.name == best.candidate.name:
-            continue
-        is_apart = apart(best, item) > criteria.min_z_score
-        is_possible = all(test.passed for test in item.tests)
-        if not is_apart and is_possible:
-            found.append(item.candidate.name)
-    return tuple(found)
+    found = [item for item in rivals(best, others) if z_score_between(best, item) <= criteria.min_z_score]
+    return tuple(item.candidate.name for item in found)

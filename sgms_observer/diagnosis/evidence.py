@@ -1,8 +1,8 @@
-"""Predictive evidence: how much better one model predicts data that neither was fitted to.
+"""Predictive evidence: how much better one model predicts data that neither model was fitted to.
 
-Held-out recordings are predicted as they are. Where there are none, a block of a recording that was learnt from is
-predicted by the fit without it: the fit's own derivatives say how far the parameters move when the block is left out
-(exact for a linear model).
+Held-out recordings are predicted by the fit. Without held-out recordings, each block of time is predicted by the fit
+without the block. The derivatives of the fit give the change of its parameters when the block is left out (exact for a
+linear model).
 """
 
 from __future__ import annotations
@@ -13,50 +13,50 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.fit import Judged, Refit
+from sgms_observer.diagnosis.fit import Refit, WhitenedData
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.uncertainty import in_time, left_out
+from sgms_observer.diagnosis.uncertainty import as_time_series, leave_one_out_shifts
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Improvement:
-    """What a later model predicts better than an earlier one.
+    """Improvement of the prediction from an earlier to a later model.
 
     Attributes:
-        fall: fall of the squared residual, in units of the noise or N^2.
-        z_score: the fall over its standard error.
+        decrease: decrease of the squared residual, in units of the noise or N^2.
+        z_score: the decrease over its standard error.
         before: squared residual of the earlier model, in the same unit.
     """
 
-    fall: float
+    decrease: float
     z_score: float
     before: float
 
     @property
     def share(self) -> float:
-        """Return the share of the squared residual that the later model takes off; 0 where it does harm."""
-        return max(0.0, self.fall / self.before) if self.before > 0.0 else 0.0
+        """Return the relative decrease of the squared residual; 0 if it increases."""
+        return max(0.0, self.decrease / self.before) if self.before > 0.0 else 0.0
 
 
 def improvement(before: Sequence[Floats], after: Sequence[Floats]) -> Improvement:
     """Compare two models by their residuals on the same blocks.
 
-    With ``d`` the change of the residual and ``e`` what the later model leaves, the square falls by ``d^2 + 2 e d``.
-    Where an effect acts is no chance: a few hard reversals may hold all of it. The product ``e d`` is chance; its
-    scatter over blocks is the standard error.
+    With ``d`` the change of the residual and ``e`` the residual of the later model, the square decreases by
+    ``d^2 + 2 e d``. The term ``d^2`` is deterministic: an effect may act in a few reversals only. The product ``e d``
+    is random; its scatter over blocks is the standard error.
 
     Args:
         before: residual of the earlier model in each block.
         after: residual of the later model in the same blocks.
     """
-    fall = sum(float(one @ one - other @ other) for one, other in zip(before, after, strict=True))
+    decrease = sum(float(one @ one - other @ other) for one, other in zip(before, after, strict=True))
     products = [2.0 * float(other @ (one - other)) for one, other in zip(before, after, strict=True)]
     error = float(np.sqrt(np.sum(np.square(products))))
     total = sum(float(one @ one) for one in before)
-    return Improvement(fall, fall / error if error > 0.0 else 0.0, total)
+    return Improvement(decrease, decrease / error if error > 0.0 else 0.0, total)
 
 
 def blocks_of(values: Floats, period: float, length: float) -> list[Floats]:
@@ -86,46 +86,46 @@ def in_blocks(parts: Sequence[Floats], motions: Sequence[Motion], length: float)
     ]
 
 
-def left_out_residuals(found: Refit, judged: Judged, length: float) -> list[Floats]:
-    """Return the whitened residual of each block of the recordings to learn from, by the fit without the block.
+def left_out_residuals(found: Refit, data: WhitenedData, length: float) -> list[Floats]:
+    """Return the whitened residual of each block of the recordings to learn from, predicted without the block.
 
     Args:
-        found: a fit with derivatives at its solution.
-        judged: the recordings it was fitted to.
+        found: fit with derivatives at its solution.
+        data: recordings that it was fitted to.
         length: of a block [s].
     """
     rows = len(found.residual)
     columns = np.column_stack([found.jacobian[:rows], found.residual])
     parts: list[Floats] = []
-    for motion, series in zip(judged.motions, in_time(columns, judged), strict=True):
+    for motion, series in zip(data.motions, as_time_series(columns, data), strict=True):
         duration = len(motion.time) * motion.period
         parts += blocks_of(series, duration / len(series), length)
-    moved = left_out(parts, found.jacobian.T @ found.jacobian)
+    moved = leave_one_out_shifts(parts, found.jacobian.T @ found.jacobian)
     return [part[:, -1] + part[:, :-1] @ step for part, step in zip(parts, moved, strict=True)]
 
 
-def learnt_residuals(found: Refit, judged: Judged, length: float) -> list[Floats]:
-    """Return the whitened residual of each block of the recordings that were learnt from; arguments as above."""
+def fit_residuals(found: Refit, data: WhitenedData, length: float) -> list[Floats]:
+    """Return the whitened residual of each block of the recordings to learn from; arguments as above."""
     parts: list[Floats] = []
-    for motion, series in zip(judged.motions, in_time(found.residual[:, None], judged), strict=True):
+    for motion, series in zip(data.motions, as_time_series(found.residual[:, None], data), strict=True):
         duration = len(motion.time) * motion.period
         parts += [part[:, 0] for part in blocks_of(series, duration / len(series), length)]
     return parts
 
 
-def held_out_residuals(model: Model, held: Judged, length: float) -> list[Floats]:
+def held_out_residuals(model: Model, held: WhitenedData, length: float) -> list[Floats]:
     """Return the whitened residual of each block of held-out recordings.
 
     Args:
-        model: nothing of it was fitted to them.
-        held: the recordings with the noise to whiten with.
+        model: model that was not fitted to them.
+        held: held-out recordings with the noise for whitening.
         length: of a block [s].
     """
     if not held.motions:
         return []
     whitened = held.residual(model)[:, None]
     parts: list[Floats] = []
-    for motion, series in zip(held.motions, in_time(whitened, held), strict=True):
+    for motion, series in zip(held.motions, as_time_series(whitened, held), strict=True):
         duration = len(motion.time) * motion.period
         parts += [part[:, 0] for part in blocks_of(series, duration / len(series), length)]
     return parts

@@ -1,4 +1,4 @@
-"""Refits: nominal parameters within their tolerance, together with the parameters of effects, on whitened residuals."""
+"""Fit of nominal parameters within their tolerance and of effect parameters to whitened residuals."""
 
 from __future__ import annotations
 
@@ -9,49 +9,49 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.level import PARTS_OF_THE_LEVEL, measured_level
-from sgms_observer.diagnosis.model import COULOMB, DAMPING, STATIC, Model, hidden_fall, predict
+from sgms_observer.diagnosis.model import COULOMB, DAMPING, STATIC, Model, hidden_friction_drop, predict
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.noise import Noise, fit_noise, loudest
-from sgms_observer.diagnosis.ranges import believable, unit_of
+from sgms_observer.diagnosis.noise import Noise, fit_noise, largest_noise
+from sgms_observer.diagnosis.ranges import plausible_range, unit_of
+from sgms_observer.diagnosis.sliding_force import PARTS_OF_SLIDING_FORCE, total_force_logs
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
-ELEMENT_SLACK = 15.0
-"""How much further than the tolerance elements may be off: few of them stand for a continuous contact."""
+ELEMENT_TOLERANCE_RATIO = 15.0
+"""Ratio of the tolerance of elements to that of other values: few elements approximate a continuous contact."""
 FREED_FRICTION = np.log(2.0)
-"""Standard deviation of the logarithm of a friction value that its owner's file no longer holds: a factor of two."""
+"""Prior standard deviation of the logarithm of a free friction value: a factor of two."""
 FREED_DAMPING = np.log(10.0)
-"""The same of the damping of the elements, which files seldom know: a factor of ten."""
+"""Prior standard deviation of the logarithm of the element damping, which files seldom state: a factor of ten."""
 FREED_ELEMENTS = np.log(3.0)
-"""The same of an element's stiffness and share: a factor of three."""
-STEP = 1.0e-4
+"""Prior standard deviation of the logarithm of a free element's stiffness and share: a factor of three."""
+DERIVATIVE_STEP = 1.0e-4
 """Step of numerical derivatives, in units of the parameters."""
-UNITS = {"nonlinear_viscous": (2,), "thermal_drift": (3,), "dwell_breakaway": (3,), "gravity": (2,)}
-"""Parameters that are a unit of others, or follow from the joint, and are never fitted: (effect, indices)."""
-REFRESH = 3
-"""Steps after which derivatives by the nominal parameters are computed anew."""
-BY_RATIO = (
+REFERENCE_PARAMETERS = {"nonlinear_viscous": (2,), "thermal_drift": (3,), "dwell_breakaway": (3,), "gravity": (2,)}
+"""Parameters that are a reference value or follow from the joint. They are never fitted: (effect, indices)."""
+JACOBIAN_REFRESH_STEPS = 3
+"""Number of steps between computations of the derivatives with respect to the nominal parameters."""
+FITTED_BY_LOGARITHM = (
     "attraction_rate", "distance", "memory_distance", "gap", "stop", "time_constant", "dwell_time", "width", "velocity",
     "peak_velocity",
 )  # fmt: skip
-"""Positive parameters that may be off by a factor: they are moved by their logarithm."""
-LEAST_NOISE = 1.0e-3
-"""Least rms noise of a measured force, as a share of the effort."""
+"""Positive parameters that are fitted by their logarithm."""
+MIN_NOISE_SHARE = 1.0e-3
+"""Smallest rms noise of a measured force, as a share of the effort."""
 _MAX_ITERATIONS = 12
 
 
 @dataclass(frozen=True)
-class Judged:
-    """Motions with the noise and weights every column passes.
+class WhitenedData:
+    """Recordings with the noise and weights that whiten their residuals.
 
     Attributes:
         motions: recordings.
-        noise: of each recording.
-        weights: of each recording at the rate of residuals.
-        gap_weights: weights in the gap: little where the encoder's grid hides the force.
+        noise: noise of each recording.
+        weights: weights of the residuals of each recording.
+        gap_weights: weights of the residuals in the gap: low where the encoder resolution hides the force.
     """
 
     motions: tuple[Motion, ...]
@@ -60,7 +60,7 @@ class Judged:
     gap_weights: tuple[Floats, ...]
 
     def whitened(self, columns: Sequence[Floats]) -> Floats:
-        """Return one column of all recordings, from working-rate series, in units of the noise."""
+        """Return one whitened column of all recordings, from a series at the working rate for each."""
         parts = [
             noise.whitened(motion.low_pass(column), weights)
             for motion, noise, weights, column in zip(self.motions, self.noise, self.weights, columns, strict=True)
@@ -68,7 +68,7 @@ class Judged:
         return np.concatenate(parts)
 
     def residual(self, model: Model) -> Floats:
-        """Return the model's residual in units of the noise."""
+        """Return the whitened residual of a model."""
         return self.whitened([predict(model, motion).residual for motion in self.motions])
 
     @property
@@ -77,69 +77,69 @@ class Judged:
         return len(self.whitened([np.zeros(len(motion.time)) for motion in self.motions]))
 
 
-def judged_with(motions: Sequence[Motion], model: Model) -> Judged:
-    """Return motions with the noise that the model's residual has."""
-    noises, doubts, hidden = [], [], [_hidden_square(model, motion) for motion in motions]
+def data_with_own_noise(motions: Sequence[Motion], model: Model) -> WhitenedData:
+    """Return recordings with the noise fitted to the residual of a model."""
+    noises, stick_indicators, hidden = [], [], [_hidden_square(model, motion) for motion in motions]
     for motion, square in zip(motions, hidden, strict=True):
         found = predict(model, motion)
-        least = LEAST_NOISE * float(np.std(motion.effort))
-        residual, doubt = motion.low_pass(found.residual), motion.thinned(found.doubt)
-        noises.append(fit_noise(residual, doubt, motion.residual_period, motion.band, least, square))
-        doubts.append(doubt)
-    return _judged(motions, noises, doubts, hidden)
+        least = MIN_NOISE_SHARE * float(np.std(motion.effort))
+        residual, stick_indicator = motion.low_pass(found.residual), motion.thinned(found.stick_indicator)
+        noises.append(fit_noise(residual, stick_indicator, motion.residual_period, motion.band, least, square))
+        stick_indicators.append(stick_indicator)
+    return _whitened_data(motions, noises, stick_indicators, hidden)
 
 
-def judged_as(motions: Sequence[Motion], judged: Judged, model: Model) -> Judged:
-    """Return motions with the noise of other recordings.
+def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Model) -> WhitenedData:
+    """Return recordings with the noise of other recordings.
 
     Args:
-        motions: recordings; may be none.
-        judged: the others; the loudest noise counts.
-        model: says where the contact sticks.
+        motions: recordings; may be empty.
+        data: the other recordings; the largest of their noises is used.
+        model: model that computes where the contact sticks.
     """
-    noise = loudest(judged.noise)
+    noise = largest_noise(data.noise)
     noises = [replace(noise, period=motion.residual_period) for motion in motions]
-    doubts = [motion.thinned(predict(model, motion).doubt) for motion in motions]
-    return _judged(motions, noises, doubts, [_hidden_square(model, motion) for motion in motions])
+    stick_indicators = [motion.thinned(predict(model, motion).stick_indicator) for motion in motions]
+    return _whitened_data(motions, noises, stick_indicators, [_hidden_square(model, motion) for motion in motions])
 
 
-def _judged(
-    motions: Sequence[Motion], noises: Sequence[Noise], doubts: Sequence[Floats], hidden: Sequence[Floats]
-) -> Judged:
-    """Return motions with their noise, and the weights that follow from it."""
-    weights = [noise.weights(*pair) for noise, *pair in zip(noises, doubts, hidden, strict=True)]
+def _whitened_data(
+    motions: Sequence[Motion], noises: Sequence[Noise], stick_indicators: Sequence[Floats], hidden: Sequence[Floats]
+) -> WhitenedData:
+    """Return recordings with their noise and the weights that follow from it."""
+    weights = [noise.weights(*pair) for noise, *pair in zip(noises, stick_indicators, hidden, strict=True)]
     gap_weights = [noise.gap_weights(square) for noise, square in zip(noises, hidden, strict=True)]
-    return Judged(tuple(motions), tuple(noises), tuple(weights), tuple(gap_weights))
+    return WhitenedData(tuple(motions), tuple(noises), tuple(weights), tuple(gap_weights))
 
 
 def _hidden_square(model: Model, motion: Motion) -> Floats:
-    """Return the mean square of the force that the encoder's grid hides, evenly spread from zero on [N^2]."""
-    return motion.thinned(hidden_fall(model.friction, motion)) ** 2 / 3.0
+    """Return the mean square of the force hidden by the encoder resolution, uniformly distributed from zero [N^2]."""
+    return motion.thinned(hidden_friction_drop(model.friction, motion)) ** 2 / 3.0
 
 
 @dataclass(frozen=True)
 class Freedom:
-    """Which values of the owner's file the recordings may move beyond the tolerance.
+    """Values of the file that the fit may move beyond the tolerance.
 
     Attributes:
         friction: viscous, Coulomb and static force, Stribeck velocity, attraction rate.
         elements: stiffness and share of the elements.
-        is_narrow: whether elements that are not let go stay as near to the file as its other values do.
+        has_narrow_elements: whether elements that are not free have the tolerance of the other values.
     """
 
     friction: bool = False
     elements: bool = False
-    is_narrow: bool = False
+    has_narrow_elements: bool = False
 
 
 def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -> Floats:
-    """Return how far the logarithm of each nominal parameter may be off (one standard deviation).
+    """Return the prior standard deviation of the logarithm of each nominal parameter.
 
     Args:
         model: the nominal model.
-        tolerance: largest relative error its owner expects; elements may be off ``ELEMENT_SLACK`` times as far, because
-            few elements stand for a continuous contact, unless the freedom is narrow.
-        freedom: what is let go.
+        tolerance: largest expected relative error of the file's values. Elements may be off
+            ``ELEMENT_TOLERANCE_RATIO`` times as far, unless the freedom has narrow elements.
+        freedom: free values.
     """
     one = tolerance / np.sqrt(3.0)
     widths = []
@@ -147,14 +147,21 @@ def prior_widths(model: Model, tolerance: float, freedom: Freedom = Freedom()) -
         if name == DAMPING:
             widths.append(FREED_DAMPING)
         elif name.startswith("element"):
-            widths.append(FREED_ELEMENTS if freedom.elements else (1.0 if freedom.is_narrow else ELEMENT_SLACK) * one)
+            widths.append(
+                FREED_ELEMENTS
+                if freedom.elements
+                else (1.0 if freedom.has_narrow_elements else ELEMENT_TOLERANCE_RATIO) * one
+            )
         else:
             widths.append(FREED_FRICTION if freedom.friction and name != "mass" else one)
     return np.array(widths)
 
 
 def limits(model: Model, tolerance: float, freedom: Freedom = Freedom()) -> Floats:
-    """Return the largest logarithm of each nominal parameter: the tolerance is its owner's word; arguments as above."""
+    """Return the bound on the logarithm of each nominal parameter; arguments as above.
+
+    The tolerance is a hard bound, except for elements and free values.
+    """
     free = 3.0 * prior_widths(model, tolerance, freedom)
     one = np.log1p(tolerance)
     is_held = [
@@ -165,18 +172,18 @@ def limits(model: Model, tolerance: float, freedom: Freedom = Freedom()) -> Floa
 
 @dataclass(frozen=True)
 class Refit:
-    """A refitted model.
+    """A fitted model.
 
     Attributes:
-        model: with the refitted parameters and effects.
+        model: model with the fitted parameters and effects.
         logs: logarithms of the nominal parameters over the given ones.
         effects: the effects of this fit.
         residual: whitened residual.
-        cost: half its square plus the prior's.
-        jacobian: of residual and prior rows by (logs, free effect parameters), at the solution.
+        cost: half the squared residual plus half the squared prior rows.
+        jacobian: derivatives of residual and prior rows with respect to (logs, free effect parameters).
         scales: unit of each free effect parameter in ``jacobian``.
         free: index (effect, parameter) of each free effect parameter.
-        is_converged: whether the last step was too small to matter.
+        is_converged: whether the decrease of the cost in the last step was negligible.
     """
 
     model: Model
@@ -189,8 +196,8 @@ class Refit:
     free: tuple[tuple[int, int], ...]
     is_converged: bool = True
 
-    def deviations(self) -> Floats:
-        """Return the standard deviation of each free effect parameter, SI units."""
+    def standard_errors(self) -> Floats:
+        """Return the standard error of each free effect parameter, SI units."""
         n = len(self.free)
         if n == 0:
             return np.zeros(0)
@@ -200,7 +207,7 @@ class Refit:
 
 
 def refit(
-    judged: Judged,
+    data: WhitenedData,
     nominal: Model,
     tolerance: float,
     effects: Sequence[EffectSettings] = (),
@@ -214,20 +221,20 @@ def refit(
     """Fit nominal parameters and effects by Levenberg-Marquardt with numerical derivatives.
 
     Args:
-        judged: recordings.
+        data: recordings.
         nominal: the given model.
         tolerance: of its parameters, see ``prior_widths``.
         effects: effects to add, at their start values.
         start: start of the logarithms; zero if None.
         fixed: (effect, parameter) pairs that keep their value.
         iterations: largest number of steps.
-        nominal_columns: derivatives of the whitened residual by the nominal parameters, when they are known well
-            enough: they hardly change while an effect is fitted.
+        nominal_columns: derivatives of the whitened residual with respect to the nominal parameters, if they are
+            known: they hardly change while an effect is fitted.
         freedom: nominal parameters that may move beyond the tolerance.
-        workers: threads that share the derivatives.
+        workers: number of threads for the derivatives.
 
     Returns:
-        The best point found.
+        The fit with the smallest cost.
     """
     widths = prior_widths(nominal, tolerance, freedom)
     free = tuple((i, j) for i, e in enumerate(effects) for j in range(len(e.values)) if (i, j) not in fixed)
@@ -235,22 +242,22 @@ def refit(
     minimum = np.array([catalogue[i].parameters[j].minimum for i, j in free])
     maximum = np.array([catalogue[i].parameters[j].maximum for i, j in free])
     for k, (i, j) in enumerate(free):
-        low_limit, high_limit = believable(effects[i].name, catalogue[i].parameters[j].name, judged.motions, nominal)
+        low_limit, high_limit = plausible_range(effects[i].name, catalogue[i].parameters[j].name, data.motions, nominal)
         minimum[k], maximum[k] = max(minimum[k], low_limit), min(maximum[k], high_limit)
     values = np.array([effects[i].values[j] for i, j in free])
-    stroke = float(np.ptp(np.concatenate([motion.position for motion in judged.motions])))
+    stroke = float(np.ptp(np.concatenate([motion.position for motion in data.motions])))
     scales = np.array([unit_of(effects[i], j, nominal, stroke) for i, j in free])
     n = len(widths)
-    ratio = np.array([catalogue[i].parameters[j].name in BY_RATIO for i, j in free], dtype=bool)
+    ratio = np.array([catalogue[i].parameters[j].name in FITTED_BY_LOGARITHM for i, j in free], dtype=bool)
 
     def coordinate(value: Floats) -> Floats:
         shares = value / np.where(scales > 0, scales, 1.0)
         return np.where(ratio, np.log(np.where(ratio, np.maximum(shares, 1e-12), 1.0)), shares)
 
     x = np.concatenate([np.zeros(n) if start is None else start, coordinate(values)])
-    reach = limits(nominal, tolerance, freedom)
-    low, high = np.concatenate([-reach, coordinate(minimum)]), np.concatenate([reach, coordinate(maximum)])
-    if any(item.name in PARTS_OF_THE_LEVEL for item in effects):
+    bound = limits(nominal, tolerance, freedom)
+    low, high = np.concatenate([-bound, coordinate(minimum)]), np.concatenate([bound, coordinate(maximum)])
+    if any(item.name in PARTS_OF_SLIDING_FORCE for item in effects):
         low[[COULOMB, STATIC]] = -1.0
     x = np.clip(x, low, high)
 
@@ -264,7 +271,7 @@ def refit(
 
     def residual(z: Floats) -> Floats:
         model, moved = unpack(z)
-        return np.concatenate([judged.residual(model), measured_level(z[:n], nominal, moved) / widths])
+        return np.concatenate([data.residual(model), total_force_logs(z[:n], nominal, moved) / widths])
 
     here = residual(x)
     cost = 0.5 * float(here @ here)
@@ -275,7 +282,7 @@ def refit(
     units = np.concatenate([1.0 / widths, np.ones(len(free))])
 
     def derivative(k: int) -> Floats:
-        step = STEP if x[k] + STEP <= high[k] else -STEP
+        step = DERIVATIVE_STEP if x[k] + DERIVATIVE_STEP <= high[k] else -DERIVATIVE_STEP
         shifted = x.copy()
         shifted[k] += step
         return np.asarray((residual(shifted) - here) / step)
@@ -296,7 +303,7 @@ def refit(
                 if np.isfinite(new_cost) and new_cost < cost:
                     improved = cost - new_cost
                     moved = (candidate - x) * units
-                    if nominal_columns is None:  # Broyden's update, until the columns are computed anew
+                    if nominal_columns is None:  # Broyden's update until the next computation of the columns
                         missed = there - here - jacobian @ (candidate - x)
                         jacobian += np.outer(missed, moved * units / max(float(moved @ moved), 1e-30))
                     x, here, cost = candidate, there, new_cost
@@ -306,45 +313,45 @@ def refit(
             is_small = improved < 1.0e-4 * cost + 0.2
             if is_small and (age == 0 or nominal_columns is not None):
                 break
-            age = 0 if is_small else (age + 1) % REFRESH
+            age = 0 if is_small else (age + 1) % JACOBIAN_REFRESH_STEPS
     model, moved = unpack(x)
     units = np.where(ratio, scales * np.exp(x[n:] * ratio), scales)
     return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free, is_small)
 
 
-def units(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
-    """Return the parameters that are a unit of others, (effect, parameter)."""
-    return [(i, j) for i, item in enumerate(effects) for j in UNITS.get(item.name, ())]
+def reference_parameters(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+    """Return the parameters in ``REFERENCE_PARAMETERS``, (effect, parameter)."""
+    return [(i, j) for i, item in enumerate(effects) for j in REFERENCE_PARAMETERS.get(item.name, ())]
 
 
-def kept(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
-    """Return the parameters that are never fitted: units of others, an absent second harmonic, a learnt table."""
+def fixed_parameters(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+    """Return the parameters that are never fitted: reference values, an absent second harmonic, a learnt table."""
     absent = [i for i, item in enumerate(effects) if item.name == "cogging" and item.values[3] == 0.0]
     tables = [(i, j) for i, item in enumerate(effects) if effect(item.name).lists for j in range(len(item.values))]
-    return units(effects) + [(i, j) for i in absent for j in (3, 4)] + tables
+    return reference_parameters(effects) + [(i, j) for i in absent for j in (3, 4)] + tables
 
 
 @dataclass(frozen=True)
-class Refits:
-    """Refits to the same recordings that differ in their effects.
+class RefitSetup:
+    """Setup of a fit: everything except the effects and their start.
 
     Attributes:
-        judged: recordings to learn from.
+        data: recordings to learn from.
         nominal: the given model.
-        tolerance: of its parameters.
+        tolerance: tolerance of its parameters.
         freedom: nominal parameters that may move beyond the tolerance.
-        held: effects of the owner's file that keep their values.
-        workers: threads that share the derivatives of one fit.
+        fixed_effects: effects of the file that keep their values.
+        workers: number of threads for the derivatives of one fit.
     """
 
-    judged: Judged
+    data: WhitenedData
     nominal: Model
     tolerance: float
     freedom: Freedom = Freedom()
-    held: frozenset[str] = frozenset()
+    fixed_effects: frozenset[str] = frozenset()
     workers: int = 1
 
-    def of(
+    def fit(
         self,
         effects: Sequence[EffectSettings],
         start: Floats | None,
@@ -352,20 +359,31 @@ class Refits:
         fixed: Sequence[tuple[int, int]] | None = None,
         columns: Floats | None = None,
     ) -> Refit:
-        """Fit with these effects.
+        """Return the fit with these effects.
 
         Args:
             effects: at their start values.
             start: logarithms of the nominal parameters to start from; zero if None.
             steps: largest number of steps.
             fixed: parameters that keep their value, see ``refit``; those that are never fitted if None.
-            columns: derivatives by the nominal parameters where they are known, see ``refit``.
+            columns: derivatives with respect to the nominal parameters if they are known, see ``refit``.
         """
-        still = [*(kept(effects) if fixed is None else fixed), *self.held_parameters(effects)]
+        all_fixed = [*(fixed_parameters(effects) if fixed is None else fixed), *self.fixed_effect_parameters(effects)]
         return refit(
-            self.judged, self.nominal, self.tolerance, effects, start, still, steps, columns, self.freedom, self.workers
+            self.data,
+            self.nominal,
+            self.tolerance,
+            effects,
+            start,
+            all_fixed,
+            steps,
+            columns,
+            self.freedom,
+            self.workers,
         )
 
-    def held_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
-        """Return the parameters of effects that keep the values of the owner's file, (effect, parameter)."""
-        return [(i, j) for i, item in enumerate(effects) if item.name in self.held for j in range(len(item.values))]
+    def fixed_effect_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
+        """Return the parameters of ``fixed_effects``, (effect, parameter)."""
+        return [
+            (i, j) for i, item in enumerate(effects) if item.name in self.fixed_effects for j in range(len(item.values))
+        ]

@@ -1,8 +1,7 @@
-"""The gap: measured minus predicted effort, on one band, over the rms measured effort of the same samples.
+"""The gap: rms of measured minus predicted effort in one band, over the rms measured effort of the same samples.
 
-Where the encoder shows no motion, its grid may hide a change of the friction that is larger than the noise. No model
-can predict it from the motion, and what the controller does there is no property of the machine. Such samples count the
-less, the more force is hidden.
+Where the encoder shows no motion, its resolution may hide a change of the friction that is larger than the noise. No
+model can predict this change from the motion. The weight of such samples decreases with the hidden force.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import in_blocks
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.noise import Noise, loudest
+from sgms_observer.diagnosis.noise import Noise, largest_noise
 from sgms_observer.diagnosis.replicates import replicate_of
 
 Floats = NDArray[np.float64]
@@ -25,7 +24,7 @@ Floats = NDArray[np.float64]
 DRAWS = 400
 """Bootstrap draws of an interval."""
 FLOOR_REPLICATES = 3
-"""Simulated recordings with nothing hidden that the floor of noise and encoder is taken from."""
+"""Number of bootstrap replicates from which the floor of noise and encoder is computed."""
 
 
 @dataclass(frozen=True)
@@ -33,15 +32,15 @@ class Gap:
     """Gaps in per cent of the rms measured effort below the band.
 
     Attributes:
-        given: of the file as it is.
-        before: of the file refitted within its tolerance.
-        after: with what was found.
-        floor: what no predictor removes.
-        noise: what noise and encoder alone leave to a perfect model.
+        given: gap of the given file.
+        before: gap of the file refitted within its tolerance.
+        after: gap of the final model without learnt maps.
+        floor: gap that no predictor removes.
+        noise: gap of a perfect model, from noise and encoder.
         interval_before, interval_after: 90 % intervals by moving blocks.
-        held_out: which data: ``held-out`` recordings, or ``cross-validated`` halves of the recordings themselves.
-        band: residuals are judged below this frequency [Hz].
-        min_over_floor: below this multiple of the floor nothing is closable.
+        held_out: data of the gap: ``held-out`` recordings, or ``cross-validated`` halves of the recordings.
+        band: upper frequency of the residuals [Hz].
+        min_over_floor: smallest ratio of gap to floor for which the gap is closable.
     """
 
     given: float
@@ -57,17 +56,17 @@ class Gap:
 
     @property
     def named(self) -> float:
-        """Return the part that what was found closes: named^2 = before^2 - after^2 [%]."""
+        """Return the part that the final model closes: named^2 = before^2 - after^2 [%]."""
         return float(np.sqrt(max(0.0, self.before**2 - self.after**2)))
 
     @property
     def predictable(self) -> float:
-        """Return the part that could be predicted and has no name: predictable^2 = after^2 - floor^2 [%]."""
+        """Return the predictable part without a name: predictable^2 = after^2 - floor^2 [%]."""
         return float(np.sqrt(max(0.0, self.after**2 - self.floor**2)))
 
     @property
     def closure(self) -> float | None:
-        """Return (before - after) / (before - floor), or None where there is nothing to close."""
+        """Return (before - after) / (before - floor), or None if there is nothing to close."""
         if self.before <= self.min_over_floor * self.floor:
             return None
         return (self.before - self.after) / (self.before - self.floor)
@@ -93,11 +92,11 @@ def rms(parts: Sequence[Floats]) -> float:
     return float(np.sqrt(np.mean(np.square(np.concatenate(list(parts))))))
 
 
-def interval(rest: Remainder, criteria: Criteria, seed: int) -> tuple[float, float]:
+def interval(rest: WeightedResidual, criteria: Criteria, seed: int) -> tuple[float, float]:
     """Return the 90 % interval of the gap by moving blocks [%].
 
     Args:
-        rest: what a model leaves.
+        rest: residual of a model.
         criteria: length of a block.
         seed: of the bootstrap.
 
@@ -115,23 +114,23 @@ def interval(rest: Remainder, criteria: Criteria, seed: int) -> tuple[float, flo
 
 
 def weighted(parts: Sequence[Floats], weights: Sequence[Floats]) -> tuple[Floats, ...]:
-    """Return series with the weight of each sample.
+    """Return each series times its weights.
 
     Args:
         parts: series of each motion [N].
-        weights: of each motion.
+        weights: weights of each motion.
     """
     return tuple(part * weight for part, weight in zip(parts, weights, strict=True))
 
 
 @dataclass(frozen=True)
-class Remainder:
-    """What a model leaves of recordings.
+class WeightedResidual:
+    """Residual of a model in recordings, with weights.
 
     Attributes:
         motions: the recordings.
-        residual: of each [N].
-        weights: of the samples of each.
+        residual: residual of each recording [N].
+        weights: weights of the samples of each recording.
     """
 
     motions: Sequence[Motion]
@@ -148,8 +147,8 @@ class Remainder:
         """Return the rms weighted residual [N]."""
         return rms(self.weighted)
 
-    def less(self, predicted: Sequence[Floats]) -> Remainder:
-        """Return what is left once ``predicted`` [N] of each recording is taken off."""
+    def minus(self, predicted: Sequence[Floats]) -> WeightedResidual:
+        """Return the residual minus ``predicted`` [N] of each recording."""
         left = [residual - guess for residual, guess in zip(self.residual, predicted, strict=True)]
         return replace(self, residual=left)
 
@@ -169,25 +168,25 @@ def noise_floors(
     seed: int,
     *weightings: Sequence[Floats],
 ) -> tuple[float, ...]:
-    """Return the rms residual that noise and the encoder's grid alone leave to a perfect model, for each weighting [N].
+    """Return the rms residual of a perfect model, from noise and encoder resolution alone, for each weighting [N].
 
     Args:
         motions: recordings.
-        model: any model of about the right friction.
-        noise: of the recordings to learn from; the loudest counts.
-        seed: of all chance.
-        weightings: each the weights of the samples of each recording.
+        model: model with approximately the right friction.
+        noise: noise of the recordings to learn from; the largest is used.
+        seed: seed of the replicates.
+        weightings: alternatives for the weights of the samples of each recording.
     """
     parts: list[Floats] = []
     for number in range(FLOOR_REPLICATES):
         rng = np.random.default_rng([seed, 79, number])
         for motion in motions:
-            parts += residuals(model, [replicate_of(motion, model, loudest(noise), rng)])
+            parts += residuals(model, [replicate_of(motion, model, largest_noise(noise), rng)])
     return tuple(rms(weighted(parts, list(weights) * FLOOR_REPLICATES)) for weights in weightings)
 
 
 def halves(motion: Motion) -> tuple[Motion, Motion]:
-    """Return the two halves of a motion; effects in travel start anew in the second."""
+    """Return the two halves of a motion. Effects with memory start again in the second half."""
     middle = len(motion.time) // 2
     cuts = (slice(0, middle), slice(middle, None))
     listed = [(field.name, getattr(motion, field.name)) for field in fields(motion)]

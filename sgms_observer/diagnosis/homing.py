@@ -1,4 +1,4 @@
-"""Where on the machine a recording counts its position from: an axis that is not homed begins anew each time."""
+"""Position offset between recordings: an axis that is not homed has another position origin in each recording."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sgms_observer.diagnosis.court import Court
+from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
@@ -16,14 +16,14 @@ from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.units import Units
 
 PITCH = "pitch"
-PLACES = 60
-"""Places that are tried over one pitch."""
-CLOSES = 0.5
-"""A recording counts from elsewhere when another place closes this share of its closable squared residual."""
+OFFSETS_PER_PITCH = 60
+"""Number of offsets that are tried over one pitch."""
+MIN_CLOSED_SHARE = 0.5
+"""Smallest share of the closable squared residual that an offset removes in a recording that is not homed."""
 
 
 def pitch_of(effects: Sequence[EffectSettings]) -> float | None:
-    """Return the longest pitch of the effects that return with the position [m], or None where there is none."""
+    """Return the longest pitch of the effects that are periodic in the position [m], or None."""
     pitches = [
         value
         for item in effects
@@ -33,63 +33,63 @@ def pitch_of(effects: Sequence[EffectSettings]) -> float | None:
     return max(pitches, default=None)
 
 
-def moved(motion: Motion, place: float) -> Motion:
-    """Return a motion that counts its position from another place.
+def with_position_offset(motion: Motion, offset: float) -> Motion:
+    """Return a motion with an offset added to its positions.
 
     Args:
         motion: the recording.
-        place: what its positions lack [m].
+        offset: the offset [m].
     """
-    return replace(motion, position=motion.position + place, raw=motion.raw + place)
+    return replace(motion, position=motion.position + offset, raw=motion.raw + offset)
 
 
-def place_of(model: Model, motion: Motion, seconds: float | None = None) -> float:
-    """Return where within one pitch a motion counts its position from, as the model's ripple tells [m].
+def position_offset(model: Model, motion: Motion, seconds: float | None = None) -> float:
+    """Return the position offset within one pitch for which the residual is smallest [m].
 
     Args:
-        model: friction and effects; with an effect that returns with the position.
+        model: friction and effects, one of them periodic in the position.
         motion: the recording.
-        seconds: length of its beginning that may tell it; all of it if None.
+        seconds: length of the beginning of the recording that counts; all of it if None.
 
     Raises:
-        ValueError: no effect of the model returns with the position.
+        ValueError: no effect of the model is periodic in the position.
     """
     pitch = pitch_of(model.effects)
     if pitch is None:
-        raise ValueError("no effect of the model returns with the position, so nothing tells the place")
+        raise ValueError("no effect of the model is periodic in the position; the position offset is not identifiable")
     count = None if seconds is None else round(seconds / motion.residual_period)
 
-    def error(place: float) -> float:
-        there = moved(motion, place)
-        return float(np.sum(np.square(there.low_pass(predict(model, there).residual)[:count])))
+    def error(offset: float) -> float:
+        shifted = with_position_offset(motion, offset)
+        return float(np.sum(np.square(shifted.low_pass(predict(model, shifted).residual)[:count])))
 
-    places = np.linspace(0.0, pitch, PLACES, endpoint=False)
-    return float(places[int(np.argmin([error(place) for place in places]))])
+    offsets = np.linspace(0.0, pitch, OFFSETS_PER_PITCH, endpoint=False)
+    return float(offsets[int(np.argmin([error(offset) for offset in offsets]))])
 
 
-def unhomed(models: Sequence[Model], court: Court, units: Units) -> list[str]:
-    """Return a sentence for each held-out recording that counts its position from elsewhere.
+def homing_warnings(models: Sequence[Model], evaluation: EvaluationData, units: Units) -> list[str]:
+    """Return a warning for each held-out recording that has a position offset.
 
     Args:
-        models: fits with an effect that may return with the position.
-        court: the recordings.
-        units: of the axis.
+        models: fitted models. The first with an effect that is periodic in the position counts.
+        evaluation: the recordings.
+        units: units of the axis.
     """
     rippled = [model for model in models if pitch_of(model.effects) is not None]
-    if not rippled or not court.has_held_out:
+    if not rippled or not evaluation.has_held_out:
         return []
-    model, criteria = rippled[0], court.criteria
-    said = []
-    for motion, weights in zip(court.judge, court.weights, strict=True):
+    model, criteria = rippled[0], evaluation.criteria
+    warnings = []
+    for motion, weights in zip(evaluation.motions, evaluation.weights, strict=True):
         here = weights * motion.low_pass(predict(model, motion).residual)
-        place = place_of(model, motion)
-        there = moved(motion, place)
-        after = weights * there.low_pass(predict(model, there).residual)
+        offset = position_offset(model, motion)
+        shifted = with_position_offset(motion, offset)
+        after = weights * shifted.low_pass(predict(model, shifted).residual)
         gain = improvement(*(in_blocks([part], [motion], criteria.block) for part in (here, after)))
-        closable = gain.before - court.floor**2 * len(here)
-        if gain.z_score > criteria.z_score_of(PLACES) and gain.fall > CLOSES * closable > 0.0:
-            said.append(
-                f"{motion.name} fits if it counts its position from {units.readable(place)} further along: home the"
+        closable = gain.before - evaluation.floor**2 * len(here)
+        if gain.z_score > criteria.z_score_of(OFFSETS_PER_PITCH) and gain.decrease > MIN_CLOSED_SHARE * closable > 0.0:
+            warnings.append(
+                f"{motion.name} fits if it counts its position from {units.readable(offset)} further along: home the"
                 " axis before each recording, or no effect that is bound to a place can be judged on it"
             )
-    return said
+    return warnings

@@ -1,4 +1,4 @@
-"""Where simulation and measurement disagree: the residual over position, velocity, time and history."""
+"""Dependence of the residual on coordinates: position, velocity, time and history of the contact."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ SHIFTS = 199
 
 @dataclass(frozen=True)
 class Located:
-    """Disagreement over one coordinate.
+    """Mean residual over one coordinate.
 
     Attributes:
-        coordinate: name for people.
+        coordinate: name of the coordinate.
         unit: its unit.
-        centres: middle of each bin.
+        centres: centre of each bin.
         mean: mean residual of each bin [N].
-        band: half width within which means lie by chance (95 % of circular shifts) [N].
+        band: half width that contains 95 % of the means of circularly shifted residuals [N].
         share: share of the slow residual's variance that the bins explain.
-        p_value: how often a shifted residual is explained as well.
-        low, high: ends of the bins with the largest disagreement.
+        p_value: share of shifted residuals that the bins explain as well.
+        low, high: ends of the range of the bins with the largest mean residual.
     """
 
     coordinate: str
@@ -43,23 +43,23 @@ class Located:
     high: float
 
 
-UNITS = {
+COORDINATE_UNITS = {
     "position": "m", "velocity": "m/s", "acceleration": "m/s^2", "time": "s", "effort": "N", "time since reversal": "s",
     "distance since reversal": "m", "dwell": "s",
 }  # fmt: skip
-"""Coordinates that are looked at, with their units on a prismatic axis."""
+"""Coordinates, with their units on a prismatic axis."""
 
 
 def locate(residual: Sequence[Floats], motions: Sequence[Motion], seed: int) -> list[Located]:
-    """Bin the residual over every coordinate, in the direction of motion and against it.
+    """Return the mean residual over every coordinate, with its sign and relative to the direction of motion.
 
     Args:
         residual: band-limited residual of each motion [N].
         motions: the motions.
-        seed: of the circular shifts.
+        seed: seed of the circular shifts.
 
     Returns:
-        Coordinates, the most telling first.
+        Coordinates, the smallest p-value first.
     """
     rng = np.random.default_rng([seed, 78])
     values = np.concatenate(list(residual))
@@ -69,8 +69,8 @@ def locate(residual: Sequence[Floats], motions: Sequence[Motion], seed: int) -> 
     direction = np.sign(np.concatenate([motion.thinned(motion.velocity) for motion in motions]))
     shifts = rng.integers(int(0.05 * len(slow)), int(0.95 * len(slow)), SHIFTS)
     found = []
-    known = np.vstack([coordinates_of(motion, tuple(UNITS)) for motion in motions])
-    for place, (name, unit) in enumerate(UNITS.items()):
+    known = np.vstack([coordinates_of(motion, tuple(COORDINATE_UNITS)) for motion in motions])
+    for place, (name, unit) in enumerate(COORDINATE_UNITS.items()):
         coordinate = known[:, place]
         for label, signal in ((name, slow), (f"{name}, along the motion", slow * direction)):
             item = _binned(label, unit, coordinate, signal, shifts)
@@ -80,7 +80,7 @@ def locate(residual: Sequence[Floats], motions: Sequence[Motion], seed: int) -> 
 
 
 def _binned(label: str, unit: str, coordinate: Floats, signal: Floats, shifts: NDArray[np.int64]) -> Located | None:
-    """Return the residual over one coordinate, or None when it hardly varies."""
+    """Return the residual over one coordinate, or None if the coordinate hardly varies."""
     edges = np.unique(np.quantile(coordinate, np.linspace(0.0, 1.0, BINS + 1)))
     if len(edges) < 4:
         return None

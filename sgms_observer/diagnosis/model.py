@@ -1,7 +1,7 @@
 """The model under test: nominal parameters and effects, simulated along a measured motion.
 
-What is predicted is always the measured effort: the command that the motion needed. An effect on the way of the effort
-predicts the command by its inverse, so that no effect can close a gap by making the measurement smaller.
+The prediction is always the measured effort: the command that the motion needs. An effect on the path of the effort is
+inverted to predict the command, so that no effect can close the gap by reducing the measured effort.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.contact import element_friction
-from sgms_observer.diagnosis.motion import PLAY, Motion, second_difference, split_at_reversals, without_flicker
+from sgms_observer.diagnosis.motion import PLAY_HALF_WIDTH, Motion, play_operator, second_difference, split_at_reversals
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place
@@ -25,41 +25,42 @@ Floats = NDArray[np.float64]
 
 stribeck_level = vectorised("friction").stribeck_level
 asymmetric_coulomb = vectorised("effects_level").asymmetric_coulomb
-SIDED = "asymmetric_coulomb"
-"""The effect whose level hangs on the way each part of a step goes: at rest an encoder's flicker must not mix both."""
-BY_LEVEL = ("frictional_lag", "backlash")
-"""Effects that depend on the level."""
+ASYMMETRIC_COULOMB = "asymmetric_coulomb"
+"""The effect with a separate sliding force for each direction, which is chosen by the displacement within a step."""
+NEED_SLIDING_FORCE = ("frictional_lag", "backlash")
+"""Effects that depend on the sliding force."""
 
 DAMPING = "element_damping"
 """Name of the parameter that scales the damping of all elements."""
-SPREAD_COUNT = 8
-"""Elements that stand for an unknown contact: two a decade over four decades."""
+LOG_SPACED_COUNT = 8
+"""Number of elements of an unknown contact: two per decade over four decades."""
 
-MASS, VISCOUS, COULOMB, STATIC, KNEE = range(5)
-SHARED = ("mass", "viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity")
+MASS, VISCOUS, COULOMB, STATIC, STRIBECK_VELOCITY = range(5)
+SCALAR_PARAMETERS = ("mass", "viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity")
 
 
 @dataclass(frozen=True)
 class Model:
-    """An axis's model as far as recordings can judge it.
+    """Model of an axis along a recording.
 
     Attributes:
         mass: moving mass [kg].
         friction: friction settings.
-        effects: effects in it.
-        is_sharp: whether S-GMS elements stick and slip without smoothing, as GMS elements with a fast attraction do.
-        relaxation: damping of the elements over their stiffness, the same for all [s]; 0 for none.
-        file_reach: largest slip deflection of the file's elements where the model has others [m]; None for its own.
+        effects: effects of the model.
+        is_unsmoothed: whether S-GMS elements are computed as unsmoothed Maxwell-slip elements: GMS elements with a
+            fast attraction.
+        relaxation: damping over stiffness, the same for all elements [s]; 0 for no damping.
+        file_slip_deflection: largest slip deflection of the elements of the file [m]; None if the model has them.
         joint_period: period in position that the joint implies (2 pi on a revolute one), or None.
     """
 
     mass: float
     friction: FrictionSettings
     effects: tuple[EffectSettings, ...] = ()
-    is_sharp: bool = False
+    is_unsmoothed: bool = False
     relaxation: float = 0.0
     joint_period: float | None = None
-    file_reach: float | None = None
+    file_slip_deflection: float | None = None
 
     @staticmethod
     def of(axis: AxisSettings) -> Model:
@@ -72,7 +73,7 @@ class Model:
     def parameter_names(self) -> tuple[str, ...]:
         """Return the names of the nominal parameters in the order of ``shifted``."""
         n_z = len(self.friction.element_stiffness)
-        names = list(SHARED)
+        names = list(SCALAR_PARAMETERS)
         if self.friction.model == "gms":
             names.append("attraction_rate")
         if self.relaxation > 0.0:
@@ -82,7 +83,7 @@ class Model:
         return tuple(names)
 
     def shifted(self, logs: Floats) -> Model:
-        """Return the model with each nominal parameter times ``exp(logs)``; shares still sum to 1."""
+        """Return the model with each nominal parameter times ``exp(logs)``; the shares are normalised to sum 1."""
         old, scale = self.friction, np.exp(logs)
         names = self.parameter_names()
         n_z = len(old.element_stiffness)
@@ -94,7 +95,7 @@ class Model:
             viscous_coefficient=float(old.viscous_coefficient * scale[VISCOUS]),
             coulomb_force=float(coulomb),
             static_force=float(max(old.static_force * scale[STATIC], coulomb)),
-            stribeck_velocity=float(old.stribeck_velocity * scale[KNEE]),
+            stribeck_velocity=float(old.stribeck_velocity * scale[STRIBECK_VELOCITY]),
             attraction_rate=float(old.attraction_rate * rate),
             element_stiffness=tuple((np.array(old.element_stiffness) * scale[-2 * n_z : -n_z]).tolist()),
             element_fraction=tuple((fraction / fraction.sum()).tolist()),
@@ -102,10 +103,10 @@ class Model:
         relaxation = self.relaxation * (float(scale[names.index(DAMPING)]) if DAMPING in names else 1.0)
         return replace(self, mass=float(self.mass * scale[MASS]), friction=friction, relaxation=relaxation)
 
-    def refined(self) -> Model:
-        """Return the model with each element split in two of the same stiffness together, one slipping early, one late.
+    def with_split_elements(self) -> Model:
+        """Return the model with each element split in two, one with a smaller and one with a larger slip deflection.
 
-        Four elements stand for a continuous contact; twice as many leave less of it in the residual.
+        The pair has the stiffness and the force of the element. More elements approximate a continuous contact better.
         """
         old = self.friction
         early = 0.65
@@ -120,28 +121,30 @@ class Model:
         )
         return replace(self, friction=friction)
 
-    def spread(self, smallest: float, largest: float) -> Model:
-        """Return the model with elements whose slip deflections are spread evenly over a range of decades.
+    def with_log_spaced_elements(self, smallest: float, largest: float) -> Model:
+        """Return the model with elements whose slip deflections are spaced logarithmically over a range.
 
-        They stand for a contact whose elements the file does not know: each carries the same share in the beginning.
+        They represent a contact with unknown elements. Each starts with the same share.
 
         Args:
             smallest, largest: slip deflections of the first and of the last element [m].
         """
-        deflection = np.geomspace(smallest, largest, SPREAD_COUNT)
-        share = 1.0 / SPREAD_COUNT
+        deflection = np.geomspace(smallest, largest, LOG_SPACED_COUNT)
+        share = 1.0 / LOG_SPACED_COUNT
         friction = replace(
             self.friction,
             element_stiffness=tuple((share * self.friction.coulomb_force / deflection).tolist()),
-            element_fraction=(share,) * SPREAD_COUNT,
-            element_damping=(0.0,) * SPREAD_COUNT,
+            element_fraction=(share,) * LOG_SPACED_COUNT,
+            element_damping=(0.0,) * LOG_SPACED_COUNT,
         )
-        return replace(self, friction=friction, file_reach=self.reach)
+        return replace(self, friction=friction, file_slip_deflection=self.slip_deflection)
 
     @property
-    def reach(self) -> float:
-        """Return the slip deflection beyond which the contact slides, as the file has it [m]."""
-        return largest_reach(self.friction) if self.file_reach is None else self.file_reach
+    def slip_deflection(self) -> float:
+        """Return the largest slip deflection of the elements of the file [m]."""
+        return (
+            largest_slip_deflection(self.friction) if self.file_slip_deflection is None else self.file_slip_deflection
+        )
 
     def with_effects(self, effects: Sequence[EffectSettings]) -> Model:
         """Return the model with ``effects`` added to its own."""
@@ -150,72 +153,85 @@ class Model:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a model makes of a motion, at the working rate.
+    """Prediction of a model along a motion, at the working rate.
 
     Attributes:
-        residual: effort that arrives minus what the model needs [N].
+        residual: measured effort minus predicted effort [N].
         friction: simulated element friction [N].
-        doubt: 0 where the contact slides, 1 where it sticks or creeps and the encoder's grid decides; empty without a
-            new simulation.
+        stick_indicator: 0 where the contact slides, 1 where it sticks or creeps and the encoder resolution matters;
+            empty if the contact was not simulated.
     """
 
     residual: Floats
     friction: Floats
-    doubt: Floats
+    stick_indicator: Floats
 
 
 def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) -> Prediction:
-    """Return the residual of the balance of forces along a motion.
+    """Return the prediction of a model along a motion.
 
     Args:
-        model: what is judged.
+        model: the model.
         motion: the recording.
-        fixed_friction: element friction of the model without level effects; when given, level effects scale it instead
-            of being simulated again (for a first look at many effects).
+        fixed_friction: element friction of the model without effects on the sliding force. If given, these effects
+            scale it and the contact is not simulated again (for the screening of many effects).
     """
     friction = model.friction
-    at_level = tuple(item for item in model.effects if effect(item.name).place is Place.LEVEL_FACTOR)
+    on_sliding_force = tuple(item for item in model.effects if effect(item.name).place is Place.LEVEL_FACTOR)
     on_path = tuple(item for item in model.effects if effect(item.name).place is Place.EFFORT_PATH)
-    seen = _seen(tuple(item for item in model.effects if item not in at_level + on_path), friction, motion)
+    corrected = _corrected_motion(
+        tuple(item for item in model.effects if item not in on_sliding_force + on_path), friction, motion
+    )
     sides = (1.0, 1.0)
-    for item in at_level:
-        if item.name == SIDED:
+    for item in on_sliding_force:
+        if item.name == ASYMMETRIC_COULOMB:
             forward, backward = (float(asymmetric_coulomb(side, item.values)) for side in (1.0, -1.0))
             sides = (sides[0] * forward, sides[1] * backward)
     if fixed_friction is None:
 
         def simulated() -> tuple[Floats, Floats]:
-            level = stribeck(friction, seen.position, motion.period)
-            factor = _factor(at_level, level, seen, motion)
+            sliding_force = stribeck(friction, corrected.position, motion.period)
+            factor = _factor(on_sliding_force, sliding_force, corrected, motion)
             return element_friction(
-                friction, seen.first, seen.second, motion.period, level * factor, sides, model.is_sharp
+                friction,
+                corrected.first,
+                corrected.second,
+                motion.period,
+                sliding_force * factor,
+                sides,
+                model.is_unsmoothed,
             )
 
-        key = (replace(friction, viscous_coefficient=0.0), at_level, model.is_sharp)
-        is_kept = not seen.has_position and all(is_built_in(item.name) for item in at_level)
-        elements, stiffness = motion.kept("contact", key, simulated) if is_kept else simulated()
-        doubt = np.maximum(stiffness / sum(friction.element_stiffness), motion.creep)
+        key = (replace(friction, viscous_coefficient=0.0), on_sliding_force, model.is_unsmoothed)
+        is_cacheable = not corrected.has_position and all(is_built_in(item.name) for item in on_sliding_force)
+        elements, stiffness = motion.cached("contact", key, simulated) if is_cacheable else simulated()
+        stick_indicator = np.maximum(stiffness / sum(friction.element_stiffness), motion.creep)
     else:
-        level = stribeck(friction, seen.position, motion.period)
-        elements = fixed_friction * _factor(at_level, level, seen, motion) * np.where(seen.velocity > 0.0, *sides)
-        doubt = np.zeros(0)
+        sliding_force = stribeck(friction, corrected.position, motion.period)
+        elements = (
+            fixed_friction
+            * _factor(on_sliding_force, sliding_force, corrected, motion)
+            * np.where(corrected.velocity > 0.0, *sides)
+        )
+        stick_indicator = np.zeros(0)
     if model.relaxation > 0.0:  # sum of sigma_i dz_i/dt with sigma_i over kappa_i the same for all
         elements = elements + model.relaxation * np.gradient(elements, motion.period)
-    mass = model.mass + seen.added_mass
-    needed = mass * seen.acceleration + friction.viscous_coefficient * seen.velocity + elements + seen.force
+    mass = model.mass + corrected.added_mass
+    needed = (
+        mass * corrected.acceleration + friction.viscous_coefficient * corrected.velocity + elements + corrected.force
+    )
     command = needed_command(on_path, needed, motion)
-    return Prediction(motion.effort - command, elements, doubt)
+    return Prediction(motion.effort - command, elements, stick_indicator)
 
 
 def needed_command(on_path: Sequence[EffectSettings], needed: Floats, motion: Motion) -> Floats:
     """Return the command that makes the needed force arrive: the inverse of the effort's path [N].
 
-    Inside a dead zone the command is not determined; the middle is predicted. Beyond a saturation limit the command is
-    not determined either; there a command that is recorded beyond the limit counts as predicted as far as the limit
-    is the needed force.
+    Inside a dead zone the command is not determined; the centre of the dead zone is predicted. Beyond a saturation
+    limit the command is not determined either; there the part of the recorded command beyond the limit is predicted.
 
     Args:
-        on_path: effects on the way of the effort, in the order in which the effort passes them.
+        on_path: effects on the path of the effort, in the order in which the effort passes them.
         needed: force that the motion needs [N], shape (n,).
         motion: the recording.
     """
@@ -228,8 +244,8 @@ def needed_command(on_path: Sequence[EffectSettings], needed: Floats, motion: Mo
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """A motion as effects outside the contact leave it: true position, added force and added mass."""
+class _CorrectedMotion:
+    """A motion corrected by the effects outside the contact: true position, added force and added mass."""
 
     position: Floats
     velocity: Floats
@@ -241,10 +257,12 @@ class _Seen:
     has_position: bool
 
 
-def _seen(others: tuple[EffectSettings, ...], friction: FrictionSettings, motion: Motion) -> _Seen:
-    """Return a motion as effects outside the contact leave it; remembered, because many refits ask for the same."""
+def _corrected_motion(
+    others: tuple[EffectSettings, ...], friction: FrictionSettings, motion: Motion
+) -> _CorrectedMotion:
+    """Return the motion corrected by the effects outside the contact; cached, because many fits need the same one."""
 
-    def made() -> _Seen:
+    def computed() -> _CorrectedMotion:
         position, velocity, acceleration = motion.position, motion.velocity, motion.acceleration
         first, second, n = motion.first, motion.second, len(motion.position)
         effects = CompiledEffects(others, motion.period)
@@ -253,44 +271,56 @@ def _seen(others: tuple[EffectSettings, ...], friction: FrictionSettings, motion
             position = motion.smoothed(effects.corrected_position(motion.raw))
             velocity = np.gradient(position, motion.period)
             acceleration = second_difference(position, motion.period)
-            first, second = split_at_reversals(without_flicker(position, PLAY * motion.resolution), motion.period)
-        moved = held_over_steps(acceleration) if effects.added_mass != 0.0 else acceleration
+            first, second = split_at_reversals(
+                play_operator(position, PLAY_HALF_WIDTH * motion.resolution), motion.period
+            )
+        moved = compensated_for_hold(acceleration) if effects.added_mass != 0.0 else acceleration
         force, _factor = effects.evaluate(
             position, velocity, moved, motion.time, motion.effort, np.full(n, motion.period),
             stribeck(friction, position, motion.period), state, motion.other_velocity, motion.other_acceleration,
         )  # fmt: skip
-        return _Seen(
+        return _CorrectedMotion(
             position, velocity, acceleration, first, second, force, effects.added_mass, effects.has_position
         )
 
-    by_level = any(item.name in BY_LEVEL for item in others)
-    level = (friction.static_force, friction.coulomb_force, friction.stribeck_velocity) if by_level else ()
-    return motion.kept("seen", (others, level), made) if all(is_built_in(item.name) for item in others) else made()
+    needs_sliding_force = any(item.name in NEED_SLIDING_FORCE for item in others)
+    sliding_force = (
+        (friction.static_force, friction.coulomb_force, friction.stribeck_velocity) if needs_sliding_force else ()
+    )
+    return (
+        motion.cached("corrected motion", (others, sliding_force), computed)
+        if all(is_built_in(item.name) for item in others)
+        else computed()
+    )
 
 
-def _factor(at_level: tuple[EffectSettings, ...], level: Floats, seen: _Seen, motion: Motion) -> Floats:
-    """Return the factor of effects on the level, without the one that has two sides."""
-    wanted = tuple(item for item in at_level if item.name != SIDED)
+def _factor(
+    on_sliding_force: tuple[EffectSettings, ...], sliding_force: Floats, corrected: _CorrectedMotion, motion: Motion
+) -> Floats:
+    """Return the factor of effects on the sliding force, except the one that depends on the direction."""
+    symmetric = tuple(item for item in on_sliding_force if item.name != ASYMMETRIC_COULOMB)
 
-    def made() -> Floats:
-        effects = CompiledEffects(wanted, motion.period)
+    def computed() -> Floats:
+        effects = CompiledEffects(symmetric, motion.period)
         _force, factor = effects.evaluate(
-            seen.position, seen.velocity, seen.acceleration, motion.time, motion.effort,
-            np.full(len(level), motion.period), level, effects.initial_state(), motion.other_velocity,
+            corrected.position, corrected.velocity, corrected.acceleration, motion.time, motion.effort,
+            np.full(len(sliding_force), motion.period), sliding_force, effects.initial_state(), motion.other_velocity,
             motion.other_acceleration,
         )  # fmt: skip
         return factor
 
-    is_kept = not seen.has_position and all(is_built_in(item.name) and item.name not in BY_LEVEL for item in wanted)
-    return motion.kept("factor", wanted, made) if is_kept else made()
+    is_cacheable = not corrected.has_position and all(
+        is_built_in(item.name) and item.name not in NEED_SLIDING_FORCE for item in symmetric
+    )
+    return motion.cached("factor", symmetric, computed) if is_cacheable else computed()
 
 
-def held_over_steps(acceleration: Floats) -> Floats:
-    """Return what, held over the step that ends at each sample, drives a ringing mass as the acceleration itself does.
+def compensated_for_hold(acceleration: Floats) -> Floats:
+    """Return step-wise constant accelerations that drive a flexible mode like the continuous acceleration.
 
-    A constant over a step of length h gives a mass that rings at w only the share 1 - (w h)^2 / 24 of what the mean
-    instant's acceleration would; the weights make up for that, and for the interpolation to the middle of the step,
-    up to the fourth order of w h.
+    An acceleration that is constant over a step of length h excites a mode of frequency w by the factor
+    1 - (w h)^2 / 24 only. The weights compensate this factor and the interpolation to the middle of the step, up to the
+    fourth order of w h.
 
     Args:
         acceleration: at the samples, shape (n,) [m/s^2].
@@ -302,36 +332,38 @@ def held_over_steps(acceleration: Floats) -> Floats:
 
 
 def stribeck(friction: FrictionSettings, position: Floats, period: float) -> Floats:
-    """Return the level of sliding friction along a motion [N]."""
+    """Return the sliding force along a motion [N]."""
     speed = np.concatenate(([0.0], np.diff(position))) / period
     return np.asarray(stribeck_level(speed, friction.static_force, friction.coulomb_force, friction.stribeck_velocity))
 
 
-def hidden_fall(friction: FrictionSettings, motion: Motion) -> Floats:
-    """Return by how much friction may have fallen at each sample without the encoder showing it [N].
+def hidden_friction_drop(friction: FrictionSettings, motion: Motion) -> Floats:
+    """Return the largest decrease of friction that the encoder resolution can hide at each sample [N].
 
-    Where the encoder shows no motion, the contact may have gone back by anything up to the play.
+    Where the encoder shows no motion, the contact may have moved back by up to the width of the play operator.
 
     Args:
-        friction: of the contact.
+        friction: settings of the contact.
         motion: the recording.
     """
-    return np.where(motion.still, fall_after_reversal(friction, 2.0 * PLAY * motion.resolution), 0.0)
+    return np.where(
+        motion.shows_no_motion, friction_drop_after_reversal(friction, 2.0 * PLAY_HALF_WIDTH * motion.resolution), 0.0
+    )
 
 
-def fall_after_reversal(friction: FrictionSettings, distance: float) -> float:
-    """Return how far the friction of a sliding contact falls when it goes back (Masing's rule) [N].
+def friction_drop_after_reversal(friction: FrictionSettings, distance: float) -> float:
+    """Return the decrease of friction when a sliding contact moves back (Masing's rule) [N].
 
     Args:
-        friction: of the contact.
-        distance: how far it goes back [m].
+        friction: settings of the contact.
+        distance: distance of the motion back [m].
     """
     fractions, stiffnesses = friction.element_fraction, friction.element_stiffness
     listed = zip(fractions, stiffnesses, strict=True)
     return sum(min(kappa * distance, 2.0 * share * friction.static_force) for share, kappa in listed)
 
 
-def largest_reach(friction: FrictionSettings) -> float:
-    """Return the deflection at which the last element slips [m]."""
-    reaches = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
-    return float(reaches.max())
+def largest_slip_deflection(friction: FrictionSettings) -> float:
+    """Return the largest slip deflection of the elements [m]."""
+    slips = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
+    return float(slips.max())

@@ -1,7 +1,8 @@
-"""Motion and effort of a record, every signal through the same zero-phase low-pass.
+"""Motion and effort of a recording, every signal filtered by the same zero-phase low-pass.
 
-Where the effort is held from one sample to the next, the second difference of the position at a sample answers to the
-mean of the efforts before and after it: it comes half a sample late. A drive that is faster than the record does not.
+If the effort is held between samples, the second difference of the position at a sample depends on the mean of the
+efforts before and after it: the effort has a lag of half a sample. The effort of a drive that is faster than the
+recording has no lag.
 """
 
 from __future__ import annotations
@@ -21,36 +22,36 @@ from sgms_observer.offline.recording import Recording
 
 Floats = NDArray[np.float64]
 Scalar = TypeVar("Scalar", bound=np.generic)
-Kept = TypeVar("Kept")
+Cached = TypeVar("Cached")
 
 BAND = 100.0
-"""Residuals are judged below this frequency [Hz] where the recording's rate and encoder allow it."""
+"""Upper frequency of the residuals [Hz], unless rate and encoder of the recording need a lower one."""
 WORKING_RATE = 10.0
-"""Records sampled faster than this multiple of the band are thinned to about that rate after the low-pass."""
+"""Recordings with a higher rate than this multiple of the band are decimated to about that rate after the low-pass."""
 MOTION_BAND = 2.5
-"""The motion keeps frequencies up to this multiple of the band: a mass rings on its own contact well above it."""
+"""Bandwidth of the motion as a multiple of the band: the mass resonates on the contact stiffness above the band."""
 MAX_BAND_SHARE = 0.35
-"""Largest band over the sample rate: what the low-pass needs below Nyquist's frequency."""
+"""Largest ratio of band to sample rate: the low-pass needs a margin below the Nyquist frequency."""
 MIN_DURATION = 3.0
-"""Shortest record that is judged [s]."""
-PLAY = 0.6
-"""Half the play that takes the encoder's flicker off the contact's motion, in steps of its grid."""
-CREEP = 20.0
-"""Slower than this many steps of the encoder's grid per sample the contact is judged by its stiffness."""
-HELD = 0.5
-"""How late an effort arrives that is held from one sample to the next, in samples."""
-MOST_KEPT = 4
-"""Results kept per motion and kind: a parameter that leaves the contact alone needs no new simulation."""
-EDGE = 0.1
-"""Time dropped at either end, where the low-pass has no past or future [s]."""
+"""Shortest recording that is accepted [s]."""
+PLAY_HALF_WIDTH = 0.6
+"""Half width of the play operator that removes encoder jitter from the motion of the contact, in encoder steps."""
+CREEP_SPEED = 20.0
+"""Speed below which the encoder resolution limits the prediction of the contact, in encoder steps per sample."""
+HELD_LAG = 0.5
+"""Lag of an effort that is held between samples, in samples."""
+MAX_CACHED = 4
+"""Number of cached results per motion and kind: a parameter outside the contact needs no new simulation."""
+EDGE_TIME = 0.1
+"""Time dropped at either end for the transients of the low-pass [s]."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A record on the working rate.
+    """A recording at the working rate.
 
     Attributes:
-        name: where it comes from.
+        name: name of the recording.
         period: working period [s].
         time: [s], from 0.
         position: filtered position [m].
@@ -58,15 +59,15 @@ class Motion:
         acceleration: filtered acceleration [m/s^2].
         effort: effort, hold-corrected but not filtered [N].
         first, second: displacement within the step that ends at each sample, before and after a reversal [m].
-        other_velocity, other_acceleration: of the other axis; zero where there is none.
+        other_velocity, other_acceleration: of the other axis; zero if there is none.
         has_other: whether there is another axis.
         thinning: factor from the working rate to the rate of residuals.
-        smoothing: the low-pass of the motion at the rate of the record.
-        step: factor from the record's rate to the working rate.
+        smoothing: the low-pass of the motion at the rate of the recording.
+        step: factor from the rate of the recording to the working rate.
         raw: position as recorded [m].
-        resolution: step of the encoder's grid; 0 where none shows [m].
-        lag: how late the effort arrives, in samples of the record.
-        band: residuals are judged below this frequency [Hz].
+        resolution: encoder step; 0 if none is visible [m].
+        lag: lag of the effort, in samples of the recording.
+        band: upper frequency of the residuals [Hz].
     """
 
     name: str
@@ -86,7 +87,7 @@ class Motion:
     step: int
     raw: Floats
     resolution: float
-    lag: float = HELD
+    lag: float = HELD_LAG
     band: float = BAND
 
     def smoothed(self, raw: Floats) -> Floats:
@@ -96,53 +97,53 @@ class Motion:
     def low_pass(self, values: Floats) -> Floats:
         """Return ``values`` below the band, at the rate of residuals, edges dropped."""
         filtered = signal.sosfiltfilt(_band_filter(self.period, self.band), values)
-        return np.asarray(filtered[self._judged], dtype=np.float64)
+        return np.asarray(filtered[self._residual_samples], dtype=np.float64)
 
     def thinned(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """Return ``values`` at the samples of ``low_pass``."""
-        return values[self._judged]
+        return values[self._residual_samples]
 
     @cached_property
-    def _judged(self) -> slice:
-        """Samples that residuals are taken at: the edges dropped, as many as a fast Fourier transform likes."""
-        drop = int(EDGE / self.period)
+    def _residual_samples(self) -> slice:
+        """Samples of the residuals: edges dropped, and a number that suits the fast Fourier transform."""
+        drop = int(EDGE_TIME / self.period)
         count = fast_length(-(-(len(self.time) - 2 * drop) // self.thinning))
         return slice(drop, drop + count * self.thinning, self.thinning)
 
-    def kept(self, kind: str, key: Hashable, make: Callable[[], Kept]) -> Kept:
-        """Return what ``make`` gives, from memory if it was made for the same key lately.
+    def cached(self, kind: str, key: Hashable, make: Callable[[], Cached]) -> Cached:
+        """Return the result of ``make``, from the cache if it holds the key.
 
         Args:
-            kind: what is made; the last ``MOST_KEPT`` of each kind are remembered.
-            key: all it depends on beside this motion.
-            make: makes it.
+            kind: kind of the result; the cache holds the last ``MAX_CACHED`` of each kind.
+            key: everything that the result depends on beside this motion.
+            make: function that computes the result.
         """
-        memory: dict[Hashable, Kept] = self._memory.setdefault(kind, {})
-        found = memory.get(key)
+        cache: dict[Hashable, Cached] = self._cache.setdefault(kind, {})
+        found = cache.get(key)
         if found is None:
             found = make()
-            while len(memory) >= MOST_KEPT:
-                memory.pop(next(iter(memory), None), None)
-            memory[key] = found
+            while len(cache) >= MAX_CACHED:
+                cache.pop(next(iter(cache), None), None)
+            cache[key] = found
         return found
 
     @cached_property
-    def _memory(self) -> dict[str, dict[Hashable, Any]]:
-        """What was made along this motion."""
+    def _cache(self) -> dict[str, dict[Hashable, Any]]:
+        """Results that were computed along this motion."""
         return {}
 
     @cached_property
     def creep(self) -> Floats:
-        """1 where the stage is slower than ``CREEP`` steps of the encoder's grid per sample, else 0."""
+        """Smooth indicator, 1 at speeds below ``CREEP_SPEED`` encoder steps per sample and 0 above."""
         if self.resolution <= 0.0:
             return np.zeros(len(self.time))
-        slow = CREEP * self.resolution / self.period
+        slow = CREEP_SPEED * self.resolution / self.period
         square = np.square(np.square(self.velocity / slow))
         return np.asarray(np.exp(-np.minimum(square, 700.0)), dtype=np.float64)
 
     @cached_property
-    def still(self) -> NDArray[np.bool_]:
-        """Where the encoder shows no motion within a period of the band: the contact may move inside the play."""
+    def shows_no_motion(self) -> NDArray[np.bool_]:
+        """Whether the encoder shows no motion within a period of the band around each sample."""
         if self.resolution <= 0.0:
             return np.zeros(len(self.time), dtype=np.bool_)
         moves = np.abs(self.first) + np.abs(self.second) > 0.0
@@ -174,16 +175,16 @@ def _band_filter(period: float, band: float) -> Floats:
     return np.asarray(signal.butter(4, min(2.0 * band * period * 1.1, 0.8), output="sos"), dtype=np.float64)
 
 
-def motion_of(record: Recording, lag: float = HELD, band: float = BAND) -> Motion:
-    """Filter a record and bring it to the working rate.
+def motion_of(record: Recording, lag: float = HELD_LAG, band: float = BAND) -> Motion:
+    """Return a recording filtered and decimated to the working rate.
 
     Args:
-        record: the record.
-        lag: how late its effort arrives, in samples, at most one either way.
-        band: residuals are judged below this frequency, lowered where the record's rate asks for it [Hz].
+        record: the recording.
+        lag: lag of its effort, in samples, between -1 and 1.
+        band: upper frequency of the residuals, lowered if the rate of the recording needs it [Hz].
 
     Raises:
-        DataError: if it is too short to judge.
+        DataError: the recording is too short.
     """
     rate = 1.0 / record.period
     if record.duration < MIN_DURATION:
@@ -191,9 +192,9 @@ def motion_of(record: Recording, lag: float = HELD, band: float = BAND) -> Motio
     band = min(band, MAX_BAND_SHARE * rate)
     step = max(1, round(rate / (WORKING_RATE * band)))
     period = record.period * step
-    effort = later(record.effort, lag)
+    effort = delayed(record.effort, lag)
     corner = min(MOTION_BAND * band, MAX_BAND_SHARE / period)
-    if step > 1:  # the noise between the samples that are dropped must not fold into the band
+    if step > 1:  # anti-aliasing
         guard = signal.butter(4, 0.4 / period / (0.5 * rate), output="sos")
         effort = signal.sosfiltfilt(guard, effort)
     smooth = signal.butter(4, 2.0 * corner * record.period, output="sos")
@@ -205,7 +206,7 @@ def motion_of(record: Recording, lag: float = HELD, band: float = BAND) -> Motio
         other_a = second_difference(other, period)
     velocity = np.gradient(position, period)
     resolution = record.encoder_step
-    first, second = split_at_reversals(without_flicker(position, PLAY * resolution), period)
+    first, second = split_at_reversals(play_operator(position, PLAY_HALF_WIDTH * resolution), period)
     rest = 0.5 / (period * band * 1.25)
     return Motion(
         record.name,
@@ -230,16 +231,16 @@ def motion_of(record: Recording, lag: float = HELD, band: float = BAND) -> Motio
     )
 
 
-def later(values: Floats, samples: float) -> Floats:
-    """Return a series a part of a sample later (earlier if negative), between its neighbours in proportion."""
+def delayed(values: Floats, samples: float) -> Floats:
+    """Return a series delayed by a fraction of a sample (advanced if negative), by linear interpolation."""
     if samples >= 0.0:
         return (1.0 - samples) * values + samples * np.concatenate((values[:1], values[:-1]))
     return (1.0 + samples) * values - samples * np.concatenate((values[1:], values[-1:]))
 
 
 @njit
-def _play(position: Floats, half: float, out: Floats) -> None:
-    """Write the position of a body that is carried along with a play of twice ``half``."""
+def _apply_play(position: Floats, half: float, out: Floats) -> None:
+    """Write the output of the play operator of half width ``half``."""
     place = position[0]
     for k in range(position.shape[0]):
         if position[k] > place + half:
@@ -249,17 +250,17 @@ def _play(position: Floats, half: float, out: Floats) -> None:
         out[k] = place
 
 
-def without_flicker(position: Floats, half: float) -> Floats:
-    """Return a motion without to and fro below ``half`` [m], which an encoder's grid makes and a contact remembers."""
+def play_operator(position: Floats, half: float) -> Floats:
+    """Return a position filtered by the play operator (hysteresis) of half width ``half`` [m], which removes jitter."""
     if half <= 0.0:
         return position
     out = np.empty_like(position)
-    _play(position, half, out)
+    _apply_play(position, half, out)
     return out
 
 
 def split_at_reversals(position: Floats, period: float) -> tuple[Floats, Floats]:
-    """Return each step's displacement before and after a reversal inside it (parabola through its end velocities)."""
+    """Return the displacement of each step before and after a reversal in it, with linear velocity over the step."""
     velocity = np.gradient(position, period)
     travel = np.concatenate(([0.0], np.diff(position)))
     before = np.concatenate(([0.0], velocity[:-1]))

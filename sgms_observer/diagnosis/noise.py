@@ -1,11 +1,10 @@
-"""What of a residual is noise: its colour, and where it is larger. Both whiten every column alike.
+"""Noise of a residual: spectrum and time-dependent variance. They whiten residuals and derivatives alike.
 
-The force noise of a drive is taken as first-order noise plus white noise, its corner no lower than
-``LOWEST_CORNER`` times the band: whatever moves more slowly than that has a cause. The spectrum is fitted to medians
-over bands, so that lines and slow effects do not count as noise. Where the contact sticks, the encoder's noise (and
-what a few elements cannot follow) comes through its stiffness; residuals there weigh less. Where the encoder shows no
-motion at all, the contact may still have moved within its grid, and the force with it: that is known from grid and
-stiffness, whether or not the recordings to learn from rest.
+The model of the force noise is first-order noise plus white noise. Its corner frequency is at least ``LOWEST_CORNER``
+times the band: slower changes count as effects, not as noise. The spectrum is fitted to medians over frequency bands,
+so that spectral lines and slow effects do not count as noise. Where the contact sticks, its stiffness turns encoder
+noise into force noise, so residuals there have a lower weight. Where the encoder shows no motion, the contact may have
+moved within the encoder resolution; the variance of the hidden force follows from resolution and stiffness.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ from scipy.optimize import least_squares
 Floats = NDArray[np.float64]
 
 LOWEST_CORNER = 0.08
-"""Noise is flat below this share of the band: whatever moves more slowly has a cause."""
-MOST_DOUBT = 100.0
+"""Lowest corner frequency of the noise, as a share of the band."""
+MAX_STICK_VARIANCE = 100.0
 """Largest extra variance where the contact sticks or creeps."""
 _BANDS = 24
 _STICK_SMOOTHING = 0.024  # s
-_SLOW = 0.05  # s over which residuals at rest are averaged: what an encoder hides there stays
+_REST_AVERAGING_TIME = 0.05  # s over which residuals at rest are averaged; the hidden force does not average out
 _MEDIAN_OF_CHI2 = 0.6931  # median over mean of a periodogram's bins
 
 
@@ -36,18 +35,18 @@ class Noise:
 
     Attributes:
         period: time between residuals [s].
-        low: spectral density below the corner [N^2/Hz].
+        low: spectral density of the first-order noise below the corner [N^2/Hz].
         corner: corner frequency [Hz].
         white: white density [N^2/Hz].
-        stick: extra variance where the contact sticks or creeps, over the variance elsewhere.
-        band: residuals are judged below this frequency [Hz].
+        stick_variance: extra variance where the contact sticks or creeps, over the variance elsewhere.
+        band: upper frequency of the residuals [Hz].
     """
 
     period: float
     low: float
     corner: float
     white: float
-    stick: float
+    stick_variance: float
     band: float
 
     def density(self, frequency: Floats) -> Floats:
@@ -60,17 +59,17 @@ class Noise:
         grid = np.linspace(0.0, self.band, 2000)
         return float(np.sqrt(2.0 * np.trapezoid(self.density(grid), grid)))
 
-    def weights(self, doubt: Floats, hidden: Floats | float = 0.0) -> Floats:
-        """Return what residuals are multiplied with before their colour is taken off.
+    def weights(self, stick_indicator: Floats, hidden: Floats | float = 0.0) -> Floats:
+        """Return the weights of residuals before whitening.
 
         Args:
-            doubt: 0 where the contact slides, 1 where it sticks or creeps.
-            hidden: mean square of the force that the encoder's grid hides [N^2].
+            stick_indicator: 0 where the contact slides, 1 where it sticks or creeps.
+            hidden: mean square of the force hidden by the encoder resolution [N^2].
         """
-        return self._smoothed(np.maximum(self.stick * doubt**2, self._over_noise(hidden)))
+        return self._smoothed(np.maximum(self.stick_variance * stick_indicator**2, self._over_noise(hidden)))
 
     def gap_weights(self, hidden: Floats) -> Floats:
-        """Return what residuals are multiplied with in the gap: little where the encoder's grid hides the force.
+        """Return the weights of residuals in the gap: low where the encoder resolution hides the force.
 
         Args:
             hidden: as for ``weights``.
@@ -78,8 +77,8 @@ class Noise:
         return self._smoothed(self._over_noise(hidden))
 
     def _over_noise(self, hidden: Floats | float) -> Floats:
-        """Return the hidden mean square over that of noise at rest, where neither averages out."""
-        return np.asarray(hidden * (_SLOW / float(self.density(np.zeros(1))[0])), dtype=np.float64)
+        """Return the hidden mean square over the mean square of the averaged noise at rest."""
+        return np.asarray(hidden * (_REST_AVERAGING_TIME / float(self.density(np.zeros(1))[0])), dtype=np.float64)
 
     def _smoothed(self, extra: Floats) -> Floats:
         """Return the weights for an extra variance, over the variance elsewhere."""
@@ -88,7 +87,7 @@ class Noise:
         return np.asarray(1.0 / np.sqrt(1.0 + smooth[width:-width]), dtype=np.float64)
 
     def whitened(self, values: Floats, weights: Floats) -> Floats:
-        """Return columns in units of the noise: real and imaginary parts below the band, unit variance each.
+        """Return whitened columns: real and imaginary parts of the spectrum below the band, unit variance each.
 
         Args:
             values: residuals or columns, shape (n,) or (n, k).
@@ -105,45 +104,50 @@ class Noise:
         return np.concatenate([spectrum.real, spectrum.imag[1:]])
 
 
-def loudest(noise: Sequence[Noise]) -> Noise:
+def largest_noise(noise: Sequence[Noise]) -> Noise:
     """Return the noise with the largest rms."""
     return max(noise, key=lambda one: one.rms)
 
 
 def fit_noise(
-    residual: Floats, doubt: Floats, period: float, band: float, least: float = 0.0, hidden: Floats | float = 0.0
+    residual: Floats,
+    stick_indicator: Floats,
+    period: float,
+    band: float,
+    least: float = 0.0,
+    hidden: Floats | float = 0.0,
 ) -> Noise:
     """Fit the noise of a residual.
 
     Args:
         residual: at the rate of residuals [N].
-        doubt: 0 where the contact slides, 1 where it sticks or creeps, at the same rate.
+        stick_indicator: 0 where the contact slides, 1 where it sticks or creeps, at the same rate.
         period: time between residuals [s].
-        band: residuals are judged below this frequency [Hz].
-        least: rms below which nobody measures a force [N]; white.
-        hidden: mean square of the force that the encoder's grid hides, at the same rate [N^2].
+        band: upper frequency of the residuals [Hz].
+        least: smallest rms noise of a measured force [N]; added as white noise.
+        hidden: mean square of the force hidden by the encoder resolution, at the same rate [N^2].
     """
-    start = Noise(period, 1.0, LOWEST_CORNER * band, 0.0, _stick_share(residual, doubt, period), band)
-    found = _with_spectrum(start, residual, start.weights(doubt))
+    start = Noise(period, 1.0, LOWEST_CORNER * band, 0.0, _stick_share(residual, stick_indicator, period), band)
+    found = _with_spectrum(start, residual, start.weights(stick_indicator))
     if np.any(hidden):
-        found = _with_spectrum(start, residual, found.weights(doubt, hidden))
+        found = _with_spectrum(start, residual, found.weights(stick_indicator, hidden))
     return replace(found, white=found.white + least**2 / (2.0 * band))
 
 
 def _with_spectrum(start: Noise, residual: Floats, weights: Floats) -> Noise:
-    """Return a noise with the spectrum that the weighted residual has."""
+    """Return the noise with the spectrum of the weighted residual."""
     period, band, lowest = start.period, start.band, start.corner
     centred = residual - np.median(residual)
     spectrum = np.abs(np.fft.rfft(centred * weights)) ** 2 * period / max(float(np.sum(weights**2)), 1.0)
     frequency = np.fft.rfftfreq(len(residual), period)
     edges = np.geomspace(0.04 * band, 0.95 * band, _BANDS + 1)
-    centre, level = [], []
+    centre, density = [], []
     for low, high in pairwise(edges):
         rows = (frequency >= low) & (frequency < high)
         if rows.sum() >= 5:
             centre.append(float(np.sqrt(low * high)))
-            level.append(float(np.median(spectrum[rows])) / _MEDIAN_OF_CHI2)
-    x, y = np.array(centre), np.log(np.array(level) + 1e-300)
+            density.append(float(np.median(spectrum[rows])) / _MEDIAN_OF_CHI2)
+    x, y = np.array(centre), np.log(np.array(density) + 1e-300)
     top = float(np.exp(y.max()))
 
     def misfit(p: Floats) -> Floats:
@@ -160,17 +164,17 @@ def _with_spectrum(start: Noise, residual: Floats, weights: Floats) -> Noise:
     return replace(start, low=float(low), corner=float(corner), white=float(white))
 
 
-def _stick_share(residual: Floats, doubt: Floats, period: float) -> float:
-    """Return how much the variance of slow residuals grows with the squared doubt.
+def _stick_share(residual: Floats, stick_indicator: Floats, period: float) -> float:
+    """Return the growth of the variance of slow residuals with the squared stick indicator.
 
-    At rest an encoder shows one and the same step, so its error does not average out: slow residuals decide.
+    At rest the error of an encoder is constant and does not average out, so slow residuals are used.
     """
-    width = max(3, int(_SLOW / period))
+    width = max(3, int(_REST_AVERAGING_TIME / period))
     slow = np.convolve(residual, np.ones(width) / width, mode="same")
-    square = np.convolve(doubt**2, np.ones(width) / width, mode="same")
+    square = np.convolve(stick_indicator**2, np.ones(width) / width, mode="same")
     loose = square <= np.quantile(square, 0.3)
     tight = square >= np.quantile(square, 0.85)
     if square[tight].mean() <= 2.0 * square[loose].mean():
         return 0.0
     free, stuck = np.median(np.abs(slow[loose])), np.median(np.abs(slow[tight]))
-    return float(min(MOST_DOUBT, max(0.0, (stuck / max(free, 1e-300)) ** 2 - 1.0) / square[tight].mean()))
+    return float(min(MAX_STICK_VARIANCE, max(0.0, (stuck / max(free, 1e-300)) ** 2 - 1.0) / square[tight].mean()))

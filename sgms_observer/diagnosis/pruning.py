@@ -1,4 +1,4 @@
-"""Effects that are left out again: needless beside later ones, or not significant as they are reported."""
+"""Removal of accepted effects that later effects make redundant, or whose reported strength is not significant."""
 
 from __future__ import annotations
 
@@ -8,53 +8,55 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.candidates import LAST_STEPS, to_the_end
-from sgms_observer.diagnosis.court import evidence_of
+from sgms_observer.diagnosis.candidates import LAST_STEPS, finish_fit
 from sgms_observer.diagnosis.criteria import Test, at_least
+from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, FitState, Options, Round, WrittenFits
+from sgms_observer.diagnosis.evaluation import evidence_of
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import Refit, judged_with
+from sgms_observer.diagnosis.fit import Refit, data_with_own_noise
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.state import AGAIN, Options, Round, State, Written
-from sgms_observer.diagnosis.uncertainty import with_shape
+from sgms_observer.diagnosis.uncertainty import with_between_recording_error
 
 Floats = NDArray[np.float64]
 
 
-def pruned(state: State, rounds: Sequence[Round], options: Options) -> tuple[State, tuple[Round, ...]]:
-    """Leave each effect out once: what predicts no worse without it goes.
+def without_redundant_effects(
+    state: FitState, rounds: Sequence[Round], options: Options
+) -> tuple[FitState, tuple[Round, ...]]:
+    """Remove each effect without which the model does not predict significantly worse.
 
     Args:
-        state: with everything that was accepted.
-        rounds: passes so far.
-        options: how to run.
+        state: state with everything that was accepted.
+        rounds: rounds so far.
+        options: options of the diagnosis.
     """
     for item in _with_effects(rounds)[:-1]:
         assert item.accepted is not None
         name = item.accepted.candidate.name
-        court = state.court(options)
-        full = evidence_of(to_the_end(state.refits, state.current), court)
+        evaluation = state.evaluation(options)
+        full = evidence_of(finish_fit(state.setup, state.current), evaluation)
         without = _fit_without(state, name)
-        gain = improvement(evidence_of(without, court).all, full.all)
+        gain = improvement(evidence_of(without, evaluation).all, full.all)
         test = at_least(name, "z-score beside the other effects", gain.z_score, options.criteria.min_z_score)
         rounds = _with_test(rounds, test)
         if not test.passed:
-            state = state.refitted(without, AGAIN)
+            state = state.refitted(without, REFIT_STEPS)
     return state, tuple(rounds)
 
 
-def significant(
-    found: State, state: State, rounds: Sequence[Round], nominal: Model, options: Options
-) -> tuple[State, tuple[Round, ...], Written]:
-    """Leave out, the weakest first, each effect whose reported 90 % interval includes a strength of zero.
+def without_insignificant_effects(
+    found: FitState, state: FitState, rounds: Sequence[Round], nominal: Model, options: Options
+) -> tuple[FitState, tuple[Round, ...], WrittenFits]:
+    """Remove each effect whose reported 90 % interval includes a strength of zero, the weakest first.
 
-    The scatter between recordings belongs to the interval: an effect of the machine has one size in all of them.
+    The interval includes the scatter between recordings: an effect of the machine has one strength in all of them.
 
     Args:
         found: state after the refit within the tolerance.
-        state: with everything that was accepted.
-        rounds: passes so far.
-        nominal: the model as it is given.
-        options: how to run.
+        state: state with everything that was accepted.
+        rounds: rounds so far.
+        nominal: the given model.
+        options: options of the diagnosis.
     """
     title = "strength over its standard error, as reported"
     while True:
@@ -70,53 +72,55 @@ def significant(
             return state, tuple(rounds), written
         rounds = _with_test(rounds, weakest)
         nothing_is_left = not any(item.accepted for item in rounds)
-        state = found if nothing_is_left else state.refitted(_fit_without(state, weakest.of), AGAIN)
+        state = found if nothing_is_left else state.refitted(_fit_without(state, weakest.of), REFIT_STEPS)
 
 
 def _with_effects(rounds: Sequence[Round]) -> list[Round]:
-    """Return the passes that added an effect."""
+    """Return the rounds that added an effect."""
     return [item for item in rounds if item.accepted and item.accepted.candidate.settings is not None]
 
 
-def _fit_without(state: State, name: str) -> Refit:
+def _fit_without(state: FitState, name: str) -> Refit:
     """Return the fit without one effect."""
     effects = tuple(one for one in state.current.effects if one.name != name)
-    return state.refits.of(effects, state.current.logs, LAST_STEPS)
+    return state.setup.fit(effects, state.current.logs, LAST_STEPS)
 
 
 def _with_test(rounds: Sequence[Round], test: Test) -> tuple[Round, ...]:
-    """Return the passes with a further test of what one of them added, which goes if it fails."""
+    """Return the rounds with one more test of an accepted effect, which is rejected if the test fails."""
     return tuple(
-        item.tested(test) if item.accepted and item.accepted.candidate.name == test.of else item for item in rounds
+        item.with_test(test) if item.accepted and item.accepted.candidate.name == test.of else item for item in rounds
     )
 
 
-def _as_written(found: State, state: State, nominal: Model) -> Written:
-    """Return the fits with the owner's own elements, without and with what was accepted.
+def _as_written(found: FitState, state: FitState, nominal: Model) -> WrittenFits:
+    """Return the fits with the elements of the file, without and with everything that was accepted.
 
     Args:
         found: state after the refit within the tolerance.
         state: state with everything that was accepted.
-        nominal: the model as it is given.
+        nominal: the given model.
     """
-    first = replace(found.refits, nominal=nominal, judged=judged_with(found.learn, found.current.model))
-    before = first.of(found.current.effects, None, LAST_STEPS)
+    first = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
+    before = first.fit(found.current.effects, None, LAST_STEPS)
     if state is found:
-        return Written(before, before, first, {})
-    fine = state.refits.nominal
-    later = replace(nominal, is_sharp=fine.is_sharp, relaxation=fine.relaxation)
-    if state.refits.freedom.elements:
+        return WrittenFits(before, before, first, {})
+    fine = state.setup.nominal
+    later = replace(nominal, is_unsmoothed=fine.is_unsmoothed, relaxation=fine.relaxation)
+    if state.setup.freedom.elements:
         later = fine
-    last = replace(state.refits, nominal=later)
+    last = replace(state.setup, nominal=later)
     starts: list[Floats | None] = [None]
     if later.parameter_names() == nominal.parameter_names():
         starts.append(before.logs)
     if later.parameter_names() == fine.parameter_names():
         starts.append(state.current.logs)
-    tried = [last.of(state.current.effects, start, LAST_STEPS) for start in starts]
+    tried = [last.fit(state.current.effects, start, LAST_STEPS) for start in starts]
     after = min(tried, key=lambda fit: fit.cost)
     free = set(after.free)
     fixed = [(i, j) for i, e in enumerate(after.effects) for j in range(len(e.values)) if (i, j) not in free]
-    fresh = last.of(after.effects, after.logs, 1, fixed)  # its derivatives
-    errors = dict(zip(fresh.free, with_shape(last, fresh, state.held).tolist(), strict=True))
-    return Written(before, after, last, errors)
+    fresh = last.fit(after.effects, after.logs, 1, fixed)  # computes the derivatives
+    errors = dict(
+        zip(fresh.free, with_between_recording_error(last, fresh, state.held_out_motions).tolist(), strict=True)
+    )
+    return WrittenFits(before, after, last, errors)

@@ -1,4 +1,4 @@
-"""The questions that a reader asks first, answered from the run: data, convergence, believability."""
+"""Questions of the report with their answers: data, convergence, credibility."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from sgms_observer.diagnosis.advice import Named
 from sgms_observer.diagnosis.answer import Answer
 from sgms_observer.diagnosis.audit import MIN_REVERSALS, reversals_of, travel_of
-from sgms_observer.diagnosis.closing import Closing
+from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.criteria import Test
-from sgms_observer.diagnosis.decision import AT_END
+from sgms_observer.diagnosis.decision import RANGE_END_TOLERANCE
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.fit import Refit, limits
 from sgms_observer.diagnosis.report_tables import NINETY
-from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light
@@ -24,16 +24,20 @@ DATA, CONVERGENCE, BELIEVABILITY = "Data", "Convergence", "Believability"
 
 
 def questions_of(
-    answer: Answer, closings: Sequence[Closing], tracking: PredictedTracking | None, options: Options, units: Units
+    answer: Answer,
+    checks: Sequence[CompensationCheck],
+    tracking: PredictedTracking | None,
+    options: Options,
+    units: Units,
 ) -> tuple[Light, ...]:
     """Return the questions with their answers.
 
     Args:
-        answer: of the diagnosis.
-        closings: observer and compensation before and after.
-        tracking: predicted in closed loop; None where the loop does not stay finite.
-        options: as it was run.
-        units: of the axis.
+        answer: answer of the diagnosis.
+        checks: errors of observer and compensation before and after.
+        tracking: tracking error predicted in closed loop; None if the simulation diverges.
+        options: options of the diagnosis.
+        units: units of the axis.
     """
     return (
         _motion(answer, units),
@@ -44,41 +48,41 @@ def questions_of(
         *(_effect(item, answer, units) for item in answer.effects),
         *_changed(answer),
         _rest(answer),
-        _feedforward(answer, closings, units),
+        _feedforward(answer, checks, units),
         _tracking(tracking, units),
     )
 
 
 def _test(answer: Answer, name: str) -> Test | None:
-    """Return a test of the whole model, or None where it was not made."""
+    """Return a test of the whole model, or None if it was not made."""
     return next((test for test in answer.tests if test.of == "model" and test.name.startswith(name)), None)
 
 
 def _motion(answer: Answer, units: Units) -> Light:
-    """Ask whether the recordings show friction at all."""
-    found = answer.diagnosis
-    motions = found.state.learn
+    """Ask whether the recordings show friction."""
+    diagnosis = answer.diagnosis
+    motions = diagnosis.final_state.fit_motions
     seconds = sum(float(motion.time[-1]) for motion in motions)
     travel = units.readable(sum(map(travel_of, motions)))
     reversals = sum(map(reversals_of, motions))
     facts = f"{seconds:.3g} s with {travel} of travel and {reversals} reversals (at least {MIN_REVERSALS} are needed)."
-    if found.is_poor:
-        facts += "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in found.warnings)
-    return Light(DATA, "Do the recordings show the friction?", BAD if found.is_poor else GOOD, facts)
+    if diagnosis.is_poor:
+        facts += "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in diagnosis.warnings)
+    return Light(DATA, "Do the recordings show the friction?", BAD if diagnosis.is_poor else GOOD, facts)
 
 
 def _held_out(answer: Answer) -> Light:
-    """Ask whether something judged that nothing was fitted to."""
+    """Ask whether there are held-out recordings."""
     question = "Was the model judged on recordings that it was not fitted to?"
-    if answer.diagnosis.state.held:
-        count = len(answer.diagnosis.state.held)
+    if answer.diagnosis.final_state.held_out_motions:
+        count = len(answer.diagnosis.final_state.held_out_motions)
         return Light(DATA, question, GOOD, f"{count} held-out recording{'s' if count > 1 else ''}.")
     halves = "Halves of the recordings judged each other; name a recording of another day with --holdout."
     return Light(DATA, question, UNSURE, halves)
 
 
 def _fits(answer: Answer) -> Light:
-    """Ask whether the fits ended by themselves."""
+    """Ask whether the fits converged."""
     written = answer.diagnosis.written
     fits = (("the file", written.before), ("the augmented model", written.after))
     open_ends = [name for name, fit in fits if not fit.is_converged]
@@ -91,8 +95,8 @@ def _fits(answer: Answer) -> Light:
 
 def _tolerance(answer: Answer, options: Options) -> Light:
     """Ask whether the values of the file stayed inside their tolerance."""
-    found = answer.diagnosis
-    names = at_limit(found.written.before, options.tolerance)
+    diagnosis = answer.diagnosis
+    names = at_limit(diagnosis.written.before, options.tolerance)
     question = "Are the values of the file right within their tolerance?"
     inside = f"The refit before any effect stayed inside {100 * options.tolerance:.3g} %."
     if not names:
@@ -102,15 +106,15 @@ def _tolerance(answer: Answer, options: Options) -> Light:
 
 
 def at_limit(fit: Refit, tolerance: float) -> list[str]:
-    """Return the values of the file that a refit left at the end of their tolerance; elements have none.
+    """Return the values of the file that a refit moved to the end of their tolerance, except elements.
 
     Args:
         fit: of the file, within its tolerance.
         tolerance: of its values.
     """
     names = fit.model.parameter_names()
-    reach = limits(fit.model, tolerance)
-    held = np.abs(fit.logs) >= reach * (1.0 - AT_END)
+    bound = limits(fit.model, tolerance)
+    held = np.abs(fit.logs) >= bound * (1.0 - RANGE_END_TOLERANCE)
     return [name for name, is_held in zip(names, held, strict=True) if is_held and not name.startswith("element")]
 
 
@@ -126,7 +130,7 @@ def _explained(answer: Answer) -> Light:
 
 
 def _effect(item: Named, answer: Answer, units: Units) -> Light:
-    """Ask whether an effect that was named is there."""
+    """Ask whether a named effect exists in the machine."""
     entry = effect(item.settings.name)
     values = {
         parameter.name: with_unit(value, parameter.unit, units)
@@ -150,7 +154,7 @@ def accepted_tests(answer: Answer, name: str) -> tuple[Test, ...]:
     """Return the tests that an effect passed when it was added.
 
     Args:
-        answer: of the diagnosis.
+        answer: answer of the diagnosis.
         name: of the effect.
     """
     for item in answer.diagnosis.rounds:
@@ -160,7 +164,7 @@ def accepted_tests(answer: Answer, name: str) -> tuple[Test, ...]:
 
 
 def with_unit(value: float, unit: str, units: Units) -> str:
-    """Return a value as people read it, with three digits: ``12.0 mm``.
+    """Return a value with three digits and a prefixed unit: ``12.0 mm``.
 
     Args:
         value: in the unit without a prefix.
@@ -173,7 +177,7 @@ def with_unit(value: float, unit: str, units: Units) -> str:
 
 
 def _changed(answer: Answer) -> list[Light]:
-    """Ask whether values of the file changed, where some did."""
+    """Ask whether values of the file changed, if some did."""
     if not answer.changed:
         return []
     listed = []
@@ -187,7 +191,7 @@ def _changed(answer: Answer) -> list[Light]:
 
 
 def _rest(answer: Answer) -> Light:
-    """Ask whether only noise is left."""
+    """Ask whether the remaining residual is noise."""
     question = "Is what is left noise?"
     rest, near = _test(answer, "surely predictable share of the rest"), _test(answer, "gap over noise")
     if rest is None or near is None:
@@ -202,13 +206,13 @@ def _rest(answer: Answer) -> Light:
     return Light(BELIEVABILITY, question, GOOD if near.passed else UNSURE, facts)
 
 
-def _feedforward(answer: Answer, closings: Sequence[Closing], units: Units) -> Light:
-    """Ask whether the compensation is better off with the answer."""
-    before, after = (item.compensation for item in closings)
+def _feedforward(answer: Answer, checks: Sequence[CompensationCheck], units: Units) -> Light:
+    """Ask whether the feedforward leaves less friction with the new model."""
+    before, after = (item.friction_not_cancelled for item in checks)
     facts = (
-        f"Friction not cancelled by the feedforward along {closings[1].along}: {before:.3g} before,"
+        f"Friction not cancelled by the feedforward along {checks[1].along}: {before:.3g} before,"
         f" {after:.3g} {units.effort} rms after, counted while it follows the motion"
-        f" ({100.0 * closings[1].share:.0f} % of the time)."
+        f" ({100.0 * checks[1].share:.0f} % of the time)."
     )
     question = "Does the feedforward leave less friction with the new model?"
     test = _test(answer, "friction not cancelled by the feedforward")
@@ -223,7 +227,7 @@ def _feedforward(answer: Answer, closings: Sequence[Closing], units: Units) -> L
 
 
 def _tracking(tracking: PredictedTracking | None, units: Units) -> Light:
-    """Ask whether the axis will follow its set-point better."""
+    """Ask whether compensation with the new model will improve tracking."""
     question = "Will compensation with the new model improve tracking?"
     if tracking is None:
         return Light(BELIEVABILITY, question, UNSURE, "The simulated loop does not stay finite.")

@@ -1,4 +1,4 @@
-"""Ranges and units of effect parameters: in which one gives its effect its name, and by what it is moved in a fit."""
+"""Plausible ranges of effect parameters, and the units in which a fit moves them."""
 
 from __future__ import annotations
 
@@ -6,81 +6,81 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sgms_observer.diagnosis.level import MISSING_ELEMENT
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.search import CONTACT_SHARE, MODE_RATE
+from sgms_observer.diagnosis.sliding_force import PRESLIDING
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
-SHORTEST = 0.75
-"""Shortest play or memory, as a share of the contact's largest slip deflection: less is part of the contact."""
-SHORTEST_STOP = 0.01
-"""Shortest give of a wall, as a share of the same: less no recording tells."""
-WIDEST_STEP = 0.08
-"""Widest step of wear, as a share of the travel."""
-SHORTEST_DRIFT, LONGEST_DRIFT = 0.05, 5.0
+MIN_DISTANCE_SHARE = 0.75
+"""Smallest backlash gap or memory distance over the largest slip deflection: a smaller one is part of the contact."""
+MIN_STOP_SHARE = 0.01
+"""Smallest deflection of a stop over the largest slip deflection: a smaller one is not identifiable."""
+MAX_WEAR_WIDTH_SHARE = 0.08
+"""Largest width of a wear step, as a share of the travel."""
+MIN_DRIFT_SHARE, MAX_DRIFT_SHARE = 0.05, 5.0
 """Time constants of a drift, as shares of the recording's length."""
-SLOWEST_LAG = 0.2
-"""Slowest attraction, in Coulomb forces per second."""
-LONGEST_PITCH = 0.7
-"""Longest period in position, as a share of the stroke."""
+MIN_ATTRACTION_SHARE = 0.2
+"""Smallest attraction rate, in Coulomb forces per second."""
+MAX_PITCH_SHARE = 0.7
+"""Largest pitch, as a share of the stroke."""
 
 DRAGS = {"nonlinear_viscous": ("force",), "quadratic_drag": ("coefficient",)}
-"""Strengths of drags."""
-LEAST_MASS = 0.1
-"""Least moving mass with a mass error, as a share of the file's: less, or a negative one, is no stage."""
+"""Strength parameters of drags."""
+MIN_MASS_SHARE = 0.1
+"""Smallest moving mass after a mass error, as a share of the mass of the file."""
 
 
-def believable(name: str, parameter: str, motions: Sequence[Motion], nominal: Model) -> tuple[float, float]:
-    """Return the range in which a parameter gives its effect the shape of its name in these recordings.
+def plausible_range(name: str, parameter: str, motions: Sequence[Motion], nominal: Model) -> tuple[float, float]:
+    """Return the range in which an effect differs from other effects in these recordings.
 
-    A ripple longer than the stroke is a slope, a spring whose rest lies far away is an offset, a step wider than the
-    travel is a drift, a memory shorter than the contact's reach is the contact's own business.
+    A ripple with a pitch above the stroke is a slope. A spring with a far rest position is an offset. A wear step wider
+    than the travel is a drift. A memory shorter than the slip deflection is a part of the contact.
     """
     position = np.concatenate([motion.position for motion in motions])
     stroke = float(np.ptp(position))
     if parameter == "pitch":
-        return 0.0, max(LONGEST_PITCH * stroke, nominal.joint_period or 0.0)
+        return 0.0, max(MAX_PITCH_SHARE * stroke, nominal.joint_period or 0.0)
     if name == "flexible_mode" and parameter == "frequency":
         return 0.0, MODE_RATE * min(motion.step / motion.period for motion in motions)
-    if parameter in DRAGS.get(name, ()):  # a drag takes energy; one that gives some is another contact law
+    if parameter in DRAGS.get(name, ()):  # a drag dissipates energy; a negative one describes another contact law
         return 0.0, np.inf
     if name == "mass_error":
-        return (LEAST_MASS - 1.0) * nominal.mass, np.inf
-    if name == "flexible_mode" and parameter == "damping_ratio":  # above it nothing resonates
+        return (MIN_MASS_SHARE - 1.0) * nominal.mass, np.inf
+    if name == "flexible_mode" and parameter == "damping_ratio":  # above it there is no resonance
         return 0.0, 0.5**0.5
-    if name == "actuator_saturation":  # a limit beyond the recorded effort limits nothing
+    if name == "actuator_saturation":  # a limit above the recorded effort has no effect
         return 0.0, max(float(np.max(np.abs(motion.effort))) for motion in motions)
     if name == "actuator_dead_zone":
         return 0.0, float(np.sqrt(np.mean(np.square(np.concatenate([motion.effort for motion in motions])))))
     if parameter == "rest_position":
         return float(position.min()) - 0.5 * stroke, float(position.max()) + 0.5 * stroke
     if name == "wear_step" and parameter == "width":
-        return 0.0, WIDEST_STEP * max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
+        return 0.0, MAX_WEAR_WIDTH_SHARE * max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
     if name == "thermal_drift" and parameter == "time_constant":
         length = max(float(motion.time[-1]) for motion in motions)
-        return SHORTEST_DRIFT * length, LONGEST_DRIFT * length
-    if name == "stribeck" and parameter == "velocity":  # slower is the nominal curve itself
+        return MIN_DRIFT_SHARE * length, MAX_DRIFT_SHARE * length
+    if name == "stribeck" and parameter == "velocity":  # a smaller velocity is the nominal Stribeck curve
         return 2.5 * nominal.friction.stribeck_velocity, np.inf
     if name == "frictional_lag" and parameter == "distance":
-        return 0.05 * nominal.reach, np.inf
-    if parameter == "attraction_rate":  # slower than a recording can tell
-        return SLOWEST_LAG * nominal.friction.coulomb_force, np.inf
-    if name == MISSING_ELEMENT and parameter == "force":  # an element too many is the elements' own business
+        return 0.05 * nominal.slip_deflection, np.inf
+    if parameter == "attraction_rate":  # a smaller rate is not identifiable
+        return MIN_ATTRACTION_SHARE * nominal.friction.coulomb_force, np.inf
+    if name == PRESLIDING and parameter == "force":  # a negative one is left to the elements
         return 0.0, np.inf
-    if name == MISSING_ELEMENT and parameter == "distance":  # what gives over millimetres is no contact
-        reach = nominal.reach
-        return SHORTEST * reach, max(3.0 * reach, CONTACT_SHARE * stroke)
-    if parameter == "stop":  # softer is a missing element, not a wall
-        return SHORTEST_STOP * nominal.reach, 0.5 * nominal.reach
+    if name == PRESLIDING and parameter == "distance":  # a larger distance is a spring, not a contact
+        slip = nominal.slip_deflection
+        return MIN_DISTANCE_SHARE * slip, max(3.0 * slip, CONTACT_SHARE * stroke)
+    if parameter == "stop":  # a softer stop is a missing element
+        return MIN_STOP_SHARE * nominal.slip_deflection, 0.5 * nominal.slip_deflection
     if parameter in ("gap", "memory_distance", "distance"):
-        return SHORTEST * nominal.reach, np.inf
+        return MIN_DISTANCE_SHARE * nominal.slip_deflection, np.inf
     return -np.inf, np.inf
 
 
 def unit_of(settings: EffectSettings, index: int, nominal: Model, stroke: float) -> float:
-    """Return the unit in which an effect's parameter is moved; ``stroke`` is the range of the recordings."""
+    """Return the unit in which a fit moves a parameter of an effect; ``stroke`` is the range of the positions."""
     parameter = effect(settings.name).parameters[index]
     if parameter.unit == "N":
         return nominal.friction.coulomb_force

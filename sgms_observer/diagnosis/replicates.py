@@ -1,4 +1,4 @@
-"""Bootstrap replicates: simulated recordings with nothing hidden, in the motion, noise and encoder of a recording."""
+"""Bootstrap replicates: simulated recordings with nothing hidden, with motion, noise and encoder of a recording."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.model import Model, hidden_fall, predict
+from sgms_observer.diagnosis.model import Model, hidden_friction_drop, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.noise import Noise
 from sgms_observer.offline.recording import Recording
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 def coloured(noise: Noise, count: int, period: float, rng: np.random.Generator) -> Floats:
-    """Return force noise of the fitted spectrum at a rate of one's own [N]."""
+    """Return force noise with the fitted spectrum at any sample period [N]."""
     frequency = np.asarray(np.fft.rfftfreq(count, period), dtype=np.float64)
     white = rng.standard_normal(len(frequency)) + 1j * rng.standard_normal(len(frequency))
     spectrum = white * np.sqrt(noise.density(frequency) * count / (2.0 * period))
@@ -24,23 +24,21 @@ def coloured(noise: Noise, count: int, period: float, rng: np.random.Generator) 
 
 
 def replicate_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Generator) -> Motion:
-    """Return a recording in which the model holds: the same motion on the same encoder, its own effort.
+    """Return a recording with the same motion and encoder whose effort follows the model, plus noise.
 
-    At each rest the contact has gone back by an unknown part of what the encoder does not show.
+    At each rest the contact has moved back by a random part of the distance that the encoder resolution hides.
     """
     found = predict(model, motion)
     needed = motion.effort - found.residual
-    rest = np.cumsum(np.diff(motion.still, prepend=False) & motion.still)
-    fallen = rng.uniform(0.0, 1.0, rest[-1] + 1)[rest] * hidden_fall(model.friction, motion)
+    rest = np.cumsum(np.diff(motion.shows_no_motion, prepend=False) & motion.shows_no_motion)
+    fallen = rng.uniform(0.0, 1.0, rest[-1] + 1)[rest] * hidden_friction_drop(model.friction, motion)
     effort = needed - np.sign(found.friction) * fallen + coloured(noise, len(needed), motion.period, rng)
     position = motion.position
     if motion.resolution > 0.0:
         shift = rng.uniform(0.0, motion.resolution)
         position = np.round((position + shift) / motion.resolution) * motion.resolution - shift
     held = np.concatenate((effort[1:], effort[-1:]))  # undo the hold correction of ``motion_of`` to first order
-    record = Recording(
-        motion.name, motion.period, position, 0.5 * (effort + held), recorded_step=motion.resolution
-    )
+    record = Recording(motion.name, motion.period, position, 0.5 * (effort + held), recorded_step=motion.resolution)
     made = motion_of(record, motion.lag, motion.band)
     return replace(
         made, effort=effort, has_other=motion.has_other, other_velocity=motion.other_velocity,

@@ -1,4 +1,4 @@
-"""The report of a diagnosis: one page a machine builder understands, the answer first."""
+"""The report of a diagnosis: one page, the answer first."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sgms_observer.diagnosis.answer import Answer
-from sgms_observer.diagnosis.closing import Closing
+from sgms_observer.diagnosis.compensation_check import CompensationCheck
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.questions import questions_of
 from sgms_observer.diagnosis.report_pictures import (
-    beside_each_other,
     effect_over_position,
     friction_pictures,
     gap_bar,
-    learnt_picture,
     located_pictures,
+    map_picture,
+    measured_over_modelled,
     over_time,
     tracking_plot,
 )
@@ -25,11 +26,10 @@ from sgms_observer.diagnosis.report_tables import (
     effect_tables,
     gap_table,
     located_table,
-    looks_table,
     refit_table,
+    screening_table,
     test_tables,
 )
-from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.traces import Trace
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
@@ -40,12 +40,12 @@ from sgms_observer.settings.units import Units
 
 @dataclass(frozen=True)
 class Run:
-    """What a diagnosis read and how it was run.
+    """Input and options of a diagnosis.
 
     Attributes:
-        axis: settings with the model as it was given.
-        options: as it was run.
-        names: recordings.
+        axis: settings with the given model.
+        options: options of the diagnosis.
+        names: names of the recordings.
         notes: sentences about how the recordings were read.
     """
 
@@ -58,18 +58,18 @@ class Run:
 def diagnosis_page(
     answer: Answer,
     traces: Sequence[Trace],
-    closings: Sequence[Closing],
+    checks: Sequence[CompensationCheck],
     tracking: PredictedTracking | None,
     run: Run,
 ) -> Page:
     """Return the report.
 
     Args:
-        answer: of the diagnosis.
-        traces: model and measurement of the recordings that the gap was measured on.
-        closings: observer and compensation before and after.
-        tracking: predicted in closed loop; None where the loop does not stay finite.
-        run: what was read, and how it was run.
+        answer: answer of the diagnosis.
+        traces: model and measurement of the recordings that the gap is computed on.
+        checks: errors of observer and compensation before and after.
+        tracking: tracking error predicted in closed loop; None if the simulation diverges.
+        run: input and options.
     """
     units = run.axis.units
     source = f"From {', '.join(Path(name).name for name in run.names)}; seed {run.options.seed}."
@@ -87,12 +87,12 @@ def diagnosis_page(
         ],
         source,
         [f"Warning: {text}." for text in answer.warnings],
-        questions_of(answer, closings, tracking, run.options, units),
+        questions_of(answer, checks, tracking, run.options, units),
     )
 
 
 def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
-    """Return the section on the tracking error that the compensation would leave."""
+    """Return the section on the tracking error predicted in closed loop."""
     heading = "Tracking error predicted in closed loop"
     if tracking is None:
         return Section(heading, ["The simulated loop does not stay finite with stage.controller of the file."])
@@ -127,12 +127,12 @@ def sentence(answer: Answer) -> str:
             those = "it" if len(answer.effects) == 1 else "them"
             return f"The model misses {names}: with {those}, {shrink}."
         case "ambiguous":
-            doubts = " and ".join(
+            pairs = " and ".join(
                 f"{item.settings.name} from {' or '.join(item.alternatives)}".replace("_", " ")
                 for item in answer.effects
                 if item.alternatives
             )
-            return f"The model misses something like {names}, but these recordings cannot tell {doubts}; {shrink}."
+            return f"The model misses something like {names}, but these recordings cannot tell {pairs}; {shrink}."
         case "unknown_effect":
             where = f", most visibly over {answer.located[0].coordinate}" if answer.located else ""
             maps = [f" It looks like {item.sentence}; a learnt map of it was added." for item in answer.learnt]
@@ -147,19 +147,19 @@ def sentence(answer: Answer) -> str:
 
 
 def _listed(answer: Answer) -> str:
-    """Return the effects' names as a person would list them."""
+    """Return the names of the effects as a list in words."""
     names = [item.settings.name.replace("_", " ") for item in answer.effects]
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def next_step(answer: Answer) -> str:
-    """Return what to do with the answer, in one sentence or two."""
+    """Return the next step for the user in one or two sentences."""
     nothing = "Load augmented.yaml into the nodes." if answer.usable else "Identify the axis first."
     return answer.next_experiment or nothing
 
 
 def _answer(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
-    """Return the section on what was found: the gap after each step, the effects, the maps that were learnt."""
+    """Return the section on the result: the gap after each step, the effects, the learnt maps."""
     gap = answer.gap
     (low, high), (least, most) = gap.interval_before, gap.interval_after
     text = [
@@ -172,7 +172,7 @@ def _answer(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
         text.append(f"{entry.name}: {entry.equation}. Place: {entry.place.value}. Shows as: {entry.signature}.")
     for learnt in answer.learnt:
         text.append(f"Learnt: {learnt.sentence}. It closes {100.0 * learnt.share:.0f} % of the squared rest.")
-    maps = [learnt_picture(learnt, units) for learnt in answer.learnt]
+    maps = [map_picture(learnt, units) for learnt in answer.learnt]
     return Section(
         "What the model misses",
         text,
@@ -190,12 +190,12 @@ def _fit(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
         f" residual is the measured minus the modelled {word}. residual.mcap holds these signals for PlotJuggler and"
         " Foxglove."
     )
-    pictures = [beside_each_other(answer, traces, units), *friction_pictures(answer, traces, units)]
+    pictures = [measured_over_modelled(answer, traces, units), *friction_pictures(answer, traces, units)]
     return Section(f"Measured and modelled {word}", [text], (), pictures, [over_time(traces, units)])
 
 
 def _where(answer: Answer, units: Units) -> Section:
-    """Return the folded section on where the nominal model disagrees."""
+    """Return the section on the coordinates that the residual depends on."""
     text = "Residual of the refitted file over each coordinate, with the band in which chance would leave it (95 %)."
     if not answer.located:
         text += " It depends on nothing beyond chance."
@@ -206,16 +206,16 @@ def _where(answer: Answer, units: Units) -> Section:
 
 
 def _not_shown(answer: Answer) -> Section:
-    """Return the folded section on what could not have been seen."""
+    """Return the folded section on the smallest detectable effects."""
     text = "Smaller effects than these would have passed for noise, or for nominal parameters that are slightly off."
     return Section("What these recordings could not show", [text], [detectable_table(answer)], is_folded=True)
 
 
 def _decisions(answer: Answer, run: Run) -> Section:
-    """Return the folded section with what the run read, and every test that it made."""
-    found = answer.diagnosis
-    noise = found.court.judged.noise
-    text = [*run.notes, *found.notes]
+    """Return the folded section with notes, noise and every test."""
+    diagnosis = answer.diagnosis
+    noise = diagnosis.evaluation.fit_data.noise
+    text = [*run.notes, *diagnosis.notes]
     text += [f"Noise below the band {item.rms:.3g} rms, corner {item.corner:.0f} Hz." for item in noise]
-    tables = [*test_tables(answer), refit_table(answer, run.options), *looks_table(answer)]
+    tables = [*test_tables(answer), refit_table(answer, run.options), *screening_table(answer)]
     return Section("Everything the run decided", text, tables, is_folded=True)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.answer import Answer
-from sgms_observer.diagnosis.learnt import Learnt
 from sgms_observer.diagnosis.locate import Located
+from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.traces import Trace
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
@@ -27,12 +27,12 @@ from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
 
-_MOST_LOCATED = 6
+_MAX_LOCATED = 6
 _GRID_COLOURS = (FORWARD, BACKWARD, MEASURED, ESTIMATE, REFERENCE)
 
 
 def gap_bar(answer: Answer) -> Picture:
-    """Draw the gap as given, refitted, after each effect and after what was learnt, down to the floor."""
+    """Draw the gap of the given file, refitted, after each effect and after learnt maps, with the floor."""
     gap = answer.gap
     steps = [("file as given", gap.given), ("refitted", gap.before)]
     steps += [
@@ -58,7 +58,7 @@ def gap_bar(answer: Answer) -> Picture:
 
 
 def effect_over_position(answer: Answer, traces: Sequence[Trace], units: Units) -> Picture:
-    """Draw the residual without what was found over the position, and what was found on it."""
+    """Draw the residual of the model without the found effects over the position, and the fitted effects."""
     names = [item.settings.name for item in answer.effects if item.settings.name in traces[0].effects]
     names += [item.settings.name for item in answer.learnt]
     position, velocity = (_all(traces, lambda one: one.position), _all(traces, lambda one: one.velocity))
@@ -88,7 +88,7 @@ def effect_over_position(answer: Answer, traces: Sequence[Trace], units: Units) 
     )
 
 
-def beside_each_other(answer: Answer, traces: Sequence[Trace], units: Units) -> Picture:
+def measured_over_modelled(answer: Answer, traces: Sequence[Trace], units: Units) -> Picture:
     """Draw measured over modelled effort."""
     caption = f"Measured over modelled {units.effort_word} on {answer.gap.held_out} data, with all that was found."
     measured, modelled = _all(traces, lambda one: one.effort), _all(traces, lambda one: one.after)
@@ -172,7 +172,7 @@ def tracking_plot(tracking: PredictedTracking, units: Units) -> Plot:
     return time_plot("tracking", caption, tracking.time, panels)
 
 
-def learnt_picture(learnt: Learnt, units: Units) -> Picture:
+def map_picture(learnt: FittedMap, units: Units) -> Picture:
     """Draw a learnt map."""
     table = learnt.map.table()
     both = zip(learnt.map.coordinates, learnt.map.grids, strict=True)
@@ -195,10 +195,10 @@ def learnt_picture(learnt: Learnt, units: Units) -> Picture:
 
 
 def located_pictures(answer: Answer, units: Units) -> tuple[Picture, ...]:
-    """Draw the residual over the coordinates that tell most, before and after, with position, velocity and time."""
+    """Draw the residual before and after over position, velocity, time and the most significant coordinates."""
     wanted = ["position", "velocity", "time"]
     listed: list[Located] = [item for name in wanted for item in answer.all_located if item.coordinate == name]
-    listed += [item for item in answer.all_located if item not in listed][: _MOST_LOCATED - len(listed)]
+    listed += [item for item in answer.all_located if item not in listed][: _MAX_LOCATED - len(listed)]
     later = {item.coordinate: item for item in answer.located_after}
     pictures = []
     for item in listed:

@@ -6,7 +6,7 @@ import numpy as np
 
 from sgms_observer.diagnosis.advice import Named
 from sgms_observer.diagnosis.answer import Answer
-from sgms_observer.diagnosis.state import Options
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import Table
 from sgms_observer.settings.units import Units
@@ -16,7 +16,7 @@ NINETY = 1.645
 
 
 def gap_table(answer: Answer) -> Table:
-    """Return the gap in its three parts."""
+    """Return the table of the three parts of the gap."""
     gap = answer.gap
     closure = "nothing to close" if gap.closure is None else f"{100.0 * gap.closure:.0f} %"
     rows = [
@@ -29,7 +29,7 @@ def gap_table(answer: Answer) -> Table:
 
 
 def changed_table(answer: Answer) -> list[Table]:
-    """Return the values of the file that moved, if any did."""
+    """Return the table of changed values of the file, if there are any."""
     rows = [
         (item.name, _number(item.before), _number(item.after), f"{item.std_error:.2g}", f"{100.0 * item.closes:.0f} %")
         for item in answer.changed
@@ -39,12 +39,12 @@ def changed_table(answer: Answer) -> list[Table]:
 
 
 def _number(value: float | str) -> str:
-    """Return a value of the file for people."""
+    """Return a value of the file with four digits."""
     return value if isinstance(value, str) else f"{value:.4g}"
 
 
 def effect_tables(answer: Answer, units: Units) -> list[Table]:
-    """Return the parameters of each effect that was named."""
+    """Return the table of parameters of each named effect."""
     header = ("parameter", "value", "90 % interval", "unit")
     return [Table(header, _parameter_rows(item, units), item.settings.name) for item in answer.effects]
 
@@ -61,7 +61,7 @@ def _parameter_rows(item: Named, units: Units) -> list[tuple[str, str, str, str]
 
 
 def test_tables(answer: Answer) -> list[Table]:
-    """Return every hypothesis that was fitted fully, with its tests: value, threshold and outcome."""
+    """Return a table of the hypotheses of each round with their tests: value, threshold and outcome."""
     tables = []
     for number, step in enumerate(answer.diagnosis.rounds, 1):
         rows = []
@@ -92,7 +92,7 @@ def test_tables(answer: Answer) -> list[Table]:
 
 
 def located_table(answer: Answer, units: Units) -> Table:
-    """Return where the residual of the refitted file is largest."""
+    """Return the table of the coordinates that the residual of the refitted file depends on."""
     rows = [
         (
             item.coordinate,
@@ -107,7 +107,7 @@ def located_table(answer: Answer, units: Units) -> Table:
 
 
 def detectable_table(answer: Answer) -> Table:
-    """Return the smallest size of each effect that would have been seen."""
+    """Return the table of the smallest detectable size of each effect."""
     rows = [
         (name, f"{100 * size:.1f} %", effect(name).excitation)
         for name, size in sorted(answer.detectable.items(), key=lambda x: x[1])
@@ -116,7 +116,7 @@ def detectable_table(answer: Answer) -> Table:
 
 
 def refit_table(answer: Answer, options: Options) -> Table:
-    """Return how far the refit within the tolerance moved the values of the file."""
+    """Return the table of changes of the file's values by the refit within the tolerance."""
     before = answer.diagnosis.written.before
     names = before.model.parameter_names()
     rows = [(name, f"{100 * (np.exp(one) - 1):+.2f} %") for name, one in zip(names, before.logs, strict=True)]
@@ -124,11 +124,11 @@ def refit_table(answer: Answer, options: Options) -> Table:
     return Table(("parameter", "change"), rows, caption, is_folded=True)
 
 
-def looks_table(answer: Answer) -> list[Table]:
-    """Return the first look at every effect, if there was one."""
+def screening_table(answer: Answer) -> list[Table]:
+    """Return the table of the screening of each effect, if there was one."""
     if not answer.diagnosis.rounds:
         return []
-    looks = sorted(answer.diagnosis.rounds[0].looks.items(), key=lambda item: -item[1].gain)
-    rows = [(name, f"{look.gain:.0f}", f"{look.trials}") for name, look in looks]
-    caption = "First look: decrease of the whitened squared residual"
+    screenings = sorted(answer.diagnosis.rounds[0].screenings.items(), key=lambda item: -item[1].chi2_reduction)
+    rows = [(name, f"{screening.chi2_reduction:.0f}", f"{screening.trials}") for name, screening in screenings]
+    caption = "Screening: decrease of the whitened squared residual"
     return [Table(("effect", "chi2_reduction", "shapes tried"), rows, caption, is_folded=True)]

@@ -19,9 +19,9 @@ def write_residual_log(traces: Sequence[Trace], axis: str, folder: Path) -> None
     """Write the traces, each recording under its own name, with the stamps of the recording.
 
     Args:
-        traces: of the recordings that the gap was measured on.
-        axis: name in the messages.
-        folder: where to.
+        traces: traces of the recordings that the gap is computed on.
+        axis: name of the axis in the messages.
+        folder: folder of the file.
 
     Raises:
         RecordingError: the file cannot be written; one sentence.
@@ -59,7 +59,7 @@ def _topics_of(trace: Trace, axis: str, above: str, stamp_ns: np.ndarray) -> lis
 
 
 def _namespace(name: str, first_ns: int, latest: dict[str, int]) -> str:
-    """Return the ROS name that a recording's topics stand under; another recording of that name gets a number."""
+    """Return the ROS namespace of a recording's topics; a second recording of that name gets a number."""
     word = re.sub(r"\W", "_", name, flags=re.ASCII) or "_"
     plain = f"/{word}" if not word[0].isdigit() else f"/_{word}"
     found, number = plain, 1

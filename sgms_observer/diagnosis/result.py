@@ -1,4 +1,4 @@
-"""What a diagnosis says to the outside: result.json (schema 2), augmented.yaml and residual.mcap."""
+"""Output files of a diagnosis: result.json (schema 2) and augmented.yaml."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from sgms_observer.diagnosis.answer import Answer
-from sgms_observer.diagnosis.closing import Closing
-from sgms_observer.diagnosis.contact import SETTLE
+from sgms_observer.diagnosis.compensation_check import CompensationCheck
+from sgms_observer.diagnosis.contact import UNSMOOTHED_SETTLING_TIME
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.effect import named_values
@@ -24,15 +24,15 @@ UNIT = "% of rms effort"
 
 
 def result_of(
-    answer: Answer, closings: Sequence[Closing], tracking: PredictedTracking | None, units: Units
+    answer: Answer, checks: Sequence[CompensationCheck], tracking: PredictedTracking | None, units: Units
 ) -> dict[str, Any]:
     """Return the content of result.json.
 
     Args:
         answer: the answer.
-        closings: observer and compensation before and after.
-        tracking: predicted in closed loop; None where the loop does not stay finite.
-        units: of the axis.
+        checks: errors of observer and compensation before and after.
+        tracking: tracking error predicted in closed loop; None if the simulation diverges.
+        units: units of the axis.
     """
     gap = answer.gap
     result: dict[str, Any] = {
@@ -109,11 +109,11 @@ def result_of(
             for item in answer.located
         ],
         "feedforward": {
-            "not_cancelled_before": finite_or_none(closings[0].compensation),
-            "not_cancelled_after": finite_or_none(closings[1].compensation),
+            "not_cancelled_before": finite_or_none(checks[0].friction_not_cancelled),
+            "not_cancelled_after": finite_or_none(checks[1].friction_not_cancelled),
             "unit": f"{units.effort} rms",
-            "along": closings[1].along,
-            "share": closings[1].share,
+            "along": checks[1].along,
+            "share": checks[1].share,
         },
         "tracking_predicted": None if tracking is None else tracking.as_dict(units),
         "detectable": answer.detectable,
@@ -124,14 +124,14 @@ def result_of(
 
 
 def by_name(name: str, values: Sequence[float]) -> dict[str, float]:
-    """Return values by the names of an effect's parameters."""
+    """Return values of an effect as a dictionary by parameter name."""
     return {p.name: float(v) for p, v in zip(effect(name).parameters, values, strict=True)}
 
 
 def changes_of(answer: Answer) -> dict[str, Any]:
-    """Return the changes of an axis's settings: refitted parameters, all effects and what was learnt.
+    """Return the changes of the settings of an axis: refitted parameters, effects and learnt maps.
 
-    Nothing changes where nothing was found that held-out data bear out.
+    The changes are empty if held-out data confirm no result.
     """
     if not (answer.effects or answer.learnt or answer.changed or answer.verdict == "no_effect"):
         return {}
@@ -153,9 +153,9 @@ def changes_of(answer: Answer) -> dict[str, Any]:
     changes["friction.element_damping"] = [model.relaxation * kappa for kappa in friction.element_stiffness]
     if model.relaxation == 0.0 and count == len(answer.diagnosis.nominal.friction.element_stiffness):
         del changes["friction.element_damping"]
-    if model.is_sharp and friction.model != "gms":
+    if model.is_unsmoothed and friction.model != "gms":
         changes["friction.model"] = "gms"
-        changes["friction.attraction_rate"] = friction.coulomb_force / SETTLE
+        changes["friction.attraction_rate"] = friction.coulomb_force / UNSMOOTHED_SETTLING_TIME
     elif friction.model == "gms":
         changes["friction.model"] = "gms"
         changes["friction.attraction_rate"] = friction.attraction_rate
@@ -173,21 +173,21 @@ def write_augmented(answer: Answer, settings: Settings, axis: str, out: Path) ->
 
     Args:
         answer: the answer.
-        settings: the settings as read.
+        settings: the settings of the given file.
         axis: name of the axis.
-        out: folder; made if need be.
+        out: folder; created if it does not exist.
     """
     head = f"sgms diagnose: {answer.verdict}; gap {answer.gap.before:.3g} -> {answer.gap.after:.3g} % of rms effort"
     write_settings(settings, out / "augmented.yaml", {axis: changes_of(answer)}, {"": head})
 
 
 def finite_or_none(value: float) -> float | None:
-    """Return a number as JSON bears it."""
+    """Return a number, or None if it is not finite, for JSON."""
     return value if math.isfinite(value) else None
 
 
 def write_result(
-    answer: Answer, closings: Sequence[Closing], tracking: PredictedTracking | None, units: Units, out: Path
+    answer: Answer, checks: Sequence[CompensationCheck], tracking: PredictedTracking | None, units: Units, out: Path
 ) -> None:
     """Write result.json; arguments as ``result_of``, and the folder."""
-    write_text(json.dumps(result_of(answer, closings, tracking, units), indent=1) + "\n", out / "result.json")
+    write_text(json.dumps(result_of(answer, checks, tracking, units), indent=1) + "\n", out / "result.json")

@@ -1,4 +1,4 @@
-"""A first look at every effect at once: how much of the residual its columns take, beyond the nominal parameters."""
+"""Screening of all effects: chi2_reduction of the linear columns of each effect, beyond the nominal parameters."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis import search
-from sgms_observer.diagnosis.fit import STEP, Freedom, Judged, Refit, prior_widths
-from sgms_observer.diagnosis.level import LOAD_BEHIND_PLAY, PARTS_OF_THE_LEVEL, taken
+from sgms_observer.diagnosis.fit import DERIVATIVE_STEP, Freedom, Refit, WhitenedData, prior_widths
 from sgms_observer.diagnosis.model import predict, stribeck
+from sgms_observer.diagnosis.sliding_force import BACKLASH, PARTS_OF_SLIDING_FORCE, share_of_sliding_force
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Effect, Place
@@ -22,90 +22,96 @@ from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
-LINES = "periodic_disturbance"
-"""Searched over the residual's own spectrum instead of a grid."""
-SIMULATED = ("asymmetric_coulomb",)
-"""Effects on the level whose column is simulated: it is the contact at rest that tells them from a force."""
-NEARLY = {LOAD_BEHIND_PLAY: 0.5}
-"""Share of the best shape's gain from which another shape is worth a start too, where not 0.8: a play that is a little
-wrong hits its wall at the wrong moment, so that the grid meets the right one only by chance."""
+PERIODIC_DISTURBANCE = "periodic_disturbance"
+"""The effect that is screened over the spectrum of the residual instead of a grid of shapes."""
+SIMULATED_EFFECTS = ("asymmetric_coulomb",)
+"""Effects on the sliding force whose column needs a simulation: at rest they differ from an added force."""
+SECOND_START_SHARE = {BACKLASH: 0.5}
+"""Smallest chi2_reduction of a second start, as a share of the largest, if it is not 0.8. Backlash with a slightly
+wrong gap engages at the wrong time, so the grid of shapes may miss the best gap."""
 MIN_PERIODS = 20
-"""A line in time returns at least this often in the recording: less is told by the motion as well."""
-MOST_KEPT = 8
-"""Shapes of an effect that are remembered."""
+"""Smallest number of periods of a periodic disturbance in the recording: the motion explains slower ones as well."""
+MAX_SHAPES = 8
+"""Largest number of shapes that are kept for an effect."""
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Orthonormal columns of one shape, the nominal parameters' columns taken out.
+    """Orthonormal columns of one shape after projection onto the complement of the nominal parameters' columns.
 
     Attributes:
         shape: the shape.
         basis: orthonormal, shape (n, k).
         to_coefficients: from projections on ``basis`` to the shape's coefficients, shape (k, k).
-        kept: norm of the columns after the nominal parameters were taken out, over before.
-        norm: norm of the columns before, in units of the noise, for unit coefficients.
+        independent_share: norm of the columns after the projection over the norm before it.
+        norm: norm of the columns before the projection, whitened, for unit coefficients.
     """
 
     shape: search.Shape
     basis: Floats
     to_coefficients: Floats
-    kept: float
+    independent_share: float
     norm: float
 
-    def gain(self, residual: Floats) -> float:
-        """Return how much of the squared residual the columns take."""
+    def chi2_reduction(self, residual: Floats) -> float:
+        """Return the decrease of the squared residual by the columns."""
         projection = self.basis.T @ residual
         if self.shape.is_positive and (self.to_coefficients @ projection)[0] > 0.0:
             return 0.0
         return float(projection @ projection)
 
     def start(self, residual: Floats) -> EffectSettings:
-        """Return the effect at the strengths that take most of the residual."""
+        """Return the effect with the strengths that reduce the residual most."""
         return self.shape.settings(-(self.to_coefficients @ (self.basis.T @ residual)))
 
 
 @dataclass(frozen=True)
-class Look:
-    """What the first look at one effect found.
+class Screening:
+    """Result of the screening of one effect.
 
     Attributes:
-        best: gain and columns of the best shapes, the largest gain first.
-        trials: shapes that were tried.
-        kept: median share of a shape's norm that the nominal parameters cannot take.
+        best: chi2_reduction and columns of the best shapes, the largest reduction first.
+        trials: number of tried shapes.
+        independent_share: median share of a shape's norm that the nominal parameters do not absorb.
     """
 
     best: tuple[tuple[float, Columns], ...]
     trials: int
-    kept: float
+    independent_share: float
 
     @property
-    def gain(self) -> float:
-        """Return the largest gain; 0 where no shape takes anything."""
+    def chi2_reduction(self) -> float:
+        """Return the largest chi2_reduction; 0 if no shape reduces the residual."""
         return self.best[0][0] if self.best else 0.0
 
 
 class Screen:
-    """All shapes of all effects for one set of recordings.
+    """Screening of effects on one set of recordings.
 
     Args:
-        judged: recordings with noise.
-        current: refit so far; the freedom of its parameters is taken out of every column.
-        tolerance: of its parameters.
-        freedom: nominal parameters that may move beyond it.
-        names: effects to look for.
-        workers: threads.
+        data: recordings with noise.
+        current: fit so far. The columns of its parameters are projected out of every column.
+        tolerance: tolerance of its nominal parameters.
+        freedom: nominal parameters that may move beyond the tolerance.
+        names: screened effects.
+        workers: number of threads.
     """
 
     def __init__(
-        self, judged: Judged, current: Refit, tolerance: float, freedom: Freedom, names: Sequence[str], workers: int = 1
+        self,
+        data: WhitenedData,
+        current: Refit,
+        tolerance: float,
+        freedom: Freedom,
+        names: Sequence[str],
+        workers: int = 1,
     ) -> None:
         model = current.model
-        self.judged, self.model, self.tolerance = judged, model, tolerance
-        base = [predict(model, motion) for motion in judged.motions]
+        self.data, self.model, self.tolerance = data, model, tolerance
+        base = [predict(model, motion) for motion in data.motions]
         self._base = [item.residual for item in base]
         self._friction = [item.friction for item in base]
-        self.residual = judged.whitened(self._base)
+        self.residual = data.whitened(self._base)
         self._thin = [
             {
                 "q": motion.thinned(motion.position),
@@ -117,14 +123,14 @@ class Screen:
                 "a2": motion.low_pass(motion.other_acceleration),
                 "friction": motion.low_pass(friction),
             }
-            for motion, friction in zip(judged.motions, self._friction, strict=True)
+            for motion, friction in zip(data.motions, self._friction, strict=True)
         ]
         widths = prior_widths(model, tolerance, freedom)
         columns = []
         for k in range(len(widths)):
             logs = np.zeros(len(widths))
-            logs[k] = STEP
-            columns.append((judged.residual(model.shifted(logs)) - self.residual) / STEP)
+            logs[k] = DERIVATIVE_STEP
+            columns.append((data.residual(model.shifted(logs)) - self.residual) / DERIVATIVE_STEP)
         self._prior = 1.0 / widths
         self._prior_residual = current.logs / widths
         self.nominal_columns = np.column_stack(columns)
@@ -135,120 +141,129 @@ class Screen:
             moving = moving[:, np.linalg.norm(moving, axis=0) > 1.0e-9]
             stacked = np.column_stack([stacked, moving])
         self._nominal_basis = np.linalg.qr(stacked)[0]
-        self._left = self.left_over()
+        self._left = self.residual_without_nominal()
         with ThreadPoolExecutor(max_workers=workers) as pool:
-            self.looks: dict[str, Look] = dict(zip(names, pool.map(self._look, names), strict=True))
+            self.screenings: dict[str, Screening] = dict(zip(names, pool.map(self._screened, names), strict=True))
 
     def without_nominal(self, values: Floats, prior: Floats | None = None) -> Floats:
-        """Return whitened columns (or a residual) with what nominal parameters can take removed; prior rows below."""
+        """Return whitened columns, with prior rows, projected onto the complement of the nominal columns."""
         padded = np.concatenate([values, np.zeros((len(self._prior), *values.shape[1:])) if prior is None else prior])
         return np.asarray(padded - self._nominal_basis @ (self._nominal_basis.T @ padded))
 
-    def left_over(self) -> Floats:
-        """Return the recordings' residual without what the nominal parameters can take."""
+    def residual_without_nominal(self) -> Floats:
+        """Return the residual projected onto the complement of the nominal columns."""
         return self.without_nominal(self.residual, self._prior_residual)
 
-    def _look(self, name: str) -> Look:
-        """Return the shapes of one effect that take most of what is left, one shape in memory at a time."""
-        if name == LINES:
-            gain, best = self._strongest_line(self._left)
-            return Look(() if best is None else ((gain, best),), 1, 1.0 if best is None else best.kept)
+    def _screened(self, name: str) -> Screening:
+        """Return the screening of one effect, with one shape in memory at a time."""
+        if name == PERIODIC_DISTURBANCE:
+            reduction, best = self._strongest_sine(self._left)
+            return Screening(
+                () if best is None else ((reduction, best),), 1, 1.0 if best is None else best.independent_share
+            )
         found: list[tuple[float, Columns]] = []
-        kept: list[float] = []
-        shapes = search.shapes(name, self.judged.motions, self.model)
+        shares: list[float] = []
+        shapes = search.shapes(name, self.data.motions, self.model)
         for shape in shapes:
             raw = np.column_stack([self._column(name, item.values) for item in shape.columns()])
             item = self._orthonormal(shape, raw)
             if item is None:
                 continue
-            kept.append(item.kept)
-            gain = item.gain(self._left)
-            if gain > 0.0:
-                found = sorted([*found, (gain, item)], key=lambda pair: -pair[0])[:MOST_KEPT]
-        return Look(tuple(found), len(shapes), float(np.median(kept)) if kept else 0.0)
+            shares.append(item.independent_share)
+            reduction = item.chi2_reduction(self._left)
+            if reduction > 0.0:
+                found = sorted([*found, (reduction, item)], key=lambda pair: -pair[0])[:MAX_SHAPES]
+        return Screening(tuple(found), len(shapes), float(np.median(shares)) if shares else 0.0)
 
-    def _strongest_line(self, left: Floats) -> tuple[float, Columns | None]:
-        """Return gain and columns of the sine in time that takes most, near the largest line of the spectrum."""
-        motion, noise = self.judged.motions[0], self.judged.noise[0]
+    def _strongest_sine(self, left: Floats) -> tuple[float, Columns | None]:
+        """Return chi2_reduction and columns of the best sine in time near the largest line of the spectrum."""
+        motion, noise = self.data.motions[0], self.data.noise[0]
         grid = np.fft.rfftfreq(len(self._thin[0]["t"]), noise.period)
         grid = grid[grid <= noise.band]
         real, imaginary = left[: len(grid)], left[len(grid) : 2 * len(grid) - 1]
         power = real[1:] ** 2 + imaginary**2
         start = int(np.searchsorted(grid[1:], MIN_PERIODS / float(motion.time[-1])))
         peak = grid[1:][start + int(np.argmax(power[start:]))]
-        size = search.LOOK * self.model.friction.coulomb_force
+        size = search.TRIAL_SHARE * self.model.friction.coulomb_force
         best: tuple[float, Columns | None] = (0.0, None)
         for offset in (-0.6, -0.3, 0.0, 0.3, 0.6):
-            shape = search.wave(LINES, size, peak + offset / float(motion.time[-1]))
-            raw = np.column_stack([self._column(LINES, item.values) for item in shape.columns()])
+            shape = search.sine_and_cosine(PERIODIC_DISTURBANCE, size, peak + offset / float(motion.time[-1]))
+            raw = np.column_stack([self._column(PERIODIC_DISTURBANCE, item.values) for item in shape.columns()])
             item = self._orthonormal(shape, raw)
-            if item is not None and (gain := item.gain(left)) > best[0]:
-                best = (gain, item)
+            if item is not None and (reduction := item.chi2_reduction(left)) > best[0]:
+                best = (reduction, item)
         return best
 
     def starts(self, name: str) -> list[EffectSettings]:
-        """Return where a fit starts: the best shape, and a clearly different one that is nearly as good."""
-        listed = self.looks[name].best
+        """Return the starts of a fit: the best shape, and a clearly different one that is nearly as good."""
+        listed = self.screenings[name].best
         if not listed:
             return []
         largest, first = listed[0]
         found = [first.start(self._left)]
-        for gain, item in listed[1:]:
-            if gain > NEARLY.get(name, 0.8) * largest and abs(float(first.basis[:, 0] @ item.basis[:, 0])) < 0.8:
+        for reduction, item in listed[1:]:
+            if (
+                reduction > SECOND_START_SHARE.get(name, 0.8) * largest
+                and abs(float(first.basis[:, 0] @ item.basis[:, 0])) < 0.8
+            ):
                 return [*found, item.start(self._left)]
         return found
 
     def _orthonormal(self, shape: search.Shape, raw: Floats) -> Columns | None:
-        """Return a shape's columns ready for projections, or None when nothing of them is left."""
+        """Return the orthonormal columns of a shape, or None if the nominal parameters absorb them."""
         norm = float(np.linalg.norm(raw))
         if not np.isfinite(norm) or norm < 1.0e-9:
             return None
         left = self.without_nominal(raw)
-        kept = float(np.linalg.norm(left)) / norm
+        independent_share = float(np.linalg.norm(left)) / norm
         q, r = np.linalg.qr(left)
         diagonal = np.abs(np.diag(r))
         if diagonal.min() < 1.0e-6 * norm:
             return None
-        return Columns(shape, q, np.linalg.inv(r), kept, norm)
+        return Columns(shape, q, np.linalg.inv(r), independent_share, norm)
 
     def _column(self, name: str, values: tuple[float, ...]) -> Floats:
-        """Return what an effect changes in the whitened residual."""
+        """Return the change of the whitened residual by an effect."""
         entry = effect(name)
-        if name not in SIMULATED and entry.place in (Place.ADDED_FORCE, Place.LEVEL_FACTOR) and is_built_in(name):
+        if (
+            name not in SIMULATED_EFFECTS
+            and entry.place in (Place.ADDED_FORCE, Place.LEVEL_FACTOR)
+            and is_built_in(name)
+        ):
             return self._thin_column(entry, values) if entry.advance is None else self._memory_column(name, values)
         model = self.model.with_effects([EffectSettings(name, values)])
-        is_simulated = name in SIMULATED
+        is_simulated = name in SIMULATED_EFFECTS
         changes = [
             predict(model, motion, None if is_simulated else friction).residual - base
-            for motion, friction, base in zip(self.judged.motions, self._friction, self._base, strict=True)
+            for motion, friction, base in zip(self.data.motions, self._friction, self._base, strict=True)
         ]
-        return self.judged.whitened(changes)
+        return self.data.whitened(changes)
 
     def _memory_column(self, name: str, values: tuple[float, ...]) -> Floats:
-        """Return the column of an effect with memory, stepped at the rate of residuals."""
+        """Return the column of an effect with memory, computed at the rate of residuals."""
         parts = []
         for motion, noise, weights, thin in zip(
-            self.judged.motions, self.judged.noise, self.judged.weights, self._thin, strict=True
+            self.data.motions, self.data.noise, self.data.weights, self._thin, strict=True
         ):
             effects = CompiledEffects([EffectSettings(name, values)], noise.period)
             step = np.full(len(thin["q"]), noise.period)
             travel = np.diff(thin["q"], prepend=thin["q"][0])
-            level = stribeck(self.model.friction, thin["q"], noise.period)
+            sliding_force = stribeck(self.model.friction, thin["q"], noise.period)
             force, factor = effects.evaluate(
-                thin["q"], travel / noise.period, thin["a"], thin["t"] - motion.time[0], thin["u"], step, level,
+                thin["q"], travel / noise.period, thin["a"], thin["t"] - motion.time[0], thin["u"], step, sliding_force,
                 effects.initial_state(), thin["v2"], thin["a2"],
             )  # fmt: skip
-            if name in PARTS_OF_THE_LEVEL:  # not on top of it
-                factor = factor - taken(name, values, self.model.friction.coulomb_force, 1.0)
+            if name in PARTS_OF_SLIDING_FORCE:  # the sliding force of the file includes the effect
+                factor = factor - share_of_sliding_force(name, values, self.model.friction.coulomb_force, 1.0)
             parts.append(noise.whitened(-(force + thin["friction"] * (factor - 1.0)), weights))
         return np.concatenate(parts)
 
     def _thin_column(self, entry: Effect, values: tuple[float, ...]) -> Floats:
-        """Return the column of an effect without memory, at the rate of residuals alone."""
+        """Return the column of an effect without memory, computed at the rate of residuals."""
         formula = getattr(vectorised(entry.output.__module__), entry.output.__name__)
         wanted = inspect.signature(formula).parameters
         parts = []
-        for noise, weights, thin in zip(self.judged.noise, self.judged.weights, self._thin, strict=True):
+        for noise, weights, thin in zip(self.data.noise, self.data.weights, self._thin, strict=True):
             known = {**thin, "p": values}
             result = formula(*(known[key] for key in wanted))
             force = thin["friction"] * (result - 1.0) if entry.place is Place.LEVEL_FACTOR else result

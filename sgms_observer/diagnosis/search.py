@@ -1,7 +1,7 @@
-"""Where to look for each effect: columns over a grid of shapes, linear in the strengths.
+"""Grids of shapes of each effect for the screening. A shape is linear in the strengths of the effect.
 
-Everything comes from the catalogue's own formulas: a column is what the effect at a small strength changes in the
-residual. Grids say only which shapes are worth a look; the refit moves them to their best values.
+The columns come from the formulas of the catalogue: a column is the change of the residual by the effect at a small
+strength. The grids only give start values; a fit moves them to their best values.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ Combine = Callable[[Floats], tuple[float, ...]]
 STANDARD_SIGNAL_PERIODS = (4e-6, 8e-6, 1e-5, 2e-5, 4e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3)  # m
 STANDARD_LINES = (512, 1000, 1024, 2000, 2048, 2500, 3600, 4096, 5000, 8192, 9000, 10000, 18000)  # per revolution
 CONTACT_SHARE = 0.05
-"""Longest distance over which a contact builds up its force, as a share of the stroke: more is a spring."""
+"""Largest slip deflection of a contact, as a share of the stroke: a larger one is a spring."""
 MODE_BELOW_BAND, MODE_ABOVE_BAND, MODE_RATE = 0.15, 1.4, 0.4
-"""Frequencies of a flexible mode, as shares of the band and of the sample rate: below, the mass moves along; above, it
-shows as less mass."""
-MOST_PITCHES = 400
+"""Limits of the frequency of a flexible mode: two as shares of the band, one as a share of the sample rate. Below the
+first the mass moves rigidly. Above the second the mode acts as a smaller mass."""
+MAX_PITCHES = 400
 PITCH_STEP = 0.4
-"""Step of spatial frequencies over that of one period more in the stroke: a start within the main lobe."""
-MOVING = 0.02
-"""Slower than this share of the fast speed the stage counts as resting."""
-REST = 0.01
-"""Slower than this share of the Stribeck velocity the contact counts as resting: the level has changed by 1e-4."""
-FLICKER_TIME = 0.1
-"""An encoder that changes by one step in this time may be at rest [s]."""
-LOOK = 0.05  # strengths are tried at this share of the Coulomb force
+"""Step of the spatial frequency times the stroke: small enough for a start in the main lobe."""
+MOVING_SPEED_SHARE = 0.02
+"""The stage counts as resting below this share of the 99.5 % quantile of the speed."""
+REST_SPEED_SHARE = 0.01
+"""The contact counts as resting below this share of the Stribeck velocity: the sliding force changes by 1e-4 there."""
+ENCODER_STEP_TIME = 0.1
+"""Shortest time between two encoder steps that counts as rest [s]."""
+TRIAL_SHARE = 0.05  # strength of the columns as a share of the Coulomb force
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class Shape:
     Attributes:
         name: the effect.
         bases: parameter values of each column.
-        combine: parameter values for given coefficients of the columns.
-        is_positive: whether a single column's coefficient has to be positive.
+        combine: function from the coefficients of the columns to parameter values.
+        is_positive: whether the coefficient of a single column has to be positive.
     """
 
     name: str
@@ -57,11 +57,11 @@ class Shape:
     is_positive: bool = False
 
     def columns(self) -> list[EffectSettings]:
-        """Return the effect at each basis, inside its bounds."""
+        """Return the effect with the values of each column, inside its bounds."""
         return [self._inside(values) for values in self.bases]
 
     def settings(self, coefficients: Floats) -> EffectSettings:
-        """Return the effect at these coefficients, inside its bounds."""
+        """Return the effect with these coefficients of the columns, inside its bounds."""
         return self._inside(self.combine(coefficients))
 
     def _inside(self, values: tuple[float, ...]) -> EffectSettings:
@@ -74,7 +74,7 @@ class Shape:
 
 
 def scaled(name: str, strengths: Sequence[int], values: Sequence[float], is_positive: bool = False) -> Shape:
-    """Return a shape with one column: ``values``, whose entries ``strengths`` scale together."""
+    """Return a shape with one column: ``values``, with the entries ``strengths`` scaled together."""
 
     def combine(c: Floats) -> tuple[float, ...]:
         return tuple(v * float(c[0]) if i in strengths else v for i, v in enumerate(values))
@@ -82,12 +82,12 @@ def scaled(name: str, strengths: Sequence[int], values: Sequence[float], is_posi
     return Shape(name, (tuple(values),), combine, is_positive)
 
 
-def whole(name: str, values: Sequence[float]) -> Shape:
-    """Return a shape with one column whose coefficient should be one: strength and shape are the same number."""
+def unscaled(name: str, values: Sequence[float]) -> Shape:
+    """Return a shape with one column and fixed values, for effects whose strength determines the shape."""
     return Shape(name, (tuple(values),), lambda c: tuple(values), is_positive=True)
 
 
-def wave(name: str, size: float, period: float) -> Shape:
+def sine_and_cosine(name: str, size: float, period: float) -> Shape:
     """Return a sine and a cosine of one period."""
     tail = (0.0,) * (len(effect(name).parameters) - 3)
 
@@ -98,31 +98,31 @@ def wave(name: str, size: float, period: float) -> Shape:
 
 
 def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
-    """Return the shapes of an effect that these recordings could show.
+    """Return the shapes of an effect that these recordings can show.
 
     Args:
         name: the effect.
         motions: recordings.
-        model: nominal model; gives the units.
+        model: nominal model, which sets the units.
     """
-    force = LOOK * model.friction.coulomb_force
+    force = TRIAL_SHARE * model.friction.coulomb_force
     position = np.concatenate([motion.position for motion in motions])
     speed = np.concatenate([np.abs(motion.velocity) for motion in motions])
     effort = np.concatenate([np.abs(motion.effort) for motion in motions])
     middle, stroke = float(np.mean([position.min(), position.max()])), float(np.ptp(position))
     fast, mean_speed = float(np.quantile(speed, 0.995)), max(float(np.mean(speed)), 1.0e-5)
-    hard = float(np.quantile(np.concatenate([np.abs(motion.acceleration) for motion in motions]), 0.99))
+    fast_acceleration = float(np.quantile(np.concatenate([np.abs(motion.acceleration) for motion in motions]), 0.99))
     length = max(float(motion.time[-1]) for motion in motions)
     travel = max(float(np.sum(np.abs(np.diff(motion.position)))) for motion in motions)
-    knee, reach = model.friction.stribeck_velocity, model.reach
-    rest = max(REST * knee, max(motion.resolution for motion in motions) / FLICKER_TIME)
-    longest, period = max(3.0 * reach, CONTACT_SHARE * stroke), model.joint_period
+    v_s, slip = model.friction.stribeck_velocity, model.slip_deflection
+    rest = max(REST_SPEED_SHARE * v_s, max(motion.resolution for motion in motions) / ENCODER_STEP_TIME)
+    longest, period = max(3.0 * slip, CONTACT_SHARE * stroke), model.joint_period
     grid = np.geomspace
     match name:
         case "cogging":
-            return [wave(name, force, pitch) for pitch in pitches(motions, period)]
+            return [sine_and_cosine(name, force, pitch) for pitch in pitches(motions, period)]
         case "position_periodic_friction":
-            return [wave(name, LOOK, pitch) for pitch in pitches(motions, period)]
+            return [sine_and_cosine(name, TRIAL_SHARE, pitch) for pitch in pitches(motions, period)]
         case "periodic_disturbance":
             return []  # scanned by its own spectrum, see ``screen``
         case "spring":
@@ -152,60 +152,60 @@ def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
             a, v = force / size, force / speed2
             return [Shape(name, ((a, 0.0), (0.0, v)), lambda c: (a * float(c[0]), v * float(c[1])))]
         case "presliding":
-            return [scaled(name, (0,), (force, d)) for d in grid(0.8 * reach, longest, 8)]
+            return [scaled(name, (0,), (force, d)) for d in grid(0.8 * slip, longest, 8)]
         case "mass_error":
-            return [scaled(name, (0,), (LOOK * model.mass,))]
+            return [scaled(name, (0,), (TRIAL_SHARE * model.mass,))]
         case "flexible_mode":
             zetas, slowest = (0.03, 0.15), min(motion.band for motion in motions)
             fastest = min(MODE_ABOVE_BAND * slowest, MODE_RATE * min(motion.step / motion.period for motion in motions))
             modes = grid(MODE_BELOW_BAND * slowest, fastest, 24)
-            return [scaled(name, (0,), (LOOK * model.mass, f, z), True) for f in modes for z in zetas]
+            return [scaled(name, (0,), (TRIAL_SHARE * model.mass, f, z), True) for f in modes for z in zetas]
         case "position_dependent_friction":
             places = np.linspace(position.min(), position.max(), 17)
             widths = stroke * np.array([0.04, 0.09, 0.2])
-            return [scaled(name, (0,), (LOOK, q, w)) for q in places for w in widths]
+            return [scaled(name, (0,), (TRIAL_SHARE, q, w)) for q in places for w in widths]
         case "asymmetric_coulomb":
-            return [scaled(name, (0,), (LOOK,))]
+            return [scaled(name, (0,), (TRIAL_SHARE,))]
         case "stribeck":
-            return [scaled(name, (0,), (LOOK, v)) for v in grid(3.0 * knee, max(0.5 * fast, 4.0 * knee), 7)]
+            return [scaled(name, (0,), (TRIAL_SHARE, v)) for v in grid(3.0 * v_s, max(0.5 * fast, 4.0 * v_s), 7)]
         case "load_dependent_friction":
-            return [scaled(name, (0,), (LOOK / hard,))]
+            return [scaled(name, (0,), (TRIAL_SHARE / fast_acceleration,))]
         case "thermal_drift":
             return [
-                scaled(name, (0,), (LOOK, tau, share, mean_speed))
+                scaled(name, (0,), (TRIAL_SHARE, tau, share, mean_speed))
                 for tau in length * np.array([0.1, 0.25, 0.5, 1.0, 3.0])
                 for share in (0.0, 1.0)
             ]
         case "wear_step":
             moments = travel * np.linspace(0.05, 0.95, 19)
-            return [scaled(name, (0,), (LOOK, s, w * travel)) for s in moments for w in (0.01, 0.05)]
+            return [scaled(name, (0,), (TRIAL_SHARE, s, w * travel)) for s in moments for w in (0.01, 0.05)]
         case "dwell_breakaway":
             return [
-                scaled(name, (0,), (LOOK, t, d, rest))
+                scaled(name, (0,), (TRIAL_SHARE, t, d, rest))
                 for t in (0.05, 0.2, 0.8)
-                for d in grid(0.8 * reach, longest, 5)
+                for d in grid(0.8 * slip, longest, 5)
             ]
         case "frictional_lag":
-            coulomb, mean_reach = model.friction.coulomb_force, _reach(model)
+            coulomb, mean_slip = model.friction.coulomb_force, _mean_slip_deflection(model)
             return [
-                whole(name, (coulomb / tau, r * mean_reach)) for tau in grid(0.002, 0.2, 7) for r in (0.5, 1.5, 5.0)
+                unscaled(name, (coulomb / tau, r * mean_slip)) for tau in grid(0.002, 0.2, 7) for r in (0.5, 1.5, 5.0)
             ]
         case "backlash":
-            stop = 0.1 * reach
-            return [scaled(name, (1,), (gap, LOOK, stop), True) for gap in grid(0.8 * reach, longest, 8)]
+            stop = 0.1 * slip
+            return [scaled(name, (1,), (gap, TRIAL_SHARE, stop), True) for gap in grid(0.8 * slip, longest, 8)]
         case "gravity":
             return gravity_shapes(force, model)
         case "actuator_gain":
-            return [Shape(name, ((1.0 + LOOK,),), lambda c: (1.0 + LOOK * float(c[0]),))]
+            return [Shape(name, ((1.0 + TRIAL_SHARE,),), lambda c: (1.0 + TRIAL_SHARE * float(c[0]),))]
         case "actuator_saturation":
-            return [whole(name, (float(np.quantile(effort, q)),)) for q in (0.93, 0.96, 0.98, 0.99, 0.995, 0.998)]
+            return [unscaled(name, (float(np.quantile(effort, q)),)) for q in (0.93, 0.96, 0.98, 0.99, 0.995, 0.998)]
         case "actuator_dead_zone":
             return [scaled(name, (0,), (force,), True)]
         case "actuator_delay":
             return [scaled(name, (0,), (2.0e-4,), True)]
         case "encoder_interpolation_error":
             periods = STANDARD_SIGNAL_PERIODS if period is None else [period / lines for lines in STANDARD_LINES]
-            return [wave(name, 1.0e-3 * p, p) for p in periods if p < 0.2 * stroke]
+            return [sine_and_cosine(name, 1.0e-3 * p, p) for p in periods if p < 0.2 * stroke]
         case "quantisation":
             return []  # read off the position itself, see ``audit``
         case _:
@@ -224,43 +224,43 @@ def gravity_shapes(force: float, model: Model) -> list[Shape]:
 
 
 def pitches(motions: Sequence[Motion], period: float | None) -> list[float]:
-    """Return the periods in position that are worth a look, the longest first.
+    """Return the pitches to screen, the longest first.
 
-    From two thirds of the stroke down to what the encoder resolves and the band lets pass at the slowest decile of the
-    moving speed, at most ``MOST_PITCHES``; the period that the joint implies and its half are tried in any case.
+    The longest is two thirds of the stroke. The shortest is limited by the encoder, by the band at the 10 % quantile of
+    the moving speed, and by about ``MAX_PITCHES``. The period of the joint and its half are always included.
 
     Args:
         motions: recordings.
-        period: period that the joint implies [its unit], or None.
+        period: period of the joint [its unit], or None.
     """
     position = np.concatenate([motion.position for motion in motions])
     stroke = float(np.ptp(position))
     speed = np.concatenate([np.abs(motion.velocity) for motion in motions])
-    moving = speed[speed > MOVING * float(np.quantile(speed, 0.995))]
+    moving = speed[speed > MOVING_SPEED_SHARE * float(np.quantile(speed, 0.995))]
     slow = float(np.quantile(moving, 0.1)) if len(moving) else 0.0
     resolution = max(motion.resolution for motion in motions)
-    shortest = max(slow / min(motion.band for motion in motions), 8.0 * resolution, stroke / MOST_PITCHES * PITCH_STEP)
+    shortest = max(slow / min(motion.band for motion in motions), 8.0 * resolution, stroke / MAX_PITCHES * PITCH_STEP)
     implied = [] if period is None else [period, 0.5 * period]
     found = [1.0 / f for f in np.arange(1.5 / stroke, 1.0 / shortest, PITCH_STEP / stroke)] if stroke > 0.0 else []
     return [*implied, *found]
 
 
-def _reach(model: Model) -> float:
-    """Return the mean reach of the contact [m]."""
+def _mean_slip_deflection(model: Model) -> float:
+    """Return the mean slip deflection of the elements [m]."""
     friction = model.friction
     shares = np.array(friction.element_fraction)
     return float(np.sum(shares * shares * friction.coulomb_force / np.array(friction.element_stiffness)))
 
 
 def _generic(name: str, force: float) -> list[Shape]:
-    """Return shapes of a user's effect: strengths small, shape parameters around their defaults."""
+    """Return shapes of an effect of the user: small strengths, shape parameters around their defaults."""
     entry = effect(name)
     strong = [i for i, p in enumerate(entry.parameters) if p.is_strength]
     found = []
     for factor in (0.3, 1.0, 3.0):
         values = []
         for i, p in enumerate(entry.parameters):
-            size = force if p.unit == "N" else LOOK
+            size = force if p.unit == "N" else TRIAL_SHARE
             value = size if i in strong else p.default * factor
             values.append(min(max(value, p.minimum), p.maximum))
         found.append(scaled(name, strong, values))

@@ -1,4 +1,4 @@
-"""What the model says beside what was measured, row by row of the judging band: what the report and the log show."""
+"""Traces: measured and modelled signals below the band, for the report and residual.mcap."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
 SLIDING = 0.01
-"""Stick indicator below which the axis counts as sliding: the last element has slipped."""
+"""Largest stick indicator of a sliding axis: the last element has slipped."""
 RINGING = 2.0
-"""Periods of the band to the nearest row that does not slide, in which the low-pass still shows it."""
+"""Smallest distance of a sliding row from a sticking one, in periods of the band: the transient of the low-pass."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """One recording, or a half of it, beside the model; all arrays of shape (n,), below the band.
+    """Measured and modelled signals of one recording or a half of it, below the band; arrays of shape (n,).
 
     Attributes:
-        name: where it comes from.
+        name: name of the recording.
         start: stamp of the first sample of the recording [s].
-        time: of each row since then [s].
-        position, velocity: of each row [m or rad, per s].
-        effort: measured [N or N m].
-        before: effort that the file refitted within its tolerance predicts [N or N m].
-        after: effort that the model predicts with everything that was found [N or N m].
-        effects: effort of each effect of that model: by how much it changes the predicted effort [N or N m].
-        friction: measured effort minus what mass and effects take of it [N or N m].
-        is_sliding: rows where friction follows the velocity alone.
-        tracking_error: position minus set-point [m or rad]; NaN where no set-point was recorded.
+        time: time of each row since then [s].
+        position, velocity: motion [m or rad, per s].
+        effort: measured effort [N or N m].
+        before: effort predicted by the file refitted within its tolerance [N or N m].
+        after: effort predicted by the final model [N or N m].
+        effects: change of the predicted effort by each effect of that model [N or N m].
+        friction: measured effort minus the effort of mass and effects [N or N m].
+        is_sliding: whether friction depends on the velocity alone.
+        tracking_error: position minus set-point [m or rad]; NaN if no set-point was recorded.
     """
 
     name: str
@@ -54,12 +54,12 @@ class Trace:
 
     @property
     def residual_before(self) -> Floats:
-        """Return what the file refitted within its tolerance leaves."""
+        """Return the residual of the file refitted within its tolerance."""
         return self.effort - self.before
 
     @property
     def residual(self) -> Floats:
-        """Return what everything that was found leaves."""
+        """Return the residual of the final model."""
         return self.effort - self.after
 
     @property
@@ -69,12 +69,12 @@ class Trace:
 
 
 def traces_of(answer: Answer) -> tuple[Trace, ...]:
-    """Return the traces of the recordings that the gap was measured on.
+    """Return the traces of the recordings that the gap is computed on.
 
     Args:
-        answer: of the diagnosis.
+        answer: answer of the diagnosis.
     """
-    recordings = answer.diagnosis.state.recordings
+    recordings = answer.diagnosis.final_state.recordings
     records = recordings.holdouts or tuple(record for record in recordings.records for _half in range(2))
     both = zip(answer.residual_before, answer.residual_after, strict=True)
     return tuple(
@@ -96,7 +96,7 @@ def _trace(record: Recording, motion: Motion, model: Model, before: Floats, afte
     return Trace(
         motion.name, record.start, time, motion.thinned(motion.position), motion.thinned(motion.velocity), effort,
         effort - before, effort - after, effects, motion.low_pass(friction) + after,
-        _is_sliding(motion, whole.doubt), _tracking_error(record, time),
+        _is_sliding(motion, whole.stick_indicator), _tracking_error(record, time),
     )  # fmt: skip
 
 

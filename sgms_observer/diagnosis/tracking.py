@@ -1,4 +1,4 @@
-"""The tracking error that a model promises: of the simulated stage, without compensation and with it."""
+"""Predicted tracking error: of the simulated stage, with and without compensation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sgms_observer.settings.units import Units
 
 MAX_RATIO = 1.5
-"""Largest ratio of simulated to recorded error at which the simulated controller counts as that of the recording."""
+"""Largest ratio of simulated to recorded error for which the simulated controller counts as that of the recording."""
 
 
 @dataclass(frozen=True)
@@ -62,14 +62,14 @@ class PredictedTracking:
 
     @property
     def along(self) -> str:
-        """Return what the stage follows, in words."""
+        """Return the motion that the stage follows, in words."""
         return "the measured motion" if self.recorded is None else "the recorded reference"
 
     def caution(self, units: Units) -> str:
-        """Return why the errors may be those of another controller than the recording's; empty where they are not.
+        """Return why the simulated controller may differ from that of the recording; empty if the errors agree.
 
         Args:
-            units: of the axis.
+            units: units of the axis.
         """
         remedy = "compare the predicted errors with each other only, or set stage.controller to the machine's"
         if self.recorded is None:

@@ -1,10 +1,10 @@
-"""Standard errors that hold where the residual is not the noise it was taken for.
+"""Standard errors of effect parameters that include model errors.
 
-The errors of least squares are right where the whitened residual is white. What a catalogue's shape leaves of the
-machine's own shape is not: it comes back in every block of the same motion. So each block of time is left out once, and
-what the solution moves by takes the place of the noise (the jackknife over blocks). And a wrong shape gives other
-parameters in another kind of motion: what recordings differ by, beyond their errors, belongs to the error; so few of
-them tell it that Student's distribution has to be allowed for.
+The errors of least squares are right if the whitened residual is white. The residual of an effect with a slightly
+wrong shape is not white: it repeats in every block of the same motion. The jackknife over blocks accounts for this:
+each block of time is left out once, and the scatter of the solutions gives the error. A wrong shape also gives
+different parameters in recordings of another motion. The scatter between recordings beyond their errors is therefore
+added, with a factor of Student's distribution because there are few recordings.
 """
 
 from __future__ import annotations
@@ -16,35 +16,35 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from sgms_observer.diagnosis.fit import Judged, Refit, Refits, judged_with
+from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_with_own_noise
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.catalogue import effect
 
 Floats = NDArray[np.float64]
 
-BLOCK = 1.0
-"""Length of a block [s]; longer than what a contact or a filter remembers."""
-STAMPS = 0.01
-"""How well the stamps of position and effort agree, in samples: a delay is known no better."""
-TIMES = ("delay",)
-"""Parameters that compare the two stamps."""
-STEPS = 6
-"""Steps of the fit to another recording; it starts at the solution."""
-SINGULAR = 1.0e-10
-"""What a block alone tells, below this share of the best known direction, is not left out."""
-ALONE = 1.0e-9
-"""Where all other recordings hold no more than this share of the weight, they say nothing beside the one."""
+BLOCK_LENGTH = 1.0
+"""Length of a block [s]; longer than the memory of a contact or a filter."""
+STAMP_ERROR = 0.01
+"""Standard error between the stamps of position and effort, in samples: the lower limit for that of a delay."""
+DELAY_PARAMETERS = ("delay",)
+"""Parameters that depend on the difference of the two stamps."""
+SINGLE_RECORDING_STEPS = 6
+"""Steps of the fit to another recording. The fit starts at the solution."""
+SINGULAR_SHARE = 1.0e-10
+"""Relative singular value below which a direction of the normal matrix counts as determined by the block alone."""
+MIN_OTHER_WEIGHT = 1.0e-9
+"""Smallest share of the weight of all other recordings for which a variance between recordings is computed."""
 
 
-def in_time(whitened: Floats, judged: Judged) -> list[Floats]:
-    """Return whitened columns as series in time, one per recording, their squared sums unchanged.
+def as_time_series(whitened: Floats, data: WhitenedData) -> list[Floats]:
+    """Return whitened columns as time series, one per recording, with unchanged sums of squares.
 
     Args:
         whitened: shape (n, k), see ``Noise.whitened``.
-        judged: recordings they belong to.
+        data: the recordings.
     """
     series, start = [], 0
-    for motion, noise in zip(judged.motions, judged.noise, strict=True):
+    for motion, noise in zip(data.motions, data.noise, strict=True):
         frequency = np.fft.rfftfreq(len(motion.thinned(motion.time)), noise.period)
         count = int(np.sum(frequency <= noise.band))
         spectrum = whitened[start : start + count].astype(np.complex128)
@@ -56,18 +56,18 @@ def in_time(whitened: Floats, judged: Judged) -> list[Floats]:
     return series
 
 
-def deviations(found: Refit, judged: Judged) -> Floats:
-    """Return the standard deviation of each free effect parameter, SI units.
+def standard_errors(found: Refit, data: WhitenedData) -> Floats:
+    """Return the standard error of each free effect parameter, SI units.
 
     Args:
-        found: a fit with derivatives at its solution.
-        judged: the recordings it was fitted to.
+        found: fit with derivatives at its solution.
+        data: recordings that it was fitted to.
 
     Returns:
-        The larger one of what the noise alone and the blocks give.
+        The larger of the error from the noise and the error from the jackknife over blocks.
 
     Source: Efron and Stein 1981, Annals of Statistics 9(3); Bell and McCaffrey 2002, Survey Methodology 28(2), for few
-    blocks, whose plain scatter (White 1980, Econometrica 48(4)) is too small: the fit has followed each of them.
+    blocks, whose plain scatter (White 1980, Econometrica 48(4)) is too small, because each block was fitted.
     """
     count = len(found.free)
     if count == 0:
@@ -78,97 +78,97 @@ def deviations(found: Refit, judged: Judged) -> Floats:
     inverse = np.linalg.pinv(normal)
     parts: list[Floats] = []
     columns = np.column_stack([found.jacobian[:rows], found.residual])
-    for motion, series in zip(judged.motions, in_time(columns, judged), strict=True):
-        blocks = max(2, int(len(motion.time) * motion.period / BLOCK))
+    for motion, series in zip(data.motions, as_time_series(columns, data), strict=True):
+        blocks = max(2, int(len(motion.time) * motion.period / BLOCK_LENGTH))
         parts += np.array_split(series, blocks)
-    moved = left_out(parts, normal)
+    moved = leave_one_out_shifts(parts, normal)
     scatter = (1.0 - 1.0 / len(parts)) * moved.T @ moved + inverse @ prior.T @ prior @ inverse
     variance = np.maximum(np.diag(scatter), np.diag(inverse))[-count:]
     errors = np.sqrt(np.maximum(variance, 0.0)) * found.scales
     for k, (i, j) in enumerate(found.free):
-        if effect(found.effects[i].name).parameters[j].name in TIMES:
-            errors[k] = np.hypot(errors[k], STAMPS * judged.motions[0].period / judged.motions[0].step)
+        if effect(found.effects[i].name).parameters[j].name in DELAY_PARAMETERS:
+            errors[k] = np.hypot(errors[k], STAMP_ERROR * data.motions[0].period / data.motions[0].step)
     return np.asarray(errors, dtype=np.float64)
 
 
-def left_out(parts: Sequence[Floats], normal: Floats) -> Floats:
-    """Return what the solution of a linear least-squares problem moves by without each of its parts, shape (parts, k).
+def leave_one_out_shifts(parts: Sequence[Floats], normal: Floats) -> Floats:
+    """Return the change of a linear least-squares solution when each part is left out, shape (parts, k).
 
     Args:
         parts: columns and residual side by side, each of shape (n, k + 1).
-        normal: normal matrix of the whole, with its prior if any, shape (k, k).
+        normal: normal matrix of all parts, including a prior, shape (k, k).
     """
     moved = []
     for part in parts:
         columns, residual = part[:, :-1], part[:, -1]
-        rest = np.linalg.pinv(normal - columns.T @ columns, SINGULAR, hermitian=True)
+        rest = np.linalg.pinv(normal - columns.T @ columns, SINGULAR_SHARE, hermitian=True)
         moved.append(rest @ (columns.T @ residual))
     return np.array(moved)
 
 
-def with_shape(refits: Refits, found: Refit, others: Sequence[Motion]) -> Floats:
-    """Return the standard deviation of each free effect parameter with what recordings differ by, SI units.
+def with_between_recording_error(setup: RefitSetup, found: Refit, others: Sequence[Motion]) -> Floats:
+    """Return the standard error of each free effect parameter, with the scatter between recordings, SI units.
 
     Args:
-        refits: to the recordings to learn from.
-        found: one of them, with derivatives at its solution.
-        others: recordings of another kind.
+        setup: setup of the fit.
+        found: the fit, with derivatives at its solution.
+        others: other recordings.
 
     Source: DerSimonian and Laird 1986, Controlled Clinical Trials 7(3): variance between studies from their scatter.
     """
-    own = deviations(found, refits.judged)
+    errors_of_fit = standard_errors(found, setup.data)
     if not others or not found.free:
-        return own
+        return errors_of_fit
     free = set(found.free)
     fixed = [(i, j) for i, e in enumerate(found.effects) for j in range(len(e.values)) if (i, j) not in free]
     values = [[found.effects[i].values[j] for i, j in found.free]]
-    errors = [own]
+    errors = [errors_of_fit]
     for motion in others:
-        alone = replace(refits, judged=judged_with((motion,), found.model))
-        fit = alone.of(found.effects, found.logs, STEPS, fixed)
+        alone = replace(setup, data=data_with_own_noise((motion,), found.model))
+        fit = alone.fit(found.effects, found.logs, SINGLE_RECORDING_STEPS, fixed)
         values.append([fit.effects[i].values[j] for i, j in fit.free])
-        errors.append(deviations(fit, alone.judged))
+        errors.append(standard_errors(fit, alone.data))
     between = [between_deviation(*pair) for pair in zip(np.array(values).T, np.array(errors).T, strict=True)]
-    return np.asarray(np.hypot(own, between), dtype=np.float64)
+    return np.asarray(np.hypot(errors_of_fit, between), dtype=np.float64)
 
 
 def between_deviation(values: Floats, errors: Floats) -> float:
-    """Return the standard deviation between recordings of one parameter beyond its errors.
+    """Return the standard deviation of one parameter between recordings, beyond its standard errors.
 
     Args:
-        values: estimate from each recording, the first one the one that is reported.
-        errors: standard deviation of each; 0 where a recording says nothing about the parameter.
+        values: estimate from each recording, the reported one first.
+        errors: standard error of each; 0 if a recording does not determine the parameter.
 
     Returns:
-        As large as makes the normal distribution's 90 % interval that of Student's, for as few recordings as there are.
+        The deviation times a factor that turns the normal 90 % interval into that of Student's distribution.
 
     Source: Hartung and Knapp 2001, Statistics in Medicine 20(24).
     """
-    degrees = int(np.sum(_tells(values, errors))) - 1
+    degrees = int(np.sum(_is_informative(values, errors))) - 1
     if degrees < 1:
         return 0.0
     return float(np.sqrt(between_variance(values, errors)) * stats.t.ppf(0.95, degrees) / stats.norm.ppf(0.95))
 
 
-def _tells(values: Floats, errors: Floats) -> NDArray[np.bool_]:
-    """Return which recordings tell anything about a parameter."""
+def _is_informative(values: Floats, errors: Floats) -> NDArray[np.bool_]:
+    """Return whether each recording determines the parameter."""
     return np.asarray((errors > 0.0) & np.isfinite(errors) & (errors < max(abs(float(values[0])), 1e-300)))
 
 
 def between_variance(values: Floats, errors: Floats) -> float:
-    """Return the variance between recordings of one parameter beyond its errors.
+    """Return the variance of one parameter between recordings, beyond its standard errors.
 
     Args:
-        values: estimate from each recording, the first one the one that is reported.
-        errors: standard deviation of each; 0 where a recording says nothing about the parameter.
+        values: estimate from each recording, the reported one first.
+        errors: standard error of each; 0 if a recording does not determine the parameter.
     """
-    tells = _tells(values, errors)
-    values, weights = values[tells], 1.0 / errors[tells] ** 2
+    is_informative = _is_informative(values, errors)
+    values, weights = values[is_informative], 1.0 / errors[is_informative] ** 2
     if len(values) < 2:
         return 0.0
     total = float(weights.sum())
     scatter = float(weights @ (values - float(weights @ values) / total) ** 2)
     second = total - float(weights @ weights) / total
-    if second <= ALONE * total:
+    if second <= MIN_OTHER_WEIGHT * total:
         return 0.0
     return max(0.0, (scatter - (len(values) - 1)) / second)

@@ -1,4 +1,4 @@
-"""The workflow: refit the file, add the hypothesis that predicts best what it was not fitted to, and repeat."""
+"""The workflow: refit the file, then repeatedly add the hypothesis with the best prediction of other data."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis import audit
-from sgms_observer.diagnosis.candidates import MOST_COMPARED, effect_candidates, to_the_end
-from sgms_observer.diagnosis.changed_contact import CHANGED, changed_candidate, is_possible
-from sgms_observer.diagnosis.coordinates import is_law, is_like_contact
-from sgms_observer.diagnosis.court import Court, evidence_of
-from sgms_observer.diagnosis.decision import Decision, alternatives, apart, decide
+from sgms_observer.diagnosis.candidates import MAX_COMPARED, effect_candidates, finish_fit
+from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_freed, changed_candidate
+from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
+from sgms_observer.diagnosis.decision import Decision, alternatives, decide, z_score_between
+from sgms_observer.diagnosis.diagnosis import FIT_STEPS, REFIT_STEPS, Diagnosis, FitState, Options, Recordings, Round
+from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG
+from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import Freedom, Refits, judged_with
+from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
-from sgms_observer.diagnosis.learnt import LEARNT_NAMES
+from sgms_observer.diagnosis.map_fit import MAP_NAMES
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.motion import BAND, HELD
-from sgms_observer.diagnosis.pruning import pruned, significant
+from sgms_observer.diagnosis.motion import BAND, HELD_LAG
+from sgms_observer.diagnosis.pruning import without_insignificant_effects, without_redundant_effects
 from sgms_observer.diagnosis.screen import Screen
-from sgms_observer.diagnosis.state import AGAIN, STEPS, Diagnosis, Options, Recordings, Round, State
-from sgms_observer.diagnosis.timing import NOT_HELD
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
 from sgms_observer.errors import DataError
@@ -33,8 +33,8 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings
 Report = Callable[[str, float], None]
 Floats = NDArray[np.float64]
 
-READ_OFF = ("quantisation", *LEARNT_NAMES)
-"""Effects that are read off the data, or made of them, and not searched."""
+NOT_SEARCHED = ("quantisation", *MAP_NAMES)
+"""Effects that are not searched: the encoder resolution is measured directly, learnt maps are fitted at the end."""
 
 
 def diagnose(
@@ -44,111 +44,109 @@ def diagnose(
     options: Options,
     report: Report = lambda text, share: None,
 ) -> Diagnosis:
-    """Find what the model of an axis misses.
+    """Return the effects and changed values that the model of an axis misses.
 
     Args:
         records: recordings to learn from.
-        holdouts: recordings to judge on; parts of the first ones in turn if empty.
+        holdouts: held-out recordings. If empty, the evidence is cross-validated.
         axis: settings with the nominal model.
-        options: how to run.
-        report: called with what is being done and the share that is done.
+        options: options of the diagnosis.
+        report: called with the current step and the completed share.
 
     Raises:
-        DataError: the recordings cannot be judged at all.
+        DataError: a recording is too short.
     """
     report("audit", 0.0)
-    stated_lag = HELD if axis.filter.effort_is_held else 0.0
+    stated_lag = HELD_LAG if axis.filter.effort_is_held else 0.0
     band = options.band or BAND
     recordings = Recordings(tuple(records), tuple(holdouts), stated_lag, stated_lag, band)
     learn, held = recordings.motions(), recordings.held_out()
     if not learn:
         raise DataError("no recording is long enough to learn from; record at least 3 s without a pause")
     audited = audit.audit(learn, axis)
-    nominal, own = replace(Model.of(axis), effects=()), own_effects(axis)
+    nominal, known_effects = replace(Model.of(axis), effects=()), file_effects(axis)
     report("refit of the file within its tolerance", 0.03)
-    fine = nominal.refined()
-    refits = Refits(
-        judged_with(learn, fine.with_effects(own)), fine, options.tolerance,
-        held=frozenset(item.name for item in own), workers=options.workers,
+    fine = nominal.with_split_elements()
+    setup = RefitSetup(
+        data_with_own_noise(learn, fine.with_effects(known_effects)), fine, options.tolerance,
+        fixed_effects=frozenset(item.name for item in known_effects), workers=options.workers,
     )  # fmt: skip
-    state = State(recordings, learn, held, refits, refits.of(own, None, STEPS))
-    state = state.refitted(state.current, AGAIN).timed()
-    state = narrowed(state.refitted(state.current, AGAIN), options)
+    state = FitState(recordings, learn, held, setup, setup.fit(known_effects, None, FIT_STEPS))
+    state = state.refitted(state.current, REFIT_STEPS).with_fitted_lag()
+    state = choose_element_freedom(state.refitted(state.current, REFIT_STEPS), options)
     warnings = list(audited.warnings)
-    if axis.filter.effort_is_held and state.recordings.lag < NOT_HELD:
+    if axis.filter.effort_is_held and state.recordings.lag < MIN_HELD_LAG:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
-    found = state
+    file_state = state
     rounds: tuple[Round, ...] = ()
     if not audited.is_poor:
-        state, rounds = pruned(*_search(state, own, options, report), options)
+        state, rounds = without_redundant_effects(*_search(state, known_effects, options, report), options)
     report("refit of the file's own elements", 0.85)
-    state, rounds, written = significant(found, state, rounds, nominal, options)
-    court = state.court(options)
+    state, rounds, written = without_insignificant_effects(file_state, state, rounds, nominal, options)
+    evaluation = state.evaluation(options)
     return Diagnosis(
-        nominal, own, found, state, written, rounds, court, audited.resolution, audited.notes, tuple(warnings),
-        audited.is_poor,
-        explains_all=court.explains_all(state.current.model, found.current.model),
+        nominal, known_effects, file_state, state, written, rounds, evaluation, audited.resolution, audited.notes,
+        tuple(warnings), audited.is_poor,
+        is_gap_explained=evaluation.is_gap_explained(state.current.model, file_state.current.model),
     )  # fmt: skip
 
 
-def narrowed(state: State, options: Options) -> State:
-    """Return the state with elements as near to the file as its other values, unless those further off predict better.
+def choose_element_freedom(state: FitState, options: Options) -> FitState:
+    """Return the state with narrow elements, unless elements with a wider tolerance predict significantly better.
 
-    Few elements approximate a continuous contact, so their best values may lie far from those of the file. Where the
-    contact follows another law, though, elements that are free fit what that law leaves and predict worse. Samples
-    where the contact sticks may count less in the fit than in the reported gap, so that the gap has to agree.
+    Few elements approximate a continuous contact, so their best values may be far from those of the file. If the
+    contact follows another law, wide elements fit the residual of that law and predict worse. Samples where the contact
+    sticks have a lower weight in the fit than in the reported gap, so the reported gap must not grow either.
 
     Args:
-        state: with elements that may move further.
-        options: how to run.
+        state: state with wide elements.
+        options: options of the diagnosis.
     """
-    narrow = replace(state, refits=replace(state.refits, freedom=Freedom(is_narrow=True)))
-    narrow = narrow.refitted(narrow.current, STEPS)
-    court = narrow.court(options)
-    earlier, later = evidence_of(narrow.current, court), evidence_of(state.current, court)
-    pair = (earlier.held, later.held) if court.has_held_out else (earlier.all, later.all)
+    narrow = replace(state, setup=replace(state.setup, freedom=Freedom(has_narrow_elements=True)))
+    narrow = narrow.refitted(narrow.current, FIT_STEPS)
+    evaluation = narrow.evaluation(options)
+    earlier, later = evidence_of(narrow.current, evaluation), evidence_of(state.current, evaluation)
+    pair = (earlier.held_out, later.held_out) if evaluation.has_held_out else (earlier.all, later.all)
     is_sure = improvement(*pair).z_score > options.criteria.min_z_score
     wide_gap, narrow_gap = (
-        rms(weighted(residuals(one.current.model, court.judge), court.gap_weights)) for one in (state, narrow)
+        rms(weighted(residuals(one.current.model, evaluation.motions), evaluation.gap_weights))
+        for one in (state, narrow)
     )
     return state if is_sure and wide_gap <= narrow_gap else narrow
 
 
 def _search(
-    state: State, own: Sequence[EffectSettings], options: Options, report: Report
-) -> tuple[State, tuple[Round, ...]]:
-    """Add one hypothesis after another, as long as one passes every test."""
+    state: FitState, known_effects: Sequence[EffectSettings], options: Options, report: Report
+) -> tuple[FitState, tuple[Round, ...]]:
+    """Add hypotheses one by one, as long as one passes every test."""
     rounds: list[Round] = []
-    names = [name for name in catalogue_names() if name not in READ_OFF and name not in options.excluded]
-    changed = [name for name in CHANGED if name not in options.excluded]
+    names = [name for name in catalogue_names() if name not in NOT_SEARCHED and name not in options.excluded]
+    changed = [name for name in CHANGE_HYPOTHESES if name not in options.excluded]
     most = options.criteria.max_effects + len(changed)
-    first = state.current.model
     for number in range(most):
         share = 0.1 + 0.7 * number / most
-        report(f"first look at {len(names)} effects", share)
-        refits, current = state.refits, to_the_end(state.refits, state.current)  # as many steps as the hypotheses get
+        report(f"screening of {len(names)} effects", share)
+        setup, current = state.setup, finish_fit(state.setup, state.current)  # as many steps as for the hypotheses
         state = replace(state, current=current)
-        court = state.court(options, first)
-        if rounds and court.is_closed(current.model):
+        evaluation = state.evaluation(options)
+        if rounds and evaluation.is_gap_closed(current.model):
             break
-        earlier = evidence_of(current, court)
-        screen = Screen(refits.judged, current, options.tolerance, refits.freedom, names, options.workers)
+        earlier = evidence_of(current, evaluation)
+        screen = Screen(setup.data, current, options.tolerance, setup.freedom, names, options.workers)
         report("full fits", share + 0.02)
-        listed = effect_candidates(refits, screen, current, options.workers, MOST_COMPARED)
-        listed += [changed_candidate(refits, current, name) for name in changed if is_possible(refits, name)]
-        decisions = [decide(item, current, earlier, court) for item in listed if item.refit.cost < current.cost]
-        decisions.sort(key=lambda item: -item.improvement.fall)
-        best = chosen(decisions, court, [item.name for item in own])
+        listed = effect_candidates(setup, screen, current, options.workers, MAX_COMPARED)
+        listed += [changed_candidate(setup, current, name) for name in changed if can_be_freed(setup, name)]
+        decisions = [decide(item, current, earlier, evaluation) for item in listed if item.refit.cost < current.cost]
+        decisions.sort(key=lambda item: -item.improvement.decrease)
+        best = select_hypothesis(decisions, evaluation, [item.name for item in known_effects])
         if best is None or sum(item.accepted is not None for item in rounds) >= most:
-            rounds.append(Round(screen.looks, tuple(decisions), None, ()))
+            rounds.append(Round(screen.screenings, tuple(decisions), None, ()))
             break
         item = best.candidate
-        rounds.append(
-            Round(screen.looks, tuple(decisions), best, alternatives(best, decisions, options.criteria))
-        )
-        refits = replace(item.refits, judged=refits.judged, workers=options.workers)
-        state = replace(state, refits=refits, current=item.refit)
-        state = state.refitted(state.current, STEPS).timed()
+        rounds.append(Round(screen.screenings, tuple(decisions), best, alternatives(best, decisions, options.criteria)))
+        setup = replace(item.setup, data=setup.data, workers=options.workers)
+        state = replace(state, setup=setup, current=item.refit)
+        state = state.refitted(state.current, FIT_STEPS).with_fitted_lag()
         names = [name for name in names if name != best.candidate.name]
         changed = [name for name in changed if name != best.candidate.name]
         if sum(item.candidate.settings is not None for item in (r.accepted for r in rounds) if item) >= (
@@ -158,66 +156,88 @@ def _search(
     return state, tuple(rounds)
 
 
-def chosen(decisions: Sequence[Decision], court: Court, listed: Sequence[str] = ()) -> Decision | None:
-    """Return the hypothesis to add, or None where none passes every test.
+def select_hypothesis(
+    decisions: Sequence[Decision], evaluation: EvaluationData, listed: Sequence[str] = ()
+) -> Decision | None:
+    """Return the hypothesis to add, or None if none passes every test.
 
-    Of effects that the data do not tell apart it is one that the file lists: that a known value moved is the simplest.
+    If the data do not distinguish the best effect from an effect of the file, the effect of the file is returned: a
+    changed value of a known effect is the simpler explanation. If the file lists none of them, the effect with the
+    fewest parameters is returned.
 
     Args:
-        decisions: the best predicting first.
-        court: recordings that evidence was taken from.
+        decisions: decisions, the best predicting first.
+        evaluation: evaluation data.
         listed: effects of the file.
     """
     passed = [item for item in decisions if item.passed]
     if not passed:
         return None
-    best = _preferred(passed, court)
+    best = _best_hypothesis(passed, evaluation)
     known = [item for item in passed if item.candidate.name in listed]
     if best.candidate.settings is None:
         return best
-    return next((item for item in known if apart(best, item) <= court.criteria.min_z_score), best)
+    equal = [item for item in passed if z_score_between(best, item) <= evaluation.criteria.min_z_score]
+    return next((item for item in equal if item in known), _simplest(best, equal))
 
 
-def _preferred(passed: Sequence[Decision], court: Court) -> Decision:
-    """Return the hypothesis that predicts best, in the order in which names may be believed.
+def _simplest(best: Decision, equal: Sequence[Decision]) -> Decision:
+    """Return the effect with the fewest parameters of those that the data do not distinguish from the best one.
 
-    An effect that leaves nothing above the floor explains all there is with its few values. Else no file has the
-    contact exactly right: an effect that a contact may look like waits until it surely predicts better than every
-    change of the contact that passes, or until none passes any more. Any other effect goes before a change of the
-    contact that moves more values and does not surely predict better, unless another effect does. An effect that
-    describes nothing but another contact law comes last.
+    Args:
+        best: the effect that predicts best.
+        equal: hypotheses that the data do not distinguish from it, the best predicting first.
+    """
+    is_confusable = is_confusable_with_contact(best.candidate.name)
+    others = [
+        item for item in equal
+        if item.candidate.settings is not None
+        and (is_confusable or not is_confusable_with_contact(item.candidate.name))
+    ]  # fmt: skip
+    return min((best, *others), key=lambda item: item.candidate.parameter_count)
+
+
+def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> Decision:
+    """Return the hypothesis that predicts best, in order of credibility.
+
+    1. An effect that closes the gap to the floor is returned.
+    2. A contact law effect is returned only if nothing else passes.
+    3. An effect that a contact can imitate must predict significantly better than every passing change of the contact.
+    4. Any other effect is preferred to a change of the contact that moves more values, unless that change or another
+       effect predicts significantly better.
 
     Args:
         passed: hypotheses that passed every test, the best predicting first.
-        court: recordings that evidence was taken from.
+        evaluation: evaluation data.
     """
-    most = court.criteria.min_z_score
-    bent = [item for item in passed if is_law(item.candidate.name)]
-    others = [item for item in passed if item not in bent]
+    most = evaluation.criteria.min_z_score
+    contact_law_effects = [item for item in passed if item.candidate.is_contact_law]
+    others = [item for item in passed if item not in contact_law_effects]
     effects = [item for item in others if item.candidate.settings is not None]
-    if not court.is_noise(court.first_gap):
-        for item in (*effects, *bent):
-            if court.is_closed(item.candidate.refit.model):
+    if not evaluation.is_noise(evaluation.gap):
+        for item in (*effects, *contact_law_effects):
+            if evaluation.is_gap_closed(item.candidate.refit.model):
                 return item
     if not others:
-        return bent[0]
+        return contact_law_effects[0]
     changes = [item for item in others if item.candidate.settings is None]
     waiting = [
         item for item in effects
-        if is_like_contact(item.candidate.name) and any(apart(item, change) <= most for change in changes)
+        if is_confusable_with_contact(item.candidate.name)
+        and any(z_score_between(item, change) <= most for change in changes)
     ]  # fmt: skip
-    best = next((item for item in effects if apart(item, others[0]) > most), others[0])
+    best = next((item for item in effects if z_score_between(item, others[0]) > most), others[0])
     if best in waiting:
         best = changes[0]
     if best.candidate.settings is None:
         for item in effects:
             is_simpler = item.candidate.parameter_count < best.candidate.parameter_count
-            is_beaten = any(apart(other, item) > most for other in (best, *effects))
+            is_beaten = any(z_score_between(other, item) > most for other in (best, *effects))
             if item not in waiting and is_simpler and not is_beaten:
                 return item
     return best
 
 
-def own_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:
-    """Return the effects an axis already has, with all their values."""
+def file_effects(axis: AxisSettings) -> tuple[EffectSettings, ...]:
+    """Return the effects of the file with all their values."""
     return tuple(EffectSettings(item.name, item.values or effect(item.name).defaults) for item in axis.effects)

@@ -1,1 +1,1 @@
-"""The catalogue of effects: what a stage may do beside its friction, each one term written once."""
+"""The catalogue of effects: forces and disturbances of a stage beside its friction, each written once."""

@@ -1,4 +1,4 @@
-"""The effects of one axis, ready to run: what stage, observer, replay, identification and compensation share."""
+"""The compiled effects of one axis, shared by stage, observer, replay, identification and compensation."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ SCRATCH = 16
 class CompiledEffects:
     """Effects as flat arrays for the kernels.
 
-    A kernel of one's own calls ``kernels.effects_step(*effects.arguments(state), q, v, ...)`` with the arrays unpacked;
-    whole blocks go through ``evaluate``. The state is the caller's, so that any split into blocks gives the same bits.
+    Another kernel calls ``kernels.effects_step(*effects.arguments(state), q, v, ...)`` with the arrays unpacked;
+    whole blocks go through ``evaluate``. The caller holds the state, so that any split into blocks gives the same bits.
 
     Args:
         settings: the axis's effects with their values, in the catalogue's order of parameters; empty for defaults.
@@ -142,10 +142,10 @@ class CompiledEffects:
         return arrived
 
     def needed_command(self, force: Floats, period: float | None = None) -> Floats:
-        """Return the command that lets a force reach the mass [N]: the reverse of the effort's path.
+        """Return the command for which a force reaches the mass [N]: the inverse of the effort's path.
 
-        Where the path leaves it open (beyond a saturation, inside a dead zone) it is the limit, and 0. A delay makes
-        the command lead the force; at the end of the block the last force is held.
+        Where the command is not determined it is the limit (beyond a saturation) or 0 (inside a dead zone). With a
+        delay the command leads the force; at the end of the block the last force is held.
 
         Args:
             force: needed at the mass [N], shape (n,); smooth between its samples.
@@ -168,7 +168,7 @@ class CompiledEffects:
         return sum(float(self.parameters[start]) for name, start in starts if effect(name).is_delay)
 
     def measured_position(self, position: Floats) -> Floats:
-        """Return what the encoder shows [m].
+        """Return the position that the encoder measures [m].
 
         Args:
             position: true positions [m], shape (n,).

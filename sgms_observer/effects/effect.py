@@ -1,4 +1,4 @@
-"""What an effect is: a named term with parameters, units, bounds and where it came from."""
+"""Definition of an effect: a named term with parameters, units, bounds and source."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from sgms_observer.errors import ConfigurationError
 
 INPUTS = ("q", "v", "a", "t", "u", "h", "level", "v2", "a2")
-"""Names a formula may ask for: position [m], velocity [m/s], acceleration [m/s^2], time since the first sample [s],
+"""Names of arguments of a formula: position [m], velocity [m/s], acceleration [m/s^2], time since the first sample [s],
 effort [N], time step [s], Stribeck level [N], velocity and acceleration of the other axis."""
 
 
@@ -26,14 +26,14 @@ COORDINATES = (
     "distance since reversal",
     "dwell",
 )
-"""Coordinates over which a term of no particular form could say the same as an effect."""
+"""Coordinates of a free-form term that can imitate an effect."""
 
 QUANTITIES = ("position", "velocity", "acceleration", "effort", "time", "travel", "rate")
 """Recorded quantities that bound a parameter; ``travel`` is the distance covered, ``rate`` the sampling rate."""
 
 
 class Place(Enum):
-    """Where an effect acts; the values are the words a user reads."""
+    """Place where an effect acts; the values are the texts for the user."""
 
     ADDED_FORCE = "a force added to the friction"
     LEVEL_FACTOR = "a factor on the Stribeck level"
@@ -148,6 +148,8 @@ class Effect:
         inverse: formula of the command that lets a force arrive, or of the true position behind a measured one.
         added_mass: mass that it adds to the model's own, as a multiple of its first parameter [-].
         is_delay: whether it delays the effort by its first parameter [s].
+        special_case_of: effect that becomes this one at some values of its shape, or empty; it is no other explanation.
+        is_contact_law: whether it only describes another contact law than that of the file.
         question: what a report asks about it, parameters in braces (``Is there a {pitch} pitch?``); empty asks for it
             by its name.
     """
@@ -170,6 +172,8 @@ class Effect:
     added_mass: float = 0.0
     is_delay: bool = False
     question: str = ""
+    special_case_of: str = ""
+    is_contact_law: bool = False
 
     def __post_init__(self) -> None:
         """Check names and formula arguments.
@@ -254,7 +258,7 @@ class Effect:
 
 
 def flat_values(entry: Effect, named: Mapping[str, Any]) -> tuple[float, ...]:
-    """Return an effect's values as its formula takes them: the numbers, then each list as its length and its entries.
+    """Return the values of an effect in the order of its formula: numbers, then each list as length and entries.
 
     Args:
         entry: the effect.

@@ -112,6 +112,7 @@ FORCE_EFFECTS = (
         formula.gravity,
         coordinates=("position",),
         question="Does a weight act on the axis, {amplitude} at most?",
+        special_case_of="cogging",
     ),
     Effect(
         "asymmetric_viscous",
@@ -153,6 +154,7 @@ FORCE_EFFECTS = (
         "Waiboer, Aarts, Jonker 2005 (shear-thinning grease); Bair 2007, High Pressure Rheology",
         formula.nonlinear_viscous,
         coordinates=("velocity",),
+        is_contact_law=True,
         question="Is viscous friction curved over velocity?",
     ),
     Effect(
@@ -171,6 +173,7 @@ FORCE_EFFECTS = (
         formula.quadratic_drag,
         coordinates=("velocity",),
         question="Does a drag grow with the square of the velocity?",
+        special_case_of="nonlinear_viscous",
     ),
     Effect(
         "eddy_current",
@@ -189,6 +192,7 @@ FORCE_EFFECTS = (
         "Kloss 1929; Wouterse 1991, Critical torque and speed of eddy current brake, IEE Proc. B 138(4)",
         formula.eddy_current,
         coordinates=("velocity",),
+        is_contact_law=True,
         question="Is there an eddy-current brake, strongest at {peak_velocity}?",
     ),
     Effect(
@@ -244,6 +248,7 @@ FORCE_EFFECTS = (
         formula.presliding_next,
         (0.0, 0.0),
         coordinates=("distance since reversal", "direction"),
+        is_contact_law=True,
         question="Is there presliding over {distance}?",
     ),
     Effect(
@@ -271,6 +276,7 @@ FORCE_EFFECTS = (
         formula.backlash_next,
         (0.0,),
         coordinates=("distance since reversal", "direction"),
+        is_contact_law=True,
         question="Is there backlash of {gap}?",
     ),
     Effect(
@@ -308,6 +314,7 @@ FORCE_EFFECTS = (
         formula.flexible_mode_next,
         (0.0, 0.0),
         added_mass=-1.0,
+        coordinates=("acceleration",),
         question="Is there a resonance at {frequency}?",
     ),
 )

@@ -1,4 +1,4 @@
-"""The catalogue as one compiled switch: what stage, observer, replay and compensation call sample by sample.
+"""The catalogue as one compiled switch, called sample by sample by stage, observer, replay and compensation.
 
 Effects are numbered by ``KIND``; each has a slice of one flat parameter array and of one flat state array. ``user`` is
 the compiled function of the user's own effects (see ``user_kernels``), called for numbers from ``FIRST_USER_KIND`` on.
@@ -151,7 +151,7 @@ def measured_position(kinds: Any, p_at: Any, parameters: Any, q: float) -> float
 
 @njit
 def corrected_position(kinds: Any, p_at: Any, parameters: Any, q: float) -> float:
-    """Return the true position for the measured position ``q`` [m]; what a grid has lost stays lost."""
+    """Return the true position for the measured position ``q`` [m]; quantisation is not inverted."""
     for i in range(kinds.shape[0] - 1, -1, -1):
         q = position_correction(kinds[i], parameters[p_at[i] : p_at[i + 1]], q)
     return q

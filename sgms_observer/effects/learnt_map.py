@@ -1,4 +1,4 @@
-"""A learnt map from Python: made from its grid, evaluated along a recording, and as columns for a linear fit."""
+"""A learnt map in Python: construction from a grid, force along a recording, and columns for a linear fit."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _coordinates(numbers: Any, q: Any, v: Any, a: Any, t: Any, h: float, s: Any,
 
 
 def learnt_coordinates(names: tuple[str, ...], path: MotionPath, reversal_distance: float = 1.0e-5) -> Floats:
-    """Return the coordinates of a map along a path, exactly as the map sees them [SI units], shape (n, len(names)).
+    """Return the coordinates of a map along a path, as the map computes them [SI units], shape (n, len(names)).
 
     Args:
         names: some of ``COORDINATES``.

@@ -91,6 +91,7 @@ LEVEL_EFFECTS = (
         "Stribeck 1902; Bo, Pavelescu 1982, Wear 82(3)",
         formula.stribeck,
         coordinates=("velocity",),
+        is_contact_law=True,
         question="Does friction differ from the file at velocities around {velocity}?",
     ),
     Effect(
@@ -108,6 +109,7 @@ LEVEL_EFFECTS = (
         "Waiboer, Aarts, Jonker 2005; Hamon et al. 2010 (load-dependent friction), IEEE/RSJ IROS",
         formula.load_dependent_friction,
         coordinates=("acceleration", "direction"),
+        is_contact_law=True,
         question="Does friction grow with the acceleration?",
     ),
     Effect(
@@ -219,6 +221,7 @@ LEVEL_EFFECTS = (
         formula.frictional_lag_next,
         (0.0, 0.0, 0.0),
         coordinates=("velocity", "acceleration"),
+        is_contact_law=True,
         question="Does friction lag behind changes of speed?",
     ),
 )

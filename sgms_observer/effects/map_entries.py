@@ -9,7 +9,7 @@ from typing import Any
 from sgms_observer.effects.effect import Effect, EffectList, EffectParameter, Place
 from sgms_observer.formulas import learnt_map as formula
 
-MOST_VALUES = 10_000  # entries of one table; more makes a parameter file that ROS reads for seconds
+MAX_VALUES = 10_000  # entries of one table; more makes a parameter file that ROS reads for seconds
 
 _UNITS = {
     "position": "m",
@@ -84,8 +84,8 @@ def map_faults(lists: Mapping[str, tuple[Any, ...]], where: str) -> list[str]:
             f"{where}.values has {len(values)} entries and must have {wanted} ({points}); give one force in N per grid"
             " point, the last coordinate running fastest"
         )
-    if len(values) > MOST_VALUES:
-        faults.append(f"{where}.values has {len(values)} entries and may have {MOST_VALUES}; use a coarser grid")
+    if len(values) > MAX_VALUES:
+        faults.append(f"{where}.values has {len(values)} entries and may have {MAX_VALUES}; use a coarser grid")
     return faults
 
 

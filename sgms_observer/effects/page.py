@@ -82,10 +82,11 @@ def _section(entry: Effect) -> str:
     rows = "\n".join([*map(_row, entry.parameters), *map(_list_row, entry.lists)])
     over = f" Lies over: {', '.join(entry.coordinates)}." if entry.coordinates else ""
     confused = ", ".join(entry.confusable_with) or "nothing in particular"
+    case = f" A special case of {entry.special_case_of}." if entry.special_case_of else ""
     return (
         f"### {entry.name}\n\n`{entry.equation}`\n\n"
         f"Shows as: {entry.signature}. Needs: {entry.excitation}. Easily taken for: {confused}."
-        f"{over}\n\n"
+        f"{over}{case}\n\n"
         "| parameter | unit | default | bounds | meaning |\n|---|---|---|---|---|\n"
         f"{rows}\n\nSource: {entry.reference}.\n"
     )

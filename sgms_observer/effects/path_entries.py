@@ -53,6 +53,7 @@ PATH_EFFECTS = (
         "Tao, Kokotovic 1994, Adaptive control of plants with unknown dead-zones, IEEE T. Automatic Control 39(1)",
         formula.actuator_dead_zone,
         inverse=formula.actuator_dead_zone_command,
+        coordinates=("velocity", "effort"),
         question="Is there a dead zone of {width}?",
     ),
     Effect(
@@ -77,6 +78,7 @@ PATH_EFFECTS = (
         "Janot, Gautier, Brunot 2019, EMPS benchmark (command delay)",
         formula.actuator_delay,
         is_delay=True,
+        coordinates=("acceleration",),
         question="Does the effort arrive {delay} late?",
     ),
     Effect(

@@ -50,7 +50,7 @@ def restart(flat: Floats, keep_p: bool) -> None:
 
     Args:
         flat: the estimator's memory.
-        keep_p: keep what was learnt of p.
+        keep_p: keep the estimate of p.
     """
     x_hat, covariance, initial = vector(flat, at.X_HAT), matrix(flat, at.COVARIANCE), vector(flat, at.INITIAL)
     slip, start = vector(flat, at.SLIP), vector(flat, at.START)
@@ -108,7 +108,7 @@ def advance(flat: Floats, velocity: float, period: float, factor: float) -> None
 
 
 @njit_bare
-def _keep_inside(flat: Floats) -> bool:
+def _clip_to_bounds(flat: Floats) -> bool:
     """Clip the newest estimate to its bounds (14d, 14e); return whether it is finite."""
     x_hat, covariance, record = vector(flat, at.X_HAT), matrix(flat, at.COVARIANCE), vector(flat, at.RECORD)
     lower, upper, elements = vector(flat, at.LOWER), vector(flat, at.UPPER), matrix(flat, at.ELEMENTS)
@@ -130,10 +130,10 @@ def _keep_inside(flat: Floats) -> bool:
 def _correct(flat: Floats) -> tuple[int, float, float]:
     """Correct at the end of the running interval; return status, innovation [N] and its deviation [N]."""
     record = vector(flat, at.RECORD)
-    innovation, spread = predict_measurement(flat)
+    innovation, innovation_covariance = predict_measurement(flat)
     status = RUNNING if record[at.IS_USED] > 0.0 else PREDICTING
     limit = flat[at.OUTLIER_NIS]
-    if record[at.IS_USED] > 0.0 and limit > 0.0 and innovation * innovation > limit * spread:
+    if record[at.IS_USED] > 0.0 and limit > 0.0 and innovation * innovation > limit * innovation_covariance:
         record[at.IS_USED] = 0.0
         status = SAMPLE_REJECTED
     use_ekf = flat[at.IS_MHE] == 0.0
@@ -149,13 +149,13 @@ def _correct(flat: Floats) -> tuple[int, float, float]:
     if use_ekf:
         ekf_correct(flat, innovation)
         flat[at.COUNT] = 0.0
-    is_finite = _keep_inside(flat)
+    is_finite = _clip_to_bounds(flat)
     if is_finite:
         start_interval(flat)
     else:
         restart(flat, is_finite)
         status = WAS_NOT_FINITE
-    return status, innovation, math.sqrt(spread)
+    return status, innovation, math.sqrt(innovation_covariance)
 
 
 @njit_bare
@@ -213,13 +213,13 @@ def _take_sample(flat: Floats, row: Floats, effort: float, factor: float, result
         if status == RUNNING:
             status = outcome
     if status == RUNNING and not abs(effort) < 1e300:
-        return PREDICTING  # between two corrections as well: nothing will confirm what is predicted
+        return PREDICTING  # also between two corrections: no measurement will correct the prediction
     return TOO_DENSE if status == RUNNING and row[row_of.IS_DENSE] > 0.0 else status
 
 
 @njit_bare
 def _write_present(flat: Floats, row: Floats, factor: float, result: Floats) -> None:
-    """Carry the forces from the row's instant to its sample and write the estimate there."""
+    """Advance the forces from the instant of the row to its sample and write the estimate there."""
     lead, lead_slip = vector(flat, at.LEAD), vector(flat, at.LEAD_SLIP)
     scalars, elements = vector(flat, at.SCALARS), matrix(flat, at.ELEMENTS)
     x_hat, covariance, scale = vector(flat, at.X_HAT), matrix(flat, at.COVARIANCE), vector(flat, at.SCALE)

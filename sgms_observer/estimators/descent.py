@@ -1,5 +1,5 @@
-"""One Gauss-Newton iteration on the window of eq. 14: the quadratic programme's step, how far to go along it, and once
-more where its model was poor.
+"""One Gauss-Newton iteration on the window of eq. 14: the step of the quadratic programme, a line search along it, and
+a second step if the quadratic model was poor.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from sgms_observer.estimators.subproblem import solve_subproblem
 from sgms_observer.jit import njit_bare
 
 _MAX_HALVINGS = 6
-_BACK, _AHEAD = -0.5, 8.0  # shares of the step that the search goes at most
-_WORTH = 1e-6  # of the cost (twice a log-likelihood): a search that gains less is left alone
+_MIN_STEP_SHARE, _MAX_STEP_SHARE = -0.5, 8.0  # limits of the line search, as shares of the step
+_MIN_COST_DECREASE = 1e-6  # smallest expected decrease of the cost (twice a log-likelihood) for a line search
 
 # results of iterate
 IMPROVED, CONVERGED, NO_DESCENT, NOT_FINITE = range(4)
@@ -37,7 +37,7 @@ def apply_estimate(flat: Floats, p: Floats) -> None:
 
 @njit_bare
 def _cost(flat: Floats, forces: Floats, p: Floats, ends: Floats, residuals: Floats) -> float:
-    """Cost of eq. 14 at a point whose intervals and residuals are at hand (twice the negative log-likelihood)."""
+    """Return the cost of eq. 14 (twice the negative log-likelihood) at a simulated point."""
     prior, process, deviation = vector(flat, at.PRIOR), vector(flat, at.PROCESS), vector(flat, at.ADJOINT)
     n_z = forces.shape[1]
     for i in range(deviation.shape[0]):
@@ -90,7 +90,7 @@ def _accept_trial(flat: Floats) -> None:
 
 @njit_bare
 def _set_trial(flat: Floats, share: float) -> float:
-    """Go a share of the step, inside the bounds; return the largest move relative to the bounds."""
+    """Set the trial point to a share of the step inside the bounds; return the largest move relative to the bounds."""
     forces, p, steps = matrix(flat, at.FORCES), vector(flat, at.P), matrix(flat, at.STEPS)
     trial_forces, trial_p = matrix(flat, at.TRIAL_FORCES), vector(flat, at.TRIAL_P)
     lower, upper, elements = vector(flat, at.LOWER), vector(flat, at.UPPER), matrix(flat, at.ELEMENTS)
@@ -113,7 +113,7 @@ def _set_trial(flat: Floats, share: float) -> float:
 
 @njit_bare
 def _slope(flat: Floats) -> float:
-    """Derivative of the cost of eq. 14 along ``STEPS`` at the window's present estimate."""
+    """Return the derivative of the cost of eq. 14 along ``STEPS`` at the present estimate of the window."""
     forces, p, ends = matrix(flat, at.FORCES), vector(flat, at.P), matrix(flat, at.ENDS)
     a, rows, residuals = matrix(flat, at.A), matrix(flat, at.ROWS), vector(flat, at.RESIDUALS)
     prior, lower, process = vector(flat, at.PRIOR), matrix(flat, at.PRIOR_FACTOR), vector(flat, at.PROCESS)
@@ -145,8 +145,8 @@ def _slope(flat: Floats) -> float:
 
 
 @njit_bare
-def _try(flat: Floats, share: float) -> tuple[float, float]:
-    """Linearise a share of the step ahead; return the cost there and the largest move relative to the bounds."""
+def _trial_cost(flat: Floats, share: float) -> tuple[float, float]:
+    """Linearise at a share of the step; return the cost there and the largest move relative to the bounds."""
     apply_estimate(flat, vector(flat, at.P))
     largest = _set_trial(flat, share)
     _evaluate_trial(flat)
@@ -158,26 +158,26 @@ def _try(flat: Floats, share: float) -> tuple[float, float]:
 
 
 @njit_bare
-def _search_on(flat: Floats, cost: float, slope: float) -> bool:
-    """Go on along a full step, or back, to where the cost's slope would vanish, if that is worth the work.
+def _line_search(flat: Floats, cost: float, slope: float) -> bool:
+    """Move along the direction of a full step to the point where the slope of the cost would vanish, if it pays off.
 
-    The slope at the end of the step is known without simulating anything. It is far from zero only where an element
-    is in its transition from sticking to sliding: there the model behind the step bends.
+    The slope at the end of the step is known without a simulation. It is far from zero only if an element is in its
+    transition from sticking to sliding, where the quadratic model is poor.
 
     Args:
         flat: the estimator's memory, the full step accepted.
-        cost: there.
-        slope: the cost's derivative along the step where the step began.
+        cost: cost at the end of the step.
+        slope: derivative of the cost along the step at its start.
 
     Returns:
-        Whether the step's model was poor.
+        Whether the quadratic model was poor.
     """
     here = _slope(flat)
-    bend = here - slope
-    move = min(max(-here / bend, _BACK), _AHEAD) if bend > 0.0 else _AHEAD
-    if not abs(here * move) > _WORTH:
+    curvature = here - slope
+    move = min(max(-here / curvature, _MIN_STEP_SHARE), _MAX_STEP_SHARE) if curvature > 0.0 else _MAX_STEP_SHARE
+    if not abs(here * move) > _MIN_COST_DECREASE:
         return False
-    after, _ = _try(flat, move)
+    after, _ = _trial_cost(flat, move)
     if after < cost:
         _accept_trial(flat)
     else:
@@ -187,7 +187,7 @@ def _search_on(flat: Floats, cost: float, slope: float) -> bool:
 
 @njit_bare
 def _iterate_once(flat: Floats) -> tuple[int, bool]:
-    """One Gauss-Newton step; return the result of ``iterate`` and whether the step's model was poor."""
+    """Do one Gauss-Newton step; return the result of ``iterate`` and whether the quadratic model was poor."""
     measurements, scalars, p = matrix(flat, at.MEASUREMENTS), vector(flat, at.SCALARS), vector(flat, at.P)
     tolerance = flat[at.TOLERANCE]
     for k in range(int(flat[at.COUNT]) + 1):
@@ -199,15 +199,15 @@ def _iterate_once(flat: Floats) -> tuple[int, bool]:
     share = 1.0
     largest = 0.0
     for _ in range(_MAX_HALVINGS + 1):
-        after, largest = _try(flat, share)
+        after, largest = _trial_cost(flat, share)
         if after < 1e300:
             if after <= before + 1e-9 * (1.0 + before):
                 _accept_trial(flat)
                 if largest <= tolerance:
                     return CONVERGED, False
-                if scalars[MODEL] == GMS:  # its cost has corners, where a slope says nothing of what lies behind
+                if scalars[MODEL] == GMS:  # its cost is not smooth: a slope has no meaning behind a corner
                     return IMPROVED, False
-                return IMPROVED, share < 1.0 or _search_on(flat, after, slope)
+                return IMPROVED, share < 1.0 or _line_search(flat, after, slope)
             if largest <= tolerance:
                 break
         share *= 0.5
@@ -219,7 +219,7 @@ def _iterate_once(flat: Floats) -> tuple[int, bool]:
 
 @njit_bare
 def iterate(flat: Floats) -> int:
-    """One Gauss-Newton iteration on the window as it stands, corrected once where its model was poor.
+    """Do one Gauss-Newton iteration on the window, and a second step if the quadratic model was poor.
 
     Args:
         flat: the estimator's memory, its window linearised at its present estimate.

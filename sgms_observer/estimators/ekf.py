@@ -56,11 +56,11 @@ def predict_measurement(flat: Floats) -> tuple[float, float]:
     innovation = linearise_measurement(
         flat, vector(flat, at.X_HAT)[now.shape[0] :], now, vector(flat, at.NOW_SLIP), vector(flat, at.RECORD), row
     )
-    spread = flat[at.VARIANCE]
+    innovation_covariance = flat[at.VARIANCE]
     for i in range(row.shape[0]):
         for j in range(row.shape[0]):
-            spread += row[i] * covariance[i, j] * row[j]
-    return innovation, spread
+            innovation_covariance += row[i] * covariance[i, j] * row[j]
+    return innovation, innovation_covariance
 
 
 @njit_bare

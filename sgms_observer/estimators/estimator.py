@@ -29,14 +29,14 @@ from sgms_observer.filters.motion import Motion
 from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.observer import EstimatorSettings
 
-_MOST_ITERATIONS = 60
+_MAX_ITERATIONS = 60
 _CONVERGED = 1e-9
 _REAL_TIME_TOLERANCE = 1e-12
-_SMALLEST_PROCESS_STD = 1e-6  # N; a model without any doubt makes the window's weights infinite
+_SMALLEST_PROCESS_STD = 1e-6  # N; zero process noise makes the weights of the window infinite
 
 
 class Results(NamedTuple):
-    """What the estimator says of a block of n samples; row i belongs to sample i's own stamp.
+    """Estimates of a block of n samples; row i belongs to the stamp of sample i.
 
     Args:
         table: columns as in ``block`` [SI units], shape (n, RESULT_SIZE + 3 n_z + 2 n_p).
@@ -123,7 +123,7 @@ class Estimator:
         relative[self.parameters.kinds == P_OFFSET] = 1.0
         self.tuning = Tuning(
             is_mhe=is_mhe,
-            iterations=_MOST_ITERATIONS if settings.converge else settings.iterations,
+            iterations=_MAX_ITERATIONS if settings.converge else settings.iterations,
             tolerance=_CONVERGED if settings.converge else _REAL_TIME_TOLERANCE,
             variance=settings.measurement_std**2,
             walk=settings.parameter_walk**2,
@@ -148,24 +148,24 @@ class Estimator:
 
     @property
     def memory(self) -> Memory:
-        """Return views into everything the estimator remembers."""
+        """Return views into the memory of the estimator."""
         return views(self.flat)
 
     def reset(self) -> None:
-        """Forget everything, the parameters learnt included."""
+        """Forget everything, including the estimated parameters."""
         forget(self.flat)
 
     def miss_deadline(self) -> None:
-        """Leave the next correction to the EKF."""
+        """Let the EKF do the next correction."""
         self.flat[EKF_NEXT] = 1.0
 
     @property
     def is_started(self) -> bool:
-        """Return whether any sample has been taken in since the last reset."""
+        """Return whether the estimator has processed a sample since the last reset."""
         return bool(self.flat[STARTED])
 
     def step(self, motion: Motion, effort: Floats, factor: Floats) -> Results:
-        """Take in a block of motion.
+        """Process a block of motion.
 
         Args:
             motion: n rows of block V.

@@ -97,8 +97,8 @@ def simulate_interval(scalars: Floats, elements: Floats, kinds: Floats, p: Float
             b[i, j] = 0.0
     for k in range(velocity.shape[0]):
         v, h = velocity[k], period[k]
-        bell = math.exp(-(v / v_s) * (v / v_s))
-        level = factor[k] * (f_c + (f_s - f_c) * bell)
+        gaussian = math.exp(-(v / v_s) * (v / v_s))
+        level = factor[k] * (f_c + (f_s - f_c) * gaussian)
         gain = reset_gain(scalars, v)
         for i in range(n_z):
             kappa, nu = elements[KAPPA, i], elements[NU, i]
@@ -127,11 +127,11 @@ def simulate_interval(scalars: Floats, elements: Floats, kinds: Floats, p: Float
                     if kind == P_KAPPA:
                         slope = by_kappa * kappa
                     elif kind == P_COULOMB:
-                        slope = by_level * factor[k] * (1.0 - bell) * f_c
+                        slope = by_level * factor[k] * (1.0 - gaussian) * f_c
                     elif kind == P_STATIC:
-                        slope = by_level * factor[k] * bell * f_s
+                        slope = by_level * factor[k] * gaussian * f_s
                     elif kind == P_STRIBECK:
-                        slope = by_level * factor[k] * (f_s - f_c) * bell * 2.0 * (v / v_s) * (v / v_s)
+                        slope = by_level * factor[k] * (f_s - f_c) * gaussian * 2.0 * (v / v_s) * (v / v_s)
                         if scalars[RESET] == PAPER_RESET:
                             slope -= by_gain * gain
                     b[i, j] = by_force * b[i, j] + slope
@@ -226,8 +226,8 @@ def effort_slopes(scalars: Floats, elements: Floats, kinds: Floats, scale: Float
     """
     n_z = force.shape[0]
     f_c, f_s, v_s = scalars[COULOMB], scalars[STATIC], scalars[STRIBECK]
-    bell = math.exp(-(velocity / v_s) * (velocity / v_s))
-    level = factor * (f_c + (f_s - f_c) * bell)
+    gaussian = math.exp(-(velocity / v_s) * (velocity / v_s))
+    level = factor * (f_c + (f_s - f_c) * gaussian)
     gain = reset_gain(scalars, velocity)
     by_level, by_kappa, by_gain = 0.0, 0.0, 0.0
     for i in range(n_z):
@@ -261,12 +261,12 @@ def effort_slopes(scalars: Floats, elements: Floats, kinds: Floats, scale: Float
         elif kind == P_OFFSET:
             slope = scale[j]
         elif kind == P_COULOMB:
-            slope = by_level * factor * (1.0 - bell) * scale[j]
+            slope = by_level * factor * (1.0 - gaussian) * scale[j]
         elif kind == P_STATIC:
-            slope = by_level * factor * bell * scale[j]
+            slope = by_level * factor * gaussian * scale[j]
         elif kind == P_STRIBECK:
             ratio = velocity / v_s
-            slope = by_level * factor * (f_s - f_c) * bell * 2.0 * ratio * ratio / v_s * scale[j]
+            slope = by_level * factor * (f_s - f_c) * gaussian * 2.0 * ratio * ratio / v_s * scale[j]
             if scalars[RESET] == PAPER_RESET:
                 slope -= by_gain * gain / p[j]
         row[n_z + j] = slope

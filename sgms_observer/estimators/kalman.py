@@ -64,7 +64,7 @@ def correct_scalar(deviation: Floats, covariance: Floats, row: Floats, residual:
         gain: K, shape (d,); written.
 
     Returns:
-        innovation and its variance S; S = 0 says that the measurement could not tell anything and was left out.
+        innovation and its variance S; S = 0 if the measurement has no information and was not used.
     """
     d = deviation.shape[0]
     innovation = residual
@@ -74,54 +74,54 @@ def correct_scalar(deviation: Floats, covariance: Floats, row: Floats, residual:
             total += covariance[i, j] * row[j]
         gain[i] = total
         innovation -= row[i] * deviation[i]
-    spread = variance
+    innovation_covariance = variance
     for i in range(d):
-        spread += row[i] * gain[i]
-    if not spread > 0.0:
+        innovation_covariance += row[i] * gain[i]
+    if not innovation_covariance > 0.0:
         for i in range(d):
             gain[i] = 0.0
         return 0.0, 0.0
     for i in range(d):
-        share = gain[i] / spread
+        share = gain[i] / innovation_covariance
         deviation[i] += share * innovation
         for j in range(i + 1):
             change = covariance[i, j] - share * gain[j]
             covariance[i, j] = change
             covariance[j, i] = change
     for i in range(d):
-        gain[i] /= spread
-    return innovation, spread
+        gain[i] /= innovation_covariance
+    return innovation, innovation_covariance
 
 
 @njit_bare
-def smooth_back(adjoint: Floats, row: Floats, gain: Floats, innovation: float, spread: float) -> float:
-    """Take the Bryson-Frazier adjoint back over one measurement in place.
+def smooth_back(adjoint: Floats, row: Floats, gain: Floats, innovation: float, innovation_covariance: float) -> float:
+    """Propagate the Bryson-Frazier adjoint backward over one measurement in place.
 
     Args:
         adjoint: lambda after the measurement on entry, before it on return; shape (d,).
         row: H, shape (d,).
         gain: K, shape (d,).
         innovation: from ``correct_scalar``.
-        spread: S from ``correct_scalar``; 0 leaves the adjoint as it is.
+        innovation_covariance: S from ``correct_scalar``; 0 leaves the adjoint unchanged.
 
     Returns:
-        The measurement's multiplier (smoothed residual over R): how hard it pulls.
+        Lagrange multiplier of the measurement: smoothed residual over R.
 
     Source: G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, ch. X.
     """
-    if spread == 0.0:
+    if innovation_covariance == 0.0:
         return 0.0
-    pull = innovation / spread
+    multiplier = innovation / innovation_covariance
     for i in range(adjoint.shape[0]):
-        pull += gain[i] * adjoint[i]
+        multiplier += gain[i] * adjoint[i]
     for i in range(adjoint.shape[0]):
-        adjoint[i] -= row[i] * pull
-    return pull
+        adjoint[i] -= row[i] * multiplier
+    return multiplier
 
 
 @njit_bare
 def smooth_back_transition(adjoint: Floats, a: Floats, b: Floats) -> None:
-    """Take the adjoint back through an interval in place: lambda <- Phi^T lambda."""
+    """Propagate the adjoint backward through an interval in place: lambda <- Phi^T lambda."""
     n_z, n_p = b.shape
     for j in range(n_p):
         total = adjoint[n_z + j]

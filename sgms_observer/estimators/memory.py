@@ -1,4 +1,4 @@
-"""Everything an estimator remembers, in one flat array: a reset or a snapshot is a copy, a call is one argument.
+"""The memory of an estimator in one flat array: a reset or a snapshot is a copy, a call needs one argument.
 
 The array begins with a header: sizes, tuning, counters, and where each field lies. Kernels take the flat array and
 look up the few fields that they use: ``forces = matrix(flat, at.FORCES)``, where ``at`` is this module.
@@ -27,7 +27,7 @@ COUNT, SAMPLES, EKF_NEXT, STARTED, HEADER = range(12, 17)
     PRIOR, PRIOR_COVARIANCE, FORCES, SLIPS, P, VELOCITIES, PERIODS, FACTORS, BRANCHES, ENDS, END_SLIPS, A, B,
     MEASUREMENTS, ROWS, RESIDUALS,
     TRIAL_FORCES, TRIAL_P, TRIAL_ENDS, TRIAL_END_SLIPS, TRIAL_A, TRIAL_B, TRIAL_ROWS, TRIAL_RESIDUALS,
-    DEVIATIONS, COVARIANCES, GAINS, INNOVATIONS, SPREADS, ACTIVE, STEPS,
+    DEVIATIONS, COVARIANCES, GAINS, INNOVATIONS, INNOVATION_COVARIANCES, ACTIVE, STEPS,
     RECORD, PREDICTED, PREDICTED_ROW, LEAD, LEAD_SLIP, PRIOR_FACTOR, WORK, ADJOINT, UNIT,
     FIELDS,
 ) = range(65)  # fmt: skip
@@ -57,7 +57,7 @@ class Tuning(NamedTuple):
 
     Attributes:
         is_mhe: MHE rather than EKF.
-        iterations: most Gauss-Newton iterations per correction.
+        iterations: largest number of Gauss-Newton iterations per correction.
         tolerance: relative step that ends them.
         variance: R [N^2].
         walk: variance of each parameter's drift per correction (in shares squared).
@@ -111,7 +111,8 @@ class Memory(NamedTuple):
         residuals: measured minus modelled effort at each node [N], shape (N + 1,).
         trial_forces ... trial_residuals: the window at a trial point, laid out as their namesakes.
         deviations, covariances: filtered, at each node; shapes (N + 1, d), (N + 1, d, d).
-        gains, innovations, spreads: one per node and measurement slot; shapes (N + 1, d + 1, d), (N + 1, d + 1).
+        gains, innovations, innovation_covariances: one per node and measurement slot; shapes (N + 1, d + 1, d) and
+            (N + 1, d + 1).
         active: -1, 0 or 1 where a bound holds, shape (N + 1, d).
         steps: solution of the subproblem, shape (N + 1, d).
         record: the measurement being taken in, shape (MEASUREMENT_SIZE,).
@@ -174,7 +175,7 @@ class Memory(NamedTuple):
     covariances: Floats
     gains: Floats
     innovations: Floats
-    spreads: Floats
+    innovation_covariances: Floats
     active: Floats
     steps: Floats
     record: Floats
@@ -251,4 +252,3 @@ def forget(flat: Floats) -> None:
     """
     flat[COUNT:HEADER] = 0.0
     flat[int(flat[HEADER + PLACE * X_HAT]) :] = 0.0
-

@@ -30,7 +30,7 @@ def bound_of(flat: Floats, node: int, index: int, side: float) -> float:
 
 @njit_bare
 def prior_deviation(flat: Floats, deviation: Floats) -> None:
-    """Write how far the prior lies from the window's first node; shape (n_z + n_p,)."""
+    """Write the deviation of the prior from the first node of the window; shape (n_z + n_p,)."""
     prior, forces, p = vector(flat, at.PRIOR), matrix(flat, at.FORCES), vector(flat, at.P)
     n_z = forces.shape[1]
     for i in range(n_z):
@@ -45,7 +45,11 @@ def _filter_forward(flat: Floats) -> None:
     forces, p, ends = matrix(flat, at.FORCES), vector(flat, at.P), matrix(flat, at.ENDS)
     deviations, a, rows = matrix(flat, at.DEVIATIONS), matrix(flat, at.A), matrix(flat, at.ROWS)
     residuals, measurements = vector(flat, at.RESIDUALS), matrix(flat, at.MEASUREMENTS)
-    innovations, spreads, active = matrix(flat, at.INNOVATIONS), matrix(flat, at.SPREADS), matrix(flat, at.ACTIVE)
+    innovations, innovation_covariances, active = (
+        matrix(flat, at.INNOVATIONS),
+        matrix(flat, at.INNOVATION_COVARIANCES),
+        matrix(flat, at.ACTIVE),
+    )
     process, unit = vector(flat, at.PROCESS), vector(flat, at.UNIT)
     n_z, d = forces.shape[1], unit.shape[0]
     for k in range(int(flat[at.COUNT]) + 1):
@@ -62,9 +66,9 @@ def _filter_forward(flat: Floats) -> None:
             for i in range(n_z):
                 deviation[i] += ends[k - 1, i] - forces[k, i]
         for i in range(d + 1):
-            spreads[k, i] = 0.0
+            innovation_covariances[k, i] = 0.0
         if k > 0 and measurements[k, at.IS_USED] > 0.0:
-            innovations[k, d], spreads[k, d] = correct_scalar(
+            innovations[k, d], innovation_covariances[k, d] = correct_scalar(
                 deviation, covariance, rows[k], residuals[k], flat[at.VARIANCE], gains[d]
             )
         for i in range(d):
@@ -73,20 +77,20 @@ def _filter_forward(flat: Floats) -> None:
                 present = forces[k, i] if i < n_z else p[i - n_z]
                 unit[:] = 0.0
                 unit[i] = 1.0
-                innovations[k, i], spreads[k, i] = correct_scalar(
+                innovations[k, i], innovation_covariances[k, i] = correct_scalar(
                     deviation, covariance, unit, bound - present, 0.0, gains[i]
                 )
 
 
 @njit_bare
 def _smooth_backward(flat: Floats) -> bool:
-    """Smooth the filtered deviations into ``STEPS``; release bounds that pull, and return whether none did."""
+    """Smooth the filtered deviations into ``STEPS`` and release bounds with a wrong multiplier; return if none was."""
     deviations, steps, active = matrix(flat, at.DEVIATIONS), matrix(flat, at.STEPS), matrix(flat, at.ACTIVE)
-    innovations, spreads = matrix(flat, at.INNOVATIONS), matrix(flat, at.SPREADS)
+    innovations, innovation_covariances = matrix(flat, at.INNOVATIONS), matrix(flat, at.INNOVATION_COVARIANCES)
     a, rows, adjoint, unit = matrix(flat, at.A), matrix(flat, at.ROWS), vector(flat, at.ADJOINT), vector(flat, at.UNIT)
     d, count = unit.shape[0], int(flat[at.COUNT])
     adjoint[:] = 0.0
-    is_right = True
+    is_optimal = True
     for k in range(count, -1, -1):
         covariance, gains = layer(flat, at.COVARIANCES, k), layer(flat, at.GAINS, k)
         if k < count:
@@ -100,12 +104,12 @@ def _smooth_backward(flat: Floats) -> bool:
             if active[k, i] != 0.0:
                 unit[:] = 0.0
                 unit[i] = 1.0
-                pull = smooth_back(adjoint, unit, gains[i], innovations[k, i], spreads[k, i])
-                if pull * active[k, i] > 0.0:
+                multiplier = smooth_back(adjoint, unit, gains[i], innovations[k, i], innovation_covariances[k, i])
+                if multiplier * active[k, i] > 0.0:
                     active[k, i] = 0.0
-                    is_right = False
-        smooth_back(adjoint, rows[k], gains[d], innovations[k, d], spreads[k, d])
-    return is_right
+                    is_optimal = False
+        smooth_back(adjoint, rows[k], gains[d], innovations[k, d], innovation_covariances[k, d])
+    return is_optimal
 
 
 @njit_bare
@@ -114,7 +118,7 @@ def _activate_bounds(flat: Floats) -> bool:
     forces, p = matrix(flat, at.FORCES), vector(flat, at.P)
     steps, active = matrix(flat, at.STEPS), matrix(flat, at.ACTIVE)
     n_z, d = forces.shape[1], active.shape[1]
-    is_right = True
+    is_optimal = True
     for k in range(int(flat[at.COUNT]) + 1):
         last = d if k == 0 else n_z  # p is one variable for the whole window
         for i in range(last):
@@ -124,8 +128,8 @@ def _activate_bounds(flat: Floats) -> bool:
                     bound = bound_of(flat, k, i, side)
                     if side * (value - bound) > _BOUND_TOLERANCE * (1.0 + abs(bound)):
                         active[k, i] = side
-                        is_right = False
-    return is_right
+                        is_optimal = False
+    return is_optimal
 
 
 @njit_bare

@@ -37,7 +37,7 @@ ROW_RATE = 2.5
 """Rows per period of the band."""
 SIZE = 0.1
 """Largest force of an effect of unit strength within the limits, over the Coulomb force."""
-SPREAD_COUNT = 6
+LOG_SPACED_COUNT = 6
 """Elements that stand for a contact that the file does not know; their shares rise with the root of the deflection, as
 those of a contact whose force grows with the root of the way: little is carried by what slips first."""
 HALF_DECADE = 10.0**0.5
@@ -76,14 +76,14 @@ def contacts(friction: FrictionSettings, smallest: float) -> list[Contact]:
     share = np.array(friction.element_fraction)
     deflection = share * friction.coulomb_force / np.array(friction.element_stiffness)
     places = np.geomspace(
-        max(smallest, float(deflection.min()) / HALF_DECADE), HALF_DECADE * float(deflection.max()), SPREAD_COUNT
+        max(smallest, float(deflection.min()) / HALF_DECADE), HALF_DECADE * float(deflection.max()), LOG_SPACED_COUNT
     )
     shares = np.sqrt(places) / np.sum(np.sqrt(places))
     spread = replace(
         known,
         element_stiffness=tuple((shares * friction.coulomb_force / places).tolist()),
         element_fraction=tuple(shares.tolist()),
-        element_damping=(0.0,) * SPREAD_COUNT,
+        element_damping=(0.0,) * LOG_SPACED_COUNT,
     )
     return [
         Contact(known, True),

@@ -45,14 +45,14 @@ class Differentiator:
         self.sample_period = sample_period
         _require_fit(settings, sample_period)
         if settings.kind == "lowpass":
-            own = lowpass.lowpass_config(settings.cutoff, sample_period)
-            self.delay = float(own[1]) if settings.align_effort else 0.0
+            method_config = lowpass.lowpass_config(settings.cutoff, sample_period)
+            self.delay = float(method_config[1]) if settings.align_effort else 0.0
             self.delay_samples = round(self.delay / sample_period)
-            ready_after = 2 + math.ceil(10.0 / (float(own[0]) * sample_period))
+            ready_after = 2 + math.ceil(10.0 / (float(method_config[0]) * sample_period))
             size = lowpass.SIZE
         elif settings.kind == "savgol":
             window = window_samples(settings, sample_period)
-            own = polynomial.polynomial_config(window, settings.degree, sample_period)
+            method_config = polynomial.polynomial_config(window, settings.degree, sample_period)
             self.delay_samples = window // 2
             self.delay = self.delay_samples * sample_period
             ready_after = window
@@ -61,7 +61,9 @@ class Differentiator:
             self.delay_samples = round(settings.lag / sample_period)
             self.delay = self.delay_samples * sample_period
             memory = math.ceil(5.0 * tracking_time(settings, sample_period) / sample_period)
-            own = tracking.tracking_config(settings.position_noise, settings.jerk_density, memory + self.delay_samples)
+            method_config = tracking.tracking_config(
+                settings.position_noise, settings.jerk_density, memory + self.delay_samples
+            )
             ready_after = self.delay_samples + 1 + memory
             size = tracking.tracking_state_size(self.delay_samples)
         fixed = np.zeros(layout.OWN)
@@ -74,7 +76,7 @@ class Differentiator:
         fixed[layout.DELAY_SAMPLES] = self.delay_samples
         fixed[layout.READY_AFTER] = ready_after
         fixed[layout.JUMP_SPEED] = settings.jump_speed
-        self.config: Floats = np.concatenate((fixed, own))
+        self.config: Floats = np.concatenate((fixed, method_config))
         self.state: Floats = np.zeros(size)
         self.row: Floats = np.zeros(row_width(self.delay_samples))
 

@@ -78,9 +78,9 @@ def between(number, x, p):
     count = int(p[start])
     first, last = p[start + 1], p[start + count]
     outside = max(first - x, x - last, 0.0) / (MARGIN * (last - first))
-    kept = 0.0
+    fade = 0.0
     if outside < 1.0:
-        kept = 1.0 - outside * outside * (3.0 - 2.0 * outside)
+        fade = 1.0 - outside * outside * (3.0 - 2.0 * outside)
     low, high = 0, count - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -89,7 +89,7 @@ def between(number, x, p):
         else:
             high = middle
     here, there = p[start + 1 + low], p[start + 2 + low]
-    return low, min(max((x - here) / (there - here), 0.0), 1.0), kept
+    return low, min(max((x - here) / (there - here), 0.0), 1.0), fade
 
 
 def learnt_map_weights(q, v, a, t, s, p):
@@ -99,13 +99,13 @@ def learnt_map_weights(q, v, a, t, s, p):
     the last two are zero. The force is their sum, without the scale.
     """
     one = int(p[SCALARS + 1])
-    i, fraction, kept = between(one, coordinate(one, q, v, a, t, s), p)
+    i, fraction, fade = between(one, coordinate(one, q, v, a, t, s), p)
     if int(p[SCALARS]) < 2:
-        return i, 0, kept * (1.0 - fraction), kept * fraction, 0.0, 0.0
+        return i, 0, fade * (1.0 - fraction), fade * fraction, 0.0, 0.0
     two = int(p[SCALARS + 2])
     j, share, left = between(two, coordinate(two, q, v, a, t, s), p)
     step = grid_length(two, p)
-    low, high = kept * left * (1.0 - fraction), kept * left * fraction
+    low, high = fade * left * (1.0 - fraction), fade * left * fraction
     return i * step + j, step, low * (1.0 - share), low * share, high * (1.0 - share), high * share
 
 

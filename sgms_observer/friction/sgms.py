@@ -45,12 +45,12 @@ def slip_fraction_with_slope(u: float, lam: float, zeta: float, gain: float) -> 
     slope_a = 0.5 * lam * (t_out * t_out - t_in * t_in)
     if u < 0.0:
         slope_a = -slope_a
-    reach = gain * u
-    if reach > _SATURATED:
+    argument = gain * u
+    if argument > _SATURATED:
         return eta_a, slope_a, 0.0
-    if reach < -_SATURATED:
+    if argument < -_SATURATED:
         return 0.0, 0.0, 0.0
-    t_b = _tanh(reach)
+    t_b = _tanh(argument)
     eta_b = 0.5 + 0.5 * t_b
     slope_b = 0.5 * (1.0 - t_b * t_b)
     return eta_a * eta_b, slope_a * eta_b + eta_a * slope_b * gain, eta_a * slope_b * u
@@ -136,10 +136,12 @@ def sgms_step_with_slopes(
     if lam * abs(stuck) < (lam * zeta - _SATURATED) * level:
         return stuck, 1.0, distance, 0.0, 0.0
     direction = math.copysign(1.0, velocity)
-    reach = level + stiffness * abs(distance)
+    denominator = level + stiffness * abs(distance)
     push = direction * stuck
-    if lam * push > (lam * zeta + _SATURATED) * reach and gain * push > _SATURATED * reach:  # u = push / reach slides
-        inverse = 1.0 / reach
+    if (
+        lam * push > (lam * zeta + _SATURATED) * denominator and gain * push > _SATURATED * denominator
+    ):  # u = push / denominator
+        inverse = 1.0 / denominator
         return (
             level * stuck * inverse,
             level * inverse,
@@ -176,10 +178,10 @@ def sgms_step(
     if lam * abs(stuck) < (lam * zeta - _SATURATED) * level:
         return stuck
     direction = math.copysign(1.0, velocity)
-    reach = level + stiffness * abs(distance)
+    denominator = level + stiffness * abs(distance)
     push = direction * stuck
-    if lam * push > (lam * zeta + _SATURATED) * reach and gain * push > _SATURATED * reach:
-        return level * stuck * (1.0 / reach)
+    if lam * push > (lam * zeta + _SATURATED) * denominator and gain * push > _SATURATED * denominator:
+        return level * stuck * (1.0 / denominator)
     share = direction / level
     return direction * level * solve_ratio(force * share, stiffness * distance * share, lam, zeta, gain)
 

@@ -26,22 +26,22 @@ _UNKNOWN = "not identifiable from this recording"
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the answer for people.
+    """One row of the table of parameters.
 
     Attributes:
         name: parameter as in the YAML.
         value: estimate, SI unit.
-        half_width: half its 95 % interval; NaN where it was not estimated, infinite where the data are blind to it.
+        half_width: half its 95 % interval; NaN if it was not estimated, infinite if it is not identifiable.
         unit: SI unit.
-        is_shown: whether the recordings show it.
-        note: what to do where they do not.
+        is_identifiable: whether it is identifiable from the recordings.
+        note: what to do if it is not.
     """
 
     name: str
     value: float
     half_width: float
     unit: str
-    is_shown: bool
+    is_identifiable: bool
     note: str = ""
 
     @property
@@ -52,8 +52,8 @@ class Row:
         elif math.isinf(self.half_width):
             known = f"{_UNKNOWN}: an estimate without interval"
         else:
-            known = f"+- {self.half_width:.2g} (95 %)" + ("" if self.is_shown else ", wider than 5 %")
-        note = f"; {self.note}" if self.note and not self.is_shown else ""
+            known = f"+- {self.half_width:.2g} (95 %)" + ("" if self.is_identifiable else ", wider than 5 %")
+        note = f"; {self.note}" if self.note and not self.is_identifiable else ""
         return f"{self.unit}; {known}{note}"
 
 
@@ -64,9 +64,9 @@ class Answer:
     Attributes:
         changes: ``{"friction.static_force": 4.2}``, relative to the axis.
         remarks: the same names to the remark behind them.
-        rows: the table for people.
+        rows: the table of parameters.
         summary: sentences about the whole.
-        warnings: sentences about what the recordings could not show, each with what to do.
+        warnings: sentences about what is not identifiable, each with what to do.
         is_usable: whether the model may be used as it is.
     """
 
@@ -122,8 +122,8 @@ def _with_effects(axis: AxisSettings, values: Mapping[str, Mapping[str, float]],
     missing = [name for name in values if name not in names]
     if missing:
         changes["effects.names"] = [*names, *missing]
-    for name, own in values.items():
-        changes.update({f"effects.{name}.{key}": _rounded(value) for key, value in own.items()})
+    for name, parameters in values.items():
+        changes.update({f"effects.{name}.{key}": _rounded(value) for key, value in parameters.items()})
 
 
 def least_squares_answer(fit: InverseModelFit, axis: AxisSettings, is_opposed: bool = False) -> Answer:
@@ -140,8 +140,8 @@ def least_squares_answer(fit: InverseModelFit, axis: AxisSettings, is_opposed: b
     yaml_names = ("mass", "friction.viscous_coefficient", "friction.coulomb_force", "effects.offset.force")
     units = ("kg", "N s/m", "N", "N")
     values = [
-        (name, fit.value(own), float(error[own]), unit(one))
-        for name, own, one in zip(yaml_names, SYMMETRIC, units, strict=True)
+        (name, fit.value(column), float(error[column]), unit(one))
+        for name, column, one in zip(yaml_names, SYMMETRIC, units, strict=True)
     ]
     effects = {_OFFSET_EFFECT: {"force": offset}}
     if GRAVITY[0] in fit.names:
@@ -151,9 +151,7 @@ def least_squares_answer(fit: InverseModelFit, axis: AxisSettings, is_opposed: b
         effects["gravity"] = {"amplitude": amplitude, "angle": angle, "ratio": 1.0}
         values.append(("effects.gravity.amplitude", amplitude, width, unit("N")))
         values.append(("effects.gravity.angle", angle, width / amplitude, "rad"))
-    rows = tuple(
-        Row(name, value, width, one, bool(width <= 0.05 * abs(value))) for name, value, width, one in values
-    )
+    rows = tuple(Row(name, value, width, one, bool(width <= 0.05 * abs(value))) for name, value, width, one in values)
     if viscous < 0.0 or mass <= 0.0 or coulomb <= 0.0:
         raise RecordingError(
             f"least squares gives mass {mass:.3g} {unit('kg')}, viscous {viscous:.3g} {unit('N s/m')}, Coulomb"
@@ -255,11 +253,11 @@ def _effect_values(result: Identification) -> dict[str, dict[str, float]]:
     values: dict[str, dict[str, float]] = {_OFFSET_EFFECT: {"force": float(result.parameters.scalars[OFFSET])}}
     vector = result.parameters.effects
     for number, name in enumerate(result.terms.names):
-        owner, own = name.split(".")
+        owner, parameter = name.split(".")
         if owner in _dropped(result):
             continue
         if number in vector.free or owner in result.terms.added:
-            values.setdefault(owner, {})[own] = float(vector.values[number])
+            values.setdefault(owner, {})[parameter] = float(vector.values[number])
     return values
 
 
@@ -290,7 +288,7 @@ def _rows(result: Identification, axis: AxisSettings) -> tuple[Row, ...]:
     n_z = result.parameters.count
     widths = sure.half_width
     wide = [float("nan") if index in result.frozen else float(widths[index]) for index in range(len(widths))]
-    shown = sure.is_shown
+    shown = sure.is_identifiable
     coulomb_width = sure.coulomb_half_width
     static_width = math.hypot(coulomb_width * scalars[RHO], coulomb * wide[RHO])
     if RHO in result.frozen:
@@ -366,20 +364,20 @@ def identification_warnings(result: Identification, axis: AxisSettings, rows: Se
         out.append(_unexplained_sentence(axis, result.unexplained, " on held-out chunks"))
     if not result.is_converged:
         out.append(f"{axis.name}: the fit did not converge; rerun from the file that was written, or record longer")
-    if result.asks_negative_delay:
+    if result.needs_negative_delay:
         out.append(
             f"{axis.name}: the fit asks for a negative delay, which is impossible: it stays at 0 s; check whether"
             " control_effort is stamped late or position is filtered"
         )
     for row in rows:
-        if _is_told_elsewhere(row.name, result):
+        if _is_reported_elsewhere(row.name, result):
             continue
         note = f": {row.note}" if row.note else ""
         if math.isnan(row.half_width):
-            kept = f"{row.value:.6g} {row.unit} of the parameter file stays"
+            fallback = f"{row.value:.6g} {row.unit} of the parameter file stays"
             if row.name == "friction.static_force":
-                kept = f"the parameter file's ratio to coulomb_force stays, {result.parameters.scalars[RHO]:.4g}"
-            out.append(f"{axis.name}.{row.name} is not identifiable from this recording; {kept}{note}")
+                fallback = f"the parameter file's ratio to coulomb_force stays, {result.parameters.scalars[RHO]:.4g}"
+            out.append(f"{axis.name}.{row.name} is not identifiable from this recording; {fallback}{note}")
         elif row.half_width > abs(row.value) and row.name not in _NEAR_ZERO:
             out.append(
                 f"{axis.name}.{row.name} = {row.value:.4g} {row.unit} is uncertain, +- {row.half_width:.2g}: it fits"
@@ -388,7 +386,7 @@ def identification_warnings(result: Identification, axis: AxisSettings, rows: Se
     return tuple(f"Warning: {sentence}" for sentence in out)
 
 
-def _is_told_elsewhere(name: str, result: Identification) -> bool:
+def _is_reported_elsewhere(name: str, result: Identification) -> bool:
     """Return whether a value without interval needs no warning: it is no guess, or another row tells."""
     return name.startswith((_DAMPING, "delay", "friction.element_")) or name.removeprefix("effects.") in (
         f"{owner}.ratio" for owner in ("gravity",)
@@ -402,10 +400,12 @@ def _remarks(rows: Sequence[Row], result: Identification) -> dict[str, str]:
     damping = next(row for row in rows if row.name.startswith(_DAMPING))
     remarks[_DAMPING] = f"N s/m; over element_stiffness: {damping.remark}"
     for name in ("friction.element_stiffness", "friction.element_fraction"):
-        own = [row for row in rows if row.name.startswith(f"{name}[")]
-        widths = ", ".join(f"{100.0 * row.half_width / abs(row.value):.2g}" for row in own)
-        blind = ", ".join(row.name.split("[")[1][:-1] for row in own if not row.is_shown)
-        remarks[name] = f"{own[0].unit}; +- {widths} % (95 %)" + (f"; wider than 5 %: {blind}" if blind else "")
+        listed = [row for row in rows if row.name.startswith(f"{name}[")]
+        widths = ", ".join(f"{100.0 * row.half_width / abs(row.value):.2g}" for row in listed)
+        wide_elements = ", ".join(row.name.split("[")[1][:-1] for row in listed if not row.is_identifiable)
+        remarks[name] = f"{listed[0].unit}; +- {widths} % (95 %)" + (
+            f"; wider than 5 %: {wide_elements}" if wide_elements else ""
+        )
     if DELAY not in result.frozen:
         delay = next(row for row in rows if row.name == "delay")
         remarks["compensation.look_ahead"] = (

@@ -1,10 +1,9 @@
-"""How well each parameter is known, and whether this recording could show it.
+"""Confidence intervals of the parameters, and which parameters are identifiable from the recording.
 
-Two sources of error are told apart. The statistical one comes from sandwich covariances that allow residuals to
-correlate over time. The systematic one comes from preparation and from the encoder: the estimate is moved by one
-Gauss-Newton step to another corner of the low-pass, and by one to a position with as much noise again, and how far it
-goes counts in full. The second one tells what the noise that is there has done: a position that shakes by as much as a
-stiff element deflects makes the element look softer, whatever the residuals say.
+There are two sources of error. The statistical error comes from sandwich covariances for residuals that are correlated
+in time. The systematic error comes from the preparation and the encoder. It is the sum of two Gauss-Newton steps: one
+to data with another corner of the low-pass, one to data with added position noise of the same size. The second step
+shows the bias by position noise: noise as large as the deflection of a stiff element makes the element appear softer.
 """
 
 from __future__ import annotations
@@ -30,10 +29,10 @@ from sgms_observer.identification.uncertainty import clustered_covariance, least
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-SHOWN_WITHIN = 0.05  # a parameter counts as shown when its interval is within this share of its value
+IDENTIFIABLE_WITHIN = 0.05  # largest half interval of an identifiable parameter, as a share of its value
 _QUANTILE = 1.96
 _CLUSTERS = 40
-_OFFSET_SHARE = 0.02  # of the Coulomb force: precision at which an offset counts as shown, whatever its size
+_OFFSET_PRECISION = 0.02  # of the Coulomb force: half interval at which an offset of any size is identifiable
 _DELAY_PRECISION = 1.0e-4  # s
 
 
@@ -42,21 +41,21 @@ class Confidence:
     """Intervals of the entries of ``Parameters.vector``.
 
     Attributes:
-        std_error: statistical standard deviation; NaN for entries that were held fixed.
-        systematic: how far the estimate moves with the preparation; NaN for entries that were held fixed.
-        half_width: half the 95 % interval, both sources together; infinite where the data are blind.
-        coulomb_half_width: half the 95 % interval of the elements' summed force [N], which is known better than each.
-        is_shown: whether this recording shows the parameter within ``SHOWN_WITHIN``.
+        std_error: statistical standard error; NaN for fixed entries.
+        systematic: change of the estimate with the preparation; NaN for fixed entries.
+        half_width: half the 95 % interval, from both errors; infinite if not identifiable.
+        coulomb_half_width: half the 95 % interval of the sum of the element forces [N].
+        is_identifiable: whether ``half_width`` is within ``IDENTIFIABLE_WITHIN``.
     """
 
     std_error: Floats
     systematic: Floats
     half_width: Floats
     coulomb_half_width: float
-    is_shown: Booleans
+    is_identifiable: Booleans
 
 
-def judge(
+def confidence_of(
     data: Sequence[Prepared],
     masks: Sequence[Booleans],
     others: Sequence[tuple[Sequence[Prepared], Sequence[Booleans]]],
@@ -64,7 +63,7 @@ def judge(
     shape: ElementShape,
     free: Sequence[int],
 ) -> Confidence:
-    """Judge an estimate.
+    """Return the confidence of an estimate.
 
     Args:
         data: recordings as prepared for the estimate.
@@ -91,7 +90,7 @@ def judge(
     systematic[chosen] = np.sum(np.abs(steps), axis=0)
     forces = range(ELEMENTS + parameters.count, parameters.first_effect)
     together = np.array([float(index in forces) for index in chosen])
-    with np.errstate(invalid="ignore"):  # what is not shown at all has an infinite variance
+    with np.errstate(invalid="ignore"):  # a parameter without any information has infinite variance
         variance = max(float(together @ covariance @ together) for covariance in covariances)
     coulomb = _QUANTILE * np.sqrt(variance) + sum(abs(float(together @ step)) for step in steps)
     coulomb = float(coulomb) if np.isfinite(coulomb) else np.inf
@@ -101,24 +100,24 @@ def judge(
 
 
 def widened(confidence: Confidence, moved: Floats, parameters: Parameters) -> Confidence:
-    """Return intervals that hold what the choice of the frozen values does as well.
+    """Return intervals that include the effect of the choice of the frozen values.
 
     Args:
         confidence: intervals with some entries frozen.
-        moved: how far each entry moved when they were put back, shape of ``Parameters.vector``.
+        moved: change of each entry when they were set back, shape of ``Parameters.vector``.
         parameters: the estimate.
     """
     half_width = confidence.half_width + np.abs(moved)
     forces = slice(ELEMENTS + parameters.count, parameters.first_effect)
     coulomb = confidence.coulomb_half_width + abs(float(np.sum(moved[forces])))
-    is_shown = half_width <= _allowed(parameters)
-    return Confidence(confidence.std_error, confidence.systematic, half_width, coulomb, is_shown)
+    is_identifiable = half_width <= _allowed(parameters)
+    return Confidence(confidence.std_error, confidence.systematic, half_width, coulomb, is_identifiable)
 
 
 def _allowed(parameters: Parameters) -> Floats:
-    """Return the half interval within which each entry counts as shown."""
-    allowed = SHOWN_WITHIN * np.abs(parameters.vector())
-    allowed[OFFSET] = max(allowed[OFFSET], _OFFSET_SHARE * float(parameters.level.sum()))
+    """Return the largest half interval for which each entry is identifiable."""
+    allowed = IDENTIFIABLE_WITHIN * np.abs(parameters.vector())
+    allowed[OFFSET] = max(allowed[OFFSET], _OFFSET_PRECISION * float(parameters.level.sum()))
     allowed[DELAY] = max(allowed[DELAY], _DELAY_PRECISION)
     return np.asarray(allowed)
 
@@ -135,7 +134,7 @@ def step_to(
     Args:
         data: prepared recordings.
         masks: rows to use.
-        parameters: where the step begins [SI units].
+        parameters: start of the step [SI units].
         shape: kind of model and its smoothing.
         chosen: indices of ``Parameters.vector`` that move.
     """

@@ -1,7 +1,7 @@
 """Effects of the parameter file as terms of the force balance: which of their parameters are fitted, and their force.
 
 Added forces, level factors and effects of the plant are fitted. Effects of the effort's path and of the measured
-position change what was measured: a fit of them could explain the recording by erasing it. They stay as they are.
+position keep their values: they change the measurement, so a fit could reduce the residual by reducing the measurement.
 """
 
 from __future__ import annotations
@@ -58,17 +58,17 @@ class EffectVector:
 
 @dataclass(frozen=True)
 class EffectTerms:
-    """The effects of one axis as identification sees them.
+    """The effects of one axis in the identification.
 
     Attributes:
         fitted: effects whose force enters the balance; the offset is a parameter of its own.
-        kept: effects of the effort's path and of the measured position, which stay as they are.
+        transforming: effects of the effort's path and of the measured position, which keep their values.
         added: names of effects that are not in the parameter file.
         unit: of the position, for sentences.
     """
 
     fitted: tuple[EffectSettings, ...] = ()
-    kept: tuple[EffectSettings, ...] = ()
+    transforming: tuple[EffectSettings, ...] = ()
     added: tuple[str, ...] = ()
     unit: str = "m"
 
@@ -98,12 +98,12 @@ class EffectTerms:
     def phase_of(self, number: int) -> int | None:
         """Return the number of the phase that belongs to a strength, or None: ``A sin(.. + phase)``."""
         names = self.names
-        owner, own = names[number].split(".")
-        wanted = "second_phase" if own == "second_amplitude" else None
+        owner, parameter_name = names[number].split(".")
+        wanted = "second_phase" if parameter_name == "second_amplitude" else None
         for other, name in enumerate(names):
             effect_name, parameter = name.split(".")
             is_phase = parameter == wanted if wanted else parameter in _PHASES and parameter != "second_phase"
-            if effect_name == owner and own.endswith("amplitude") and is_phase:
+            if effect_name == owner and parameter_name.endswith("amplitude") and is_phase:
                 return other
         return None
 
@@ -119,11 +119,11 @@ def effect_terms(axis: AxisSettings) -> EffectTerms:
     """
     others = [item for item in axis.effects if item.name != OFFSET_EFFECT]
     fitted = tuple(item for item in others if effect(item.name).place not in _TRANSFORMING)
-    kept = tuple(item for item in others if effect(item.name).place in _TRANSFORMING)
+    transforming = tuple(item for item in others if effect(item.name).place in _TRANSFORMING)
     if axis.units.is_revolute and all(item.name != GRAVITY for item in others):
         fitted = (*fitted, EffectSettings(GRAVITY, effect(GRAVITY).defaults))
-        return EffectTerms(fitted, kept, (GRAVITY,), axis.units.position)
-    return EffectTerms(fitted, kept, (), axis.units.position)
+        return EffectTerms(fitted, transforming, (GRAVITY,), axis.units.position)
+    return EffectTerms(fitted, transforming, (), axis.units.position)
 
 
 def reason_fixed(name: str) -> str:
@@ -146,7 +146,7 @@ class EffectForce:
         seconds: time since the recording's first sample [s], shape (n,).
         effort: effort [N], shape (n,).
         other_velocity, other_acceleration: motion of the other axis, shape (n,).
-        has_level: whether a formula asks for the Stribeck level.
+        has_level: whether a formula uses the Stribeck level.
     """
 
     compiled: CompiledEffects
@@ -220,8 +220,8 @@ class EffectForce:
         base, _factor = self.at(vector.values, level)
         out = np.ones(len(vector))
         for number, name in enumerate(names):
-            owner, own = name.split(".")
-            entry = effect(owner).parameter(own)
+            owner, parameter_name = name.split(".")
+            entry = effect(owner).parameter(parameter_name)
             if entry.is_strength:
                 more = vector.values.copy()
                 more[number] += 1.0e-3 * (1.0 if entry.unit == "-" else entry.maximum)

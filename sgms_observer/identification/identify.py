@@ -1,4 +1,4 @@
-"""Identify an axis: number of elements by held-out error, then everything at once, then what the recording showed."""
+"""Identification of an axis: number of elements by held-out error, fit of all parameters, and their intervals."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.errors import DataError
-from sgms_observer.identification.confidence import Confidence, judge, step_to, widened
+from sgms_observer.identification.confidence import Confidence, confidence_of, step_to, widened
 from sgms_observer.identification.effect_terms import (
     GRAVITY,
     NO_EFFECTS,
@@ -36,13 +36,13 @@ from sgms_observer.identification.problem import (
 from sgms_observer.identification.scales import Scales, scales_of
 from sgms_observer.identification.search import Fit, search
 from sgms_observer.identification.selection import (
-    AS_GOOD,
+    NEGLIGIBLE_EXCESS,
     Rows,
     by_deflection,
     choose_count,
     fit_each_count,
-    judged_squares,
     rows_to_use,
+    validation_squares,
 )
 from sgms_observer.identification.simulation import ElementShape
 from sgms_observer.identification.start_values import Atoms, fit_atoms
@@ -59,24 +59,24 @@ MIN_REVERSALS = 2
 _REVERSAL_SHARE = 0.02  # of the travel: a shorter way back is no reversal of the sliding
 _MIN_GRAVITY_GAIN = 0.05  # share of the squared residual that gravity has to explain where the file does not have it
 _OTHER_CORNER = 2.0**-0.5
-_HOPELESS = 0.5  # half interval over value beyond which a shared parameter is not identifiable
+_MAX_RELATIVE_HALF_WIDTH = 0.5  # half interval over value up to which a shared parameter is identifiable
 _V_S_SHARES = (1.0e-3, 0.3)  # of the largest velocity: where the search for the Stribeck velocity starts
 _MAX_DELAY_WIDTH = 1.0e-3  # s
 _REASON_KEPT = "it acts on the measurement, which a fit could erase; sgms diagnose judges it"
 _ITERATIONS = 60
 _NEGLIGIBLE_EFFECT = 0.01  # of the effort: a smaller strength need not be known to half of itself
-_CHOOSING = 0.8  # of the time goes into the number of elements, about; only the progress shown depends on it
+_SELECTION_TIME_SHARE = 0.8  # of the time, for the choice of the number of elements; used for the progress only
 
 
 @dataclass(frozen=True)
 class IdentifyOptions:
-    """How to identify.
+    """Options of an identification.
 
     Attributes:
         model: ``sgms`` or ``gms``.
         cutoff: corner of the low-pass on the force balance [Hz]; 0 takes the judging band.
-        largest_count: most elements to try.
-        count: elements to use; 0 lets the held-out error choose.
+        largest_count: largest number of elements to try.
+        count: number of elements; 0 chooses it by the held-out error.
     """
 
     model: str = "sgms"
@@ -91,35 +91,35 @@ class HeldOut:
 
     Attributes:
         count: number of elements.
-        taught: rms of the force error over the teaching chunks [N].
-        held_out: rms of the force error over the judging chunks [N].
+        fit_error: rms of the force error over the fitted chunks [N].
+        held_out: rms of the force error over the validation chunks [N].
     """
 
     count: int
-    taught: float
+    fit_error: float
     held_out: float
 
 
 @dataclass(frozen=True)
 class Identification:
-    """The answer.
+    """Result of an identification.
 
     Attributes:
         parameters: the estimate.
-        confidence: intervals and what was shown.
-        frozen: indices of ``Parameters.vector`` that stay at the start value because the data cannot tell.
-        relaxation: largest element damping over stiffness that the recordings allow [s], whether or not it was needed.
+        confidence: intervals, and which parameters are identifiable.
+        frozen: indices of ``Parameters.vector`` that stay at the start value because they are not identifiable.
+        relaxation: upper limit of the damping of the elements over their stiffness [s].
         choices: held-out error of each number of elements tried.
         rms_error: rms force error over all rows [N].
         rms_effort: rms of the filtered effort over the same rows [N].
-        held_out_error: rms force error of the chosen number of elements, on chunks that did not teach [N].
+        held_out_error: rms force error of the chosen number of elements, on validation chunks [N].
         band: the judging band.
         model: ``sgms`` or ``gms``.
-        is_converged: whether the last search ended by itself.
+        is_converged: whether the last search converged.
         terms: effects of the balance.
         reasons: ``effect.parameter`` that was not fitted, to the reason.
-        asks_negative_delay: whether the recordings ask for a negative delay beyond its interval; it stays at 0.
-        is_opposed: whether the recorded effort counts against the position; the estimate is that of the reversed one.
+        needs_negative_delay: whether the recordings ask for a negative delay beyond its interval; it stays at 0.
+        is_opposed: whether the recorded effort has the opposite sign of the position; the fit uses the reversed effort.
         notes: sentences about the recordings.
     """
 
@@ -136,7 +136,7 @@ class Identification:
     is_converged: bool
     terms: EffectTerms = field(default_factory=EffectTerms)
     reasons: dict[str, str] = field(default_factory=dict)
-    asks_negative_delay: bool = False
+    needs_negative_delay: bool = False
     is_opposed: bool = False
     notes: tuple[str, ...] = ()
 
@@ -158,7 +158,7 @@ class Identification:
 
 @dataclass(frozen=True)
 class _Start:
-    """Where the search begins."""
+    """Start of the search."""
 
     data: list[Prepared]
     terms: EffectTerms
@@ -178,12 +178,12 @@ def identify(
 
     Args:
         recordings: evenly sampled pieces.
-        axis: start settings: smoothing, effects, and values for what the recordings cannot show.
-        options: how to identify.
-        show: told how much is done, from 0 to 1.
+        axis: start settings: smoothing, effects, and values of parameters that are not identifiable.
+        options: options of the identification.
+        show: called with the completed share, from 0 to 1.
 
     Returns:
-        Estimate with intervals, and what could be shown.
+        Estimate with intervals, and which parameters are identifiable.
 
     Raises:
         DataError: if the recordings hold too little motion.
@@ -204,24 +204,28 @@ def identify(
         prepare_all(pieces, _OTHER_CORNER * band.corner, start.terms),
         prepare_all([piece.with_more_noise(seed) for seed, piece in enumerate(pieces)], band.corner, start.terms),
     )
-    data = rows_to_use(start.data, others, start.atoms.reach)
+    data = rows_to_use(start.data, others, start.atoms.slip_deflection)
     rate = axis.friction.attraction_rate / axis.friction.coulomb_force
     counts = (options.count,) if options.count else tuple(range(1, options.largest_count + 1))
     fits = fit_each_count(
-        data, start.atoms, shape, rate, start.velocity, counts, lambda share: show(_CHOOSING * share)
+        data, start.atoms, shape, rate, start.velocity, counts, lambda share: show(_SELECTION_TIME_SHARE * share)
     )
-    show(_CHOOSING)
-    errors = {count: judged_squares(data, fit.parameters, shape) for count, fit in fits.items()}
+    show(_SELECTION_TIME_SHARE)
+    errors = {count: validation_squares(data, fit.parameters, shape) for count, fit in fits.items()}
     count = choose_count(errors)
     fit, confidence, frozen, most = _final(
-        data, by_deflection(fits[count].parameters), shape, axis, rate, start, lambda: show(0.5 * (_CHOOSING + 1.0))
+        data,
+        by_deflection(fits[count].parameters),
+        shape,
+        axis,
+        rate,
+        start,
+        lambda: show(0.5 * (_SELECTION_TIME_SHARE + 1.0)),
     )
-    effort = np.concatenate(
-        [piece.effort(piece.time)[mask] for piece, mask in zip(data.main, data.masks, strict=True)]
-    )
+    effort = np.concatenate([piece.effort(piece.time)[mask] for piece, mask in zip(data.main, data.masks, strict=True)])
     reasons = {start.terms.names[number]: reason for number, reason in start.linear.reasons.items()}
     reasons |= {name: reason_fixed(name) for name in start.terms.names if reason_fixed(name)}
-    reasons |= {item.name: _REASON_KEPT for item in start.terms.kept}
+    reasons |= {item.name: _REASON_KEPT for item in start.terms.transforming}
     return Identification(
         parameters=fit.parameters,
         confidence=confidence,
@@ -238,7 +242,7 @@ def identify(
         is_converged=fit.is_converged,
         terms=start.terms,
         reasons=reasons,
-        asks_negative_delay=DELAY in frozen and _asks_negative_delay(data, fit.parameters, shape, frozen),
+        needs_negative_delay=DELAY in frozen and _needs_negative_delay(data, fit.parameters, shape, frozen),
         is_opposed=is_opposed,
         notes=tuple(notes),
     )
@@ -256,7 +260,7 @@ def force_error(
 
     Args:
         recordings: evenly sampled pieces.
-        parameters: the model to judge; also the truth, to know the floor.
+        parameters: the model; the true parameters give the floor.
         axis: smoothing.
         model: ``sgms`` or ``gms``.
         cutoff: corner of the low-pass [Hz].
@@ -282,7 +286,7 @@ def long_enough(recordings: Sequence[Recording], cutoff: float) -> tuple[list[Re
     """
     pieces = [piece for piece in recordings if piece.duration >= MIN_PERIODS / cutoff]
     if not pieces:
-        return [max(recordings, key=lambda piece: piece.duration)], []  # preparing it tells what is missing
+        return [max(recordings, key=lambda piece: piece.duration)], []  # its preparation raises the error
     skipped = len(recordings) - len(pieces)
     if not skipped:
         return pieces, []
@@ -290,22 +294,22 @@ def long_enough(recordings: Sequence[Recording], cutoff: float) -> tuple[list[Re
 
 
 def _linear_start(recordings: Sequence[Recording], axis: AxisSettings, shape: ElementShape, cutoff: float) -> _Start:
-    """Fit all that is linear; gravity that the file does not have stays only where the recordings show it."""
+    """Fit the linear parameters; gravity that the file does not have is kept only if the recordings show it."""
     terms = effect_terms(axis)
     start = _start_with(recordings, axis, shape, cutoff, terms)
     if GRAVITY not in terms.added:
         return start
     without = _start_with(recordings, axis, shape, cutoff, terms.without(GRAVITY))
     number = terms.names.index(f"{GRAVITY}.amplitude")
-    is_shown = any(strength == number and phase is not None for strength, phase in start.linear.strengths)
+    is_identifiable = any(strength == number and phase is not None for strength, phase in start.linear.strengths)
     gain = 1.0 - start.atoms.cost / without.atoms.cost
-    return start if is_shown and gain > _MIN_GRAVITY_GAIN else without
+    return start if is_identifiable and gain > _MIN_GRAVITY_GAIN else without
 
 
 def _start_with(
     recordings: Sequence[Recording], axis: AxisSettings, shape: ElementShape, cutoff: float, terms: EffectTerms
 ) -> _Start:
-    """Fit all that is linear with given effects."""
+    """Fit the linear parameters with given effects."""
     data = prepare_all(recordings, cutoff, terms)
     scales = scales_of(data)
     _check_reversals(data, scales)
@@ -320,7 +324,7 @@ def _start_with(
 
 
 def _check_reversals(data: Sequence[Prepared], scales: Scales) -> None:
-    """Raise if the axis hardly ever turns round."""
+    """Raise an error if the axis has too few reversals."""
     reversals = 0
     for piece in data:
         turns, extreme, way = 0, float(piece.position[0]), 0
@@ -348,14 +352,14 @@ def _final(
     begun: _Start,
     show: Callable[[], None],
 ) -> tuple[Fit, Confidence, tuple[int, ...], float]:
-    """Fit all rows; leave out what the data cannot tell. Return fit, intervals, frozen indices and largest damping."""
+    """Fit all identifiable parameters to all rows; return fit, intervals, frozen indices and largest damping."""
     fit = search(data.main, data.masks, parameters, shape, iterations=_ITERATIONS, tolerance=1e-5)
     frozen: tuple[int, ...] = (RELAXATION,)
     if fit.parameters.scalars[DELAY] <= 0.0:
         frozen = (*frozen, DELAY)
     show()
     at_start = _at_start(fit.parameters, axis, rate, begun)
-    fit, confidence, frozen = _without_hopeless(data, fit, shape, frozen, at_start)
+    fit, confidence, frozen = _without_not_identifiable(data, fit, shape, frozen, at_start)
     relaxation, most = _relaxation(data, fit.parameters, shape, [j for j in frozen if j != RELAXATION])
     if relaxation > 0.0:
         frozen = tuple(j for j in frozen if j != RELAXATION)
@@ -363,70 +367,73 @@ def _final(
         scalars[RELAXATION] = relaxation
         start = replace(fit.parameters, scalars=scalars)
         fit = search(data.main, data.masks, start, shape, frozen, iterations=_ITERATIONS, tolerance=1e-5)
-        fit, confidence, frozen = _without_hopeless(data, fit, shape, frozen, at_start)
+        fit, confidence, frozen = _without_not_identifiable(data, fit, shape, frozen, at_start)
     return fit, confidence, frozen, most
 
 
-def _without_hopeless(
+def _without_not_identifiable(
     data: Rows, fit: Fit, shape: ElementShape, frozen: tuple[int, ...], at_start: Floats
 ) -> tuple[Fit, Confidence, tuple[int, ...]]:
-    """Put back what the data cannot tell, the least essential first, and fit the others again.
+    """Set parameters that are not identifiable to their start values, the least essential first, and refit the others.
 
-    Values that fit clearly worse when put back stay as fitted, with their wide intervals. A delay is put back in any
-    case: it stands for whatever leads or lags. How far the others move is part of their intervals.
+    A parameter stays as fitted, with its wide interval, if the start value increases the cost clearly. The delay is
+    always set back, because it absorbs any lead or lag. The change of the other parameters is added to their intervals.
     """
     moved = np.zeros(len(at_start))
     effects = range(fit.parameters.first_effect, len(at_start))
     for group in ((DELAY,), (RHO, V_S, RATE), effects, (MASS, VISCOUS, OFFSET)):
-        confidence = _judge(data, fit, shape, frozen)
-        found = _hopeless(fit.parameters, confidence, shape.is_gms, at_start)
-        hopeless = [index for index in found if index in group and index not in frozen]
-        if hopeless:
+        confidence = _confidence(data, fit, shape, frozen)
+        found = _not_identifiable(fit.parameters, confidence, shape.is_gms, at_start)
+        not_identifiable = [index for index in found if index in group and index not in frozen]
+        if not_identifiable:
             before = fit.parameters.vector()
             values = before.copy()
-            values[hopeless] = at_start[hopeless]
+            values[not_identifiable] = at_start[not_identifiable]
             start = fit.parameters.with_vector(values)
-            held = (*frozen, *hopeless)
+            held = (*frozen, *not_identifiable)
             again = search(data.main, data.masks, start, shape, held, iterations=_ITERATIONS, tolerance=1e-5)
-            if again.cost <= (1.0 + AS_GOOD) * fit.cost or DELAY in group:
+            if again.cost <= (1.0 + NEGLIGIBLE_EXCESS) * fit.cost or DELAY in group:
                 fit, frozen = again, held
                 moved += np.abs(fit.parameters.vector() - before)
-    return fit, widened(_judge(data, fit, shape, frozen), moved, fit.parameters), frozen
+    return fit, widened(_confidence(data, fit, shape, frozen), moved, fit.parameters), frozen
 
 
-def _asks_negative_delay(data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int]) -> bool:
-    """Return whether the delay, held at 0, would go below it by more than its interval."""
+def _needs_negative_delay(data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int]) -> bool:
+    """Return whether a free delay would be negative by more than its interval."""
     if parameters.scalars[DELAY] > 0.0:
         return False
     free = parameters.free([j for j in frozen if j != DELAY], shape.is_gms)
     place = free.index(DELAY)
-    error = judge(data.main, data.masks, (), parameters, shape, free).half_width[DELAY]
+    error = confidence_of(data.main, data.masks, (), parameters, shape, free).half_width[DELAY]
     step = float(step_to(data.main, data.masks, parameters, shape, free)[place])
     others = [float(step_to(other, rows, parameters, shape, free)[place]) for other, rows in data.others]
     return bool(-step > error + sum(abs(one - step) for one in others))
 
 
-def _judge(data: Rows, fit: Fit, shape: ElementShape, frozen: Sequence[int]) -> Confidence:
+def _confidence(data: Rows, fit: Fit, shape: ElementShape, frozen: Sequence[int]) -> Confidence:
     free = fit.parameters.free(frozen, shape.is_gms)
-    return judge(data.main, data.masks, data.others, fit.parameters, shape, free)
+    return confidence_of(data.main, data.masks, data.others, fit.parameters, shape, free)
 
 
 def _relaxation(data: Rows, parameters: Parameters, shape: ElementShape, frozen: Sequence[int]) -> tuple[float, float]:
-    """Return the elements' damping over stiffness [s], 0 unless the data insist on it, and the most that they allow."""
+    """Return the damping of the elements over their stiffness [s], 0 if not significant, and its upper limit."""
     free = parameters.free(frozen, shape.is_gms)
-    width = judge(data.main, data.masks, data.others, parameters, shape, free).half_width[RELAXATION]
+    width = confidence_of(data.main, data.masks, data.others, parameters, shape, free).half_width[RELAXATION]
     value = float(step_to(data.main, data.masks, parameters, shape, free)[free.index(RELAXATION)])
     return (value if value > width else 0.0), max(value, 0.0) + float(width)
 
 
-def _hopeless(parameters: Parameters, confidence: Confidence, is_gms: bool, start: Floats) -> tuple[int, ...]:
-    """Return the shared parameters that the data cannot tell: they stay at the start value if the interval holds it."""
+def _not_identifiable(parameters: Parameters, confidence: Confidence, is_gms: bool, start: Floats) -> tuple[int, ...]:
+    """Return the indices of parameters that are not identifiable.
+
+    Mass, viscous coefficient, offset and effects count only if their interval contains the start value.
+    """
     value, width = parameters.vector(), confidence.half_width
     out = []
     for index in (MASS, VISCOUS, V_S, RATE):
-        if (index != RATE or is_gms) and not width[index] <= _HOPELESS * abs(value[index]):
+        if (index != RATE or is_gms) and not width[index] <= _MAX_RELATIVE_HALF_WIDTH * abs(value[index]):
             out.append(index)
-    if not width[RHO] <= max(_HOPELESS * (value[RHO] - 1.0), 0.05):
+    if not width[RHO] <= max(_MAX_RELATIVE_HALF_WIDTH * (value[RHO] - 1.0), 0.05):
         out.append(RHO)
     if value[RHO] - 1.0 <= width[RHO] and V_S not in out:
         out.append(V_S)
@@ -440,7 +447,7 @@ def _hopeless(parameters: Parameters, confidence: Confidence, is_gms: bool, star
     for number in parameters.effects.free:
         index = first + number
         size = max(abs(value[index]), abs(parameters.effects.scale[number]) * _NEGLIGIBLE_EFFECT)
-        if not width[index] <= _HOPELESS * size and not is_contradicted[index]:
+        if not width[index] <= _MAX_RELATIVE_HALF_WIDTH * size and not is_contradicted[index]:
             out.append(index)
     return tuple(out)
 

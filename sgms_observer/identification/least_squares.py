@@ -1,6 +1,6 @@
 """The inverse dynamic model by least squares: mass, viscous and Coulomb friction, offset.
 
-The classic first look at an axis, linear in its parameters. The position is filtered forwards and backwards (no
+The model is linear in its parameters. The position is filtered forwards and backwards (no
 delay) and differentiated centrally; regressors and effort are decimated by the same zero-phase filter.
 Source: Gautier, Janot, Vandanjon, IEEE Trans. Control Syst. Technol. 21 (2013), section II.
 """
@@ -37,7 +37,7 @@ class InverseModelFit:
     Attributes:
         names: parameter of each entry.
         values: estimates, SI units.
-        covariance: covariance of the estimates [squared SI units], honest under autocorrelated residuals.
+        covariance: covariance of the estimates [squared SI units], valid for autocorrelated residuals.
         relative_error: norm of the force residual over the norm of the force, over all recordings [-].
         condition: condition number of the column-scaled regressor [-].
         cutoff: corner of the zero-phase filter on the position [Hz].
@@ -164,7 +164,7 @@ def fit_inverse_model(
         recordings: evenly sampled position and effort.
         names: ``SYMMETRIC`` or ``ASYMMETRIC`` friction.
         cutoff: corner of the zero-phase filter on the position [Hz].
-        is_revolute: add gravity, which turns with the joint.
+        is_revolute: whether to add gravity, which depends on the joint angle.
 
     Returns:
         Estimates with covariance and relative force error.
@@ -193,7 +193,7 @@ def fit_inverse_model(
 
 
 def is_reversed(fit: InverseModelFit) -> bool:
-    """Return whether the effort counts against the position: friction would drive the axis and inertia pull it.
+    """Return whether the effort has the opposite sign of the position: fitted friction and mass are negative.
 
     Args:
         fit: symmetric fit.
@@ -205,8 +205,8 @@ def inverse_model_error(fit: InverseModelFit, recording: Recording) -> float:
     """Return the relative force error of a fit on another recording: norm of the residual over norm of the force.
 
     Args:
-        fit: fitted on recordings of its own.
-        recording: the one that judges.
+        fit: fit to other recordings.
+        recording: the recording.
     """
     part = regression(recording, fit.names, fit.cutoff)
     return float(np.linalg.norm(part.effort - part.regressor @ fit.values) / np.linalg.norm(part.effort))

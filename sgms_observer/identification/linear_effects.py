@@ -1,7 +1,7 @@
 """Start values of effects whose force is linear in a strength: gravity and other sines, springs, drags.
 
-A sine of unknown phase is linear in two columns, at phase 0 and at phase pi/2. A column that mass, friction, offset and
-the columns before it can imitate on this motion is left out: its parameter keeps the value of the parameter file.
+A sine of unknown phase is linear in two columns, at phase 0 and at phase pi/2. A column that is nearly a linear
+combination of mass, friction, offset and earlier columns is left out: its parameter keeps the value of the file.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class LinearEffects:
     Attributes:
         start: values of the parameter file, and which are fitted.
         strengths: number of the strength of each column, and of its phase where it has two columns.
-        base: of each recording the force of all else in the effects, at its rows [N].
-        columns: of each recording the columns, shape (n, k).
+        base: force of all other effects at the rows of each recording [N].
+        columns: columns of each recording, shape (n, k).
         reasons: number of a parameter that is not fitted, to the reason.
     """
 
@@ -91,17 +91,19 @@ def linear_effects(data: Sequence[Prepared], terms: EffectTerms, vector: EffectV
             reasons.update({free_phase if free_phase is not None else strength: IMITATED})
     for number in [number for number in reasons if parameters[number].is_strength]:
         owner = names[number].split(".")[0] + "."
-        own = [other for other in vector.free if names[other].startswith(owner) and not parameters[other].is_strength]
-        reasons.update(dict.fromkeys(own, IMITATED))
+        shape_parameters = [
+            other for other in vector.free if names[other].startswith(owner) and not parameters[other].is_strength
+        ]
+        reasons.update(dict.fromkeys(shape_parameters, IMITATED))
     free = tuple(number for number in vector.free if number not in reasons)
     stacked = tuple(
         np.column_stack([group[k] for group in columns]) if columns else np.empty((len(data[k].time), 0))
         for k in range(len(data))
     )
-    given = basic.copy()  # strengths that no column shows keep the file's value
-    kept = [number for number in linear if number not in {strength for strength, _phase in chosen}]
-    given[kept] = vector.values[kept]
-    if kept:
+    given = basic.copy()  # strengths without a column keep the value of the file
+    fixed_numbers = [number for number in linear if number not in {strength for strength, _phase in chosen}]
+    given[fixed_numbers] = vector.values[fixed_numbers]
+    if fixed_numbers:
         base = tuple(_rows(piece, given, coulomb) for piece in data)
     return LinearEffects(replace(vector, values=given, free=free), tuple(chosen), base, stacked, reasons)
 
@@ -131,7 +133,7 @@ def _unit_columns(piece: Prepared, basic: Floats, strength: int, phase: int | No
 
 
 def _is_linear(piece: Prepared, vector: EffectVector, number: int, coulomb: float) -> bool:
-    """Return whether the force is proportional to a strength, and nothing else changes with it."""
+    """Return whether the force is proportional to a strength and the factor does not depend on it."""
     level = _level(piece, coulomb)
     forces = []
     for size in (0.0, 1.0, 2.0):
@@ -152,7 +154,7 @@ def _known_columns(piece: Prepared) -> Floats:
 
 
 def _is_independent(data: Sequence[Prepared], known: Sequence[Floats], found: Sequence[Floats]) -> bool:
-    """Return whether the known columns leave enough of each new one, the others of its group included."""
+    """Return whether each new column is sufficiently independent of the known ones and of its group."""
     rows = [piece.usable for piece in data]
     before = np.concatenate([values[mask] for values, mask in zip(known, rows, strict=True)])
     new = np.concatenate([values[mask] for values, mask in zip(found, rows, strict=True)])

@@ -1,9 +1,8 @@
-"""A recording prepared for identification: filtered once, at the rate that the model is simulated at.
+"""A recording prepared for identification: filtered, at the rate of the simulation of the model.
 
-Both sides of the force balance pass the same zero-phase low-pass, so that no filter delay enters and the noise of the
-twice differentiated position stays small. The friction is driven by a position that is filtered less: it may follow
-sharp reversals, while the noise that mass times acceleration would add, and that a stiff element could imitate, is gone
-from the balance.
+Both sides of the force balance pass the same zero-phase low-pass. There is no filter delay, and the noise of the
+acceleration stays small. The friction is driven by a position with a wider bandwidth, so that it follows fast
+reversals, while the noise of the acceleration, which a stiff element could imitate, is removed from the balance.
 """
 
 from __future__ import annotations
@@ -29,14 +28,14 @@ MOTION_OVER_BALANCE = 2.5
 """Corner of the low-pass on the position that drives the friction, over the corner of the balance."""
 
 MIN_PERIODS = 80.0
-"""A recording has to last this many periods of the cutoff."""
+"""Shortest recording, in periods of the cutoff."""
 
 _ORDER = 4
 _COLUMNS = 8  # that are filtered at once
 _WORKING_RATE = 10.0  # samples of the driving position per period of its corner
 _ROW_RATE = 8.0  # rows of the balance per period of its corner
 _BORDER = 4.0  # of the filter's time constants 1/cutoff dropped at either end
-_FORGET = 3.0  # slip deflections of one-way travel after which the unknown start no longer matters
+_TRAVEL_OVER_DEFLECTION = 3.0  # slip deflections of one-way travel after which the unknown initial state has no effect
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Prepared:
     """One recording, filtered: the driving position at the working rate, the balance in fewer rows.
 
     Attributes:
-        name: where it comes from.
+        name: name of the recording.
         period: working period [s].
         position: position that drives the friction [m], at the working rate.
         sections: second-order sections of the balance's low-pass at the working rate.
@@ -80,12 +79,12 @@ class Prepared:
         return np.asarray(signal.sosfiltfilt(self.sections, values, axis=0)[:: self.stride])
 
     def settled(self, slip_deflection: float) -> Booleans:
-        """Return usable rows after the elements have forgotten how they started.
+        """Return the usable rows after the elements have forgotten their initial state.
 
         Args:
             slip_deflection: largest deflection at which an element slips [m].
         """
-        far = np.flatnonzero(self._way_since_reversal() > _FORGET * slip_deflection)
+        far = np.flatnonzero(self._travel_since_reversal() > _TRAVEL_OVER_DEFLECTION * slip_deflection)
         mask = self.usable.copy()
         mask[: (int(far[0]) // self.stride + 1 if len(far) else len(mask))] = False
         return mask
@@ -97,17 +96,17 @@ class Prepared:
             slip_deflection: largest deflection at which an element slips [m].
             clear: time to the nearest reversal, in which the low-pass rings [s].
         """
-        run = np.concatenate(([0.0], self._way_since_reversal()))
+        run = np.concatenate(([0.0], self._travel_since_reversal()))
         turns = np.flatnonzero(np.diff(np.sign(np.diff(self.position)))) + 1
         near = np.zeros(len(run) + 1)
         width = int(np.ceil(clear / self.period))
         np.add.at(near, np.maximum(turns - width, 0), 1.0)
         np.add.at(near, np.minimum(turns + width + 1, len(run)), -1.0)
         is_clear = np.cumsum(near)[:-1] == 0.0
-        return np.asarray((is_clear & (run > _FORGET * slip_deflection))[:: self.stride])
+        return np.asarray((is_clear & (run > _TRAVEL_OVER_DEFLECTION * slip_deflection))[:: self.stride])
 
-    def _way_since_reversal(self) -> Floats:
-        """Return how far the axis has moved since it last turned round, after each step of the working rate [m]."""
+    def _travel_since_reversal(self) -> Floats:
+        """Return the travel since the last reversal after each step of the working rate [m]."""
         way = np.sign(np.diff(self.position))
         turning = np.concatenate(([True], way[1:] != way[:-1]))
         since = np.maximum.accumulate(np.where(turning, np.arange(len(turning)), 0))
@@ -115,7 +114,7 @@ class Prepared:
 
 
 def prepare(recording: Recording, cutoff: float, terms: EffectTerms = NO_EFFECTS, first: float = 0.0) -> Prepared:
-    """Filter a recording and bring it to the working rate.
+    """Return a recording filtered and resampled to the working rate.
 
     Args:
         recording: evenly sampled position and effort.
@@ -136,14 +135,14 @@ def prepare(recording: Recording, cutoff: float, terms: EffectTerms = NO_EFFECTS
     if recording.duration < MIN_PERIODS / cutoff:
         raise DataError(f"{recording.name} lasts {recording.duration:.3g} s; a cutoff of {cutoff:.4g} Hz needs more")
     noise = recording.position_noise
-    recording = _dense(recording, _WORKING_RATE * motion_cutoff)
+    recording = _upsampled(recording, _WORKING_RATE * motion_cutoff)
     rate = 1.0 / recording.period
-    kept = CompiledEffects(terms.kept, recording.period)
-    sharp = _low_pass(motion_cutoff, rate)
-    both = np.concatenate([sharp, _low_pass(cutoff, rate)])
-    measured = kept.corrected_position(recording.position)
-    effort = kept.arrived_effort(recording.effort, kept.initial_state())
-    position = signal.sosfiltfilt(sharp, measured)
+    transforming = CompiledEffects(terms.transforming, recording.period)
+    motion_filter = _low_pass(motion_cutoff, rate)
+    both = np.concatenate([motion_filter, _low_pass(cutoff, rate)])
+    measured = transforming.corrected_position(recording.position)
+    effort = transforming.arrived_effort(recording.effort, transforming.initial_state())
+    position = signal.sosfiltfilt(motion_filter, measured)
     step = max(1, int(rate / (_WORKING_RATE * motion_cutoff) + 1e-6))
     period = recording.period * step
     stride = max(1, int(1.0 / (_ROW_RATE * cutoff * period) + 1e-6))
@@ -157,7 +156,7 @@ def prepare(recording: Recording, cutoff: float, terms: EffectTerms = NO_EFFECTS
     usable[border:-border] = True
     driving = np.ascontiguousarray(position[::step])
     other = recording.other_position
-    other = None if other is None else np.asarray(signal.sosfiltfilt(sharp, other)[::step])
+    other = None if other is None else np.asarray(signal.sosfiltfilt(motion_filter, other)[::step])
     return Prepared(
         name=recording.name,
         period=period,
@@ -170,7 +169,12 @@ def prepare(recording: Recording, cutoff: float, terms: EffectTerms = NO_EFFECTS
         effort=CubicSpline(time, signal.sosfiltfilt(both, effort)[keep]),
         usable=usable,
         effects=EffectForce.along(
-            terms.fitted, period, driving, np.ascontiguousarray(signal.sosfiltfilt(sharp, effort)[::step]), other, first
+            terms.fitted,
+            period,
+            driving,
+            np.ascontiguousarray(signal.sosfiltfilt(motion_filter, effort)[::step]),
+            other,
+            first,
         ),
         noise=noise,
         unit=terms.unit,
@@ -191,28 +195,28 @@ def prepare_all(recordings: Sequence[Recording], cutoff: float, terms: EffectTer
     return [prepare(piece, cutoff, terms, piece.start - begun[piece.name]) for piece in recordings]
 
 
-def _dense(recording: Recording, rate: float) -> Recording:
-    """Return the recording at ``rate`` [Hz] at least: band-limited, between and through the samples.
+def _upsampled(recording: Recording, rate: float) -> Recording:
+    """Return the recording at a rate of at least ``rate`` [Hz], by band-limited interpolation.
 
-    At 1 kHz a friction that turns within a sample, and a central difference at the balance's corner, would be wrong by
-    per cents; between the samples the position is as well known as at them.
+    At 1 kHz, reversals within a sample and central differences at the corner of the balance would have errors of some
+    per cent.
     """
     times = math.ceil(rate * recording.period - 1e-6)
     if times <= 1:
         return recording
     keep = (len(recording) - 1) * times + 1
 
-    def denser(values: Floats) -> Floats:
+    def upsampled(values: Floats) -> Floats:
         return np.asarray(signal.resample_poly(values, times, 1, padtype="line"))[:keep]
 
     other = recording.other_position
     return replace(
         recording,
         period=recording.period / times,
-        position=denser(recording.position),
-        effort=denser(recording.effort),
+        position=upsampled(recording.position),
+        effort=upsampled(recording.effort),
         reference_position=None,
-        other_position=None if other is None else denser(other),
+        other_position=None if other is None else upsampled(other),
     )
 
 

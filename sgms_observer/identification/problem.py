@@ -77,8 +77,8 @@ class Parameters:
             is_gms: whether the model has an attraction rate.
         """
         first = self.first_effect
-        own = [j for j in range(first) if j not in frozen and (j != RATE or is_gms)]
-        return own + [first + j for j in self.effects.free if first + j not in frozen]
+        scalars_and_elements = [j for j in range(first) if j not in frozen and (j != RATE or is_gms)]
+        return scalars_and_elements + [first + j for j in self.effects.free if first + j not in frozen]
 
     def names(self) -> tuple[str, ...]:
         """Return the name of each entry of ``vector`` but the effects'."""
@@ -123,9 +123,7 @@ def residual_and_jacobian(data: Prepared, parameters: Parameters, shape: Element
     return residual, jacobian
 
 
-def _inner_force(
-    data: Prepared, parameters: Parameters, shape: ElementShape
-) -> tuple[Floats, Floats, Floats, Floats]:
+def _inner_force(data: Prepared, parameters: Parameters, shape: ElementShape) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the force of elements and effects, its slopes by the elements, its lead and its slopes by the effects.
 
     All at the working rate, shapes (n,), (n, 2 n_z + 3), (n,) and (n, m). The effects' formulas are differentiated by
@@ -133,16 +131,16 @@ def _inner_force(
     """
     scalars, effects = parameters.scalars, parameters.effects
     shared = scalars[[RHO, V_S, RATE]]
-    lasting = scalars[RELAXATION]
+    relaxation = scalars[RELAXATION]
 
     def elements(factor: Floats) -> tuple[Floats, Floats, Floats]:
         friction, slopes = friction_and_slopes(
             data.position, data.period, parameters.kappa, parameters.level, shared, shape, factor
         )
         rate: Floats = np.gradient(friction) / data.period
-        if lasting != 0.0:  # sigma_i = lasting * kappa_i: the force of every element leads by the same time
-            friction = friction + lasting * rate
-            slopes = slopes + lasting * np.gradient(slopes, axis=0) / data.period
+        if relaxation != 0.0:  # sigma_i = lasting * kappa_i: the force of every element leads by the same time
+            friction = friction + relaxation * rate
+            slopes = slopes + relaxation * np.gradient(slopes, axis=0) / data.period
         return friction, slopes, rate
 
     by_effects = np.zeros((len(data.position), len(effects)))
@@ -179,7 +177,7 @@ def chunk_numbers(data: Sequence[Prepared], count: int) -> list[NDArray[np.int64
     numbers = []
     first = 0
     for piece in data:
-        own = max(1, round(count * float(piece.time[-1]) / total))
-        numbers.append(first + np.minimum(np.arange(len(piece.time)) * own // len(piece.time), own - 1))
-        first += own
+        chunk_count = max(1, round(count * float(piece.time[-1]) / total))
+        numbers.append(first + np.minimum(np.arange(len(piece.time)) * chunk_count // len(piece.time), chunk_count - 1))
+        first += chunk_count
     return numbers

@@ -1,4 +1,4 @@
-"""The questions that a reader of an identification asks first, answered from the run."""
+"""Questions of the report of an identification with their answers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DATA, CONVERGENCE, BELIEVABILITY = "Data", "Convergence", "Believability"
 
 @dataclass(frozen=True)
 class Part:
-    """What the report shows of one axis.
+    """Content of the report for one axis.
 
     Attributes:
         units: of the axis.
@@ -23,8 +23,8 @@ class Part:
         answer: table, sentences, warnings.
         traces: model beside measurement.
         band_hz: upper corner of the judging band [Hz].
-        unexplained: rms residual over rms effort on chunks that did not teach; None for least squares.
-        is_converged: whether the search ended by itself; None for least squares, which needs none.
+        unexplained: rms residual over rms effort on validation chunks; None for least squares.
+        is_converged: whether the search converged; None for least squares.
     """
 
     units: Units
@@ -47,8 +47,8 @@ def questions_of(part: Part, of_axis: str) -> tuple[Light, ...]:
 
 
 def _shown(part: Part, of_axis: str) -> Light:
-    """Ask whether the recordings show the parameters."""
-    missing = [row.name for row in part.answer.rows if not row.is_shown]
+    """Ask whether the parameters are identifiable."""
+    missing = [row.name for row in part.answer.rows if not row.is_identifiable]
     count = len(part.answer.rows)
     question = f"Do the recordings show all parameters{of_axis}?"
     if not missing:
@@ -57,7 +57,7 @@ def _shown(part: Part, of_axis: str) -> Light:
 
 
 def _held_out(part: Part, of_axis: str) -> Light:
-    """Ask whether a recording judged that did not teach."""
+    """Ask whether there is a held-out recording."""
     question = f"Was the model{of_axis} judged on recordings that it did not learn from?"
     if part.traces.held_out:
         share = 100.0 * unexplained_share(part.traces.held_out)
@@ -66,7 +66,7 @@ def _held_out(part: Part, of_axis: str) -> Light:
 
 
 def _converged(part: Part, of_axis: str) -> Light:
-    """Ask whether the search ended by itself."""
+    """Ask whether the search converged."""
     question = f"Did the fit{of_axis} converge?"
     if part.is_converged is None:
         return Light(CONVERGENCE, question, GOOD, "Least squares needs no search.")

@@ -26,15 +26,15 @@ Floats = NDArray[np.float64]
 
 
 def report_path(yaml: str | Path, is_overwriting: bool) -> Path:
-    """Return where the report goes: ``report.html`` beside its YAML, ``NAME_report.html`` where another one is there.
+    """Return the path of the report: ``report.html`` beside its YAML, or ``NAME_report.html`` if that exists.
 
     Args:
         yaml: the parameter file, ``NAME.yaml``.
-        is_overwriting: what is there may be replaced.
+        is_overwriting: whether an existing report may be replaced.
     """
     path = Path(yaml)
-    plain, own = path.with_name("report.html"), path.with_name(f"{path.stem}_report.html")
-    return own if own.exists() or (plain.exists() and not is_overwriting) else plain
+    plain, named = path.with_name("report.html"), path.with_name(f"{path.stem}_report.html")
+    return named if named.exists() or (plain.exists() and not is_overwriting) else plain
 
 
 def identification_page(parts: Sequence[Part], yaml: str, learnt: Sequence[str], held_out: Sequence[str]) -> Page:
@@ -44,7 +44,7 @@ def identification_page(parts: Sequence[Part], yaml: str, learnt: Sequence[str],
         parts: one for each axis.
         yaml: the parameter file that was written.
         learnt: recordings that the model was fitted to.
-        held_out: recordings that did not.
+        held_out: held-out recordings.
     """
     source = f"{Path(yaml).name} from {_listed(learnt)}"
     if held_out:
@@ -66,7 +66,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _percent(share: float) -> str:
-    """Return the fit in % that belongs to an unexplained share."""
+    """Return the fit in % for an unexplained share."""
     return f"{100.0 * (1.0 - share):.1f} %"
 
 
@@ -111,7 +111,7 @@ def _sections(part: Part, of_axis: str) -> list[Section]:
 def _row(row: Row) -> tuple[str, str, str, str, str]:
     """Return one parameter as a row of the table."""
     interval = f"+- {row.half_width:.2g}" if math.isfinite(row.half_width) else "none"
-    shown = "yes" if row.is_shown else f"no{f': {row.note}' if row.note else ''}"
+    shown = "yes" if row.is_identifiable else f"no{f': {row.note}' if row.note else ''}"
     return row.name, f"{row.value:.6g}", interval, row.unit, shown
 
 

@@ -1,4 +1,4 @@
-"""Typical sizes of one axis's recordings: what bounds and steps of the search are made of, in any unit."""
+"""Typical sizes of the signals of one axis, which scale bounds and steps of the search."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Scales:
         top_velocity: largest velocity [m/s].
         acceleration: rms acceleration [m/s^2].
         travel: longest travel within one piece [m].
-        smallest: smallest slip deflection that position noise lets be seen [m].
-        period: longest sample period at which the balance is simulated [s].
+        smallest: smallest slip deflection above the position noise [m].
+        period: longest sample period of the simulation [s].
     """
 
     effort: float
@@ -43,7 +43,7 @@ class Scales:
 
     @property
     def largest(self) -> float:
-        """Largest slip deflection that is looked for [m]."""
+        """Largest slip deflection of the search [m]."""
         return max(_LARGEST_SHARE * self.travel, 10.0 * self.smallest)
 
     @property

@@ -1,4 +1,4 @@
-"""Bounded Levenberg-Marquardt on the normal equations, in logarithms of what is positive and units of the recording."""
+"""Bounded Levenberg-Marquardt on the normal equations, in logarithms of positive parameters and scaled units."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
 _SHARES = (1.0e-6, 1.0e2)
-"""Smallest and largest mass and viscous coefficient over those that would need all of the effort."""
+"""Smallest and largest mass and viscous coefficient, over the values that would need the whole effort."""
 _LOWEST = {RHO: 1.0, RATE: 1e-2}
 _HIGHEST = {RHO: 5.0, RATE: 1e5}
 _V_S_SHARES = (2.0e-5, 1.0)
-"""Smallest and largest Stribeck velocity over the largest velocity: a fall beyond it does not show."""
+"""Smallest and largest Stribeck velocity over the largest velocity: a larger one is not identifiable."""
 _SMALLEST_SHARE = 0.3
-"""Smallest deflection of all of the friction, over the smallest one that the encoder shows."""
+"""Smallest slip deflection of the whole friction, over the smallest one that the encoder resolves."""
 _LARGEST_SHARE = 0.1
-"""Largest deflection of all of the friction, over the travel."""
+"""Largest slip deflection of the whole friction, over the travel."""
 _LARGEST_DELAY = 0.02
 _DELAY_SCALE = 1e-3
 _LONGEST_RELAXATION = 0.01  # s
@@ -49,10 +49,10 @@ class Fit:
     """Result of one search.
 
     Attributes:
-        parameters: where it ended.
+        parameters: the solution.
         cost: mean squared residual over the fitted rows [N^2].
-        iterations: steps taken.
-        is_converged: whether the last step was small enough.
+        iterations: number of steps.
+        is_converged: whether the last step met the tolerance.
     """
 
     parameters: Parameters
@@ -71,13 +71,13 @@ def to_search(parameters: Parameters, scales: Scales) -> Floats:
     return np.asarray(out)
 
 
-def from_search(variables: Floats, like: Parameters, scales: Scales) -> Parameters:
+def from_search(variables: Floats, template: Parameters, scales: Scales) -> Parameters:
     """Return the parameters of search variables."""
     values = np.exp(np.clip(variables, -700.0, 700.0))
     values[OFFSET] = variables[OFFSET] * scales.effort
     values[[DELAY, RELAXATION]] = variables[[DELAY, RELAXATION]] * _DELAY_SCALE
-    values[like.first_effect :] = variables[like.first_effect :] * like.effects.scale
-    return like.with_vector(values)
+    values[template.first_effect :] = variables[template.first_effect :] * template.effects.scale
+    return template.with_vector(values)
 
 
 def search_scale(parameters: Parameters, scales: Scales) -> Floats:
@@ -142,15 +142,15 @@ def search(
 
     Args:
         data: prepared recordings.
-        masks: rows that teach, per recording.
+        masks: fitted rows of each recording.
         start: start values.
         shape: kind of model and its smoothing.
-        frozen: indices of ``Parameters.vector`` that stay as they are.
-        iterations: most steps.
+        frozen: indices of ``Parameters.vector`` that are fixed.
+        iterations: largest number of steps.
         tolerance: stop when a step lowers the cost by less than this share, or moves no variable by more than it.
 
     Returns:
-        The best point found.
+        The solution with the smallest cost.
     """
     scales = scales_of(data)
     low, high = search_bounds(start, scales)

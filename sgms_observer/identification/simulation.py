@@ -1,8 +1,8 @@
 """Friction of a whole recording with its sensitivities, driven by the measured motion.
 
 Parameters of an element are kappa_i and its Coulomb force a_i = nu_i f_C; all elements share rho = f_S / f_C, the
-Stribeck velocity v_s and, for GMS, c = C / f_C. In these the elements need no side condition, and forces stay linear
-in the a_i while sliding.
+Stribeck velocity v_s and, for GMS, c = C / f_C. These parameters need no constraint, and forces are linear in the a_i
+while sliding.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _IS_GMS, _LAMBDA, _ZETA, _GAMMA, _IS_PAPER, _FIXED = range(6)
 
 @dataclass(frozen=True)
 class ElementShape:
-    """What identification does not change: the model's kind and its smoothing.
+    """Kind and smoothing of the model, which are not fitted.
 
     Attributes:
         is_gms: GMS instead of S-GMS.
@@ -58,7 +58,7 @@ def _simulate(
     n_z = kappa.shape[0]
     force = np.zeros(n_z)
     mode = np.zeros(n_z, dtype=np.int64)
-    own = np.zeros((n_z, 2 + 3))  # d force_i / d (kappa_i, a_i, rho, v_s, c)
+    element_slopes = np.zeros((n_z, 2 + 3))  # d force_i / d (kappa_i, a_i, rho, v_s, c)
     rho, v_s, rate = shared[0], shared[1], shared[2]
     for k in range(travel.shape[0]):
         velocity = travel[k] / period
@@ -96,20 +96,20 @@ def _simulate(
                     by_curve = by_limit * level[i]
                     by_rate = 0.0
                 force[i] = after
-                own[i, 0] = keep * own[i, 0] + by_kappa
-                own[i, 1] = keep * own[i, 1] + by_level
-                own[i, 2] = keep * own[i, 2] + by_curve * bump
-                own[i, 3] = keep * own[i, 3] + by_curve * curve_v_s + by_gain * gain_v_s
-                own[i, 4] = keep * own[i, 4] + by_rate
+                element_slopes[i, 0] = keep * element_slopes[i, 0] + by_kappa
+                element_slopes[i, 1] = keep * element_slopes[i, 1] + by_level
+                element_slopes[i, 2] = keep * element_slopes[i, 2] + by_curve * bump
+                element_slopes[i, 3] = keep * element_slopes[i, 3] + by_curve * curve_v_s + by_gain * gain_v_s
+                element_slopes[i, 4] = keep * element_slopes[i, 4] + by_rate
         total = 0.0
         for j in range(3):
             slopes[k, 2 * n_z + j] = 0.0
         for i in range(n_z):
             total += force[i]
-            slopes[k, i] = own[i, 0]
-            slopes[k, n_z + i] = own[i, 1]
+            slopes[k, i] = element_slopes[i, 0]
+            slopes[k, n_z + i] = element_slopes[i, 1]
             for j in range(3):
-                slopes[k, 2 * n_z + j] += own[i, 2 + j]
+                slopes[k, 2 * n_z + j] += element_slopes[i, 2 + j]
         out[k] = total
 
 

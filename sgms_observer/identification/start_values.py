@@ -1,4 +1,4 @@
-"""Where the search for an element distribution starts: a convex problem first, then clusters of it.
+"""Start values of the element distribution: the solution of a convex problem, merged into clusters.
 
 On a flat Stribeck curve the friction of many elements with given slip deflections is linear in their forces. A
 non-negative least-squares fit over a log-spaced grid of deflections is unique, needs no start values, and shows the
@@ -23,11 +23,11 @@ from sgms_observer.identification.simulation import ElementShape, unit_elements
 Floats = NDArray[np.float64]
 
 _GRID_PER_DECADE = 5
-_ROWS = 40_000  # enough rows for a start
-_NEGLIGIBLE = 5.0e-3  # of the whole Coulomb force: a smaller atom is noise
-_NEARLY_ALL = 0.95
-_MARGIN = 5.0  # grid of the second fit over the reach of the first
-_OPPOSED = 0.9  # squared residual with the effort reversed over that without: below, the sign is reversed
+_ROWS = 40_000  # largest number of rows for a start
+_NEGLIGIBLE = 5.0e-3  # of the Coulomb force: smaller atoms are dropped
+_FRICTION_SHARE = 0.95
+_MARGIN = 5.0  # largest deflection of the second grid over the slip deflection of the first fit
+_MAX_OPPOSED_RATIO = 0.9  # squared residual with reversed effort over that without; below it the sign is reversed
 _BUMPS = (0.2, 1.0, 5.0)  # of the start's Stribeck velocity: widths of the rise at low speed
 
 
@@ -44,7 +44,7 @@ class Atoms:
         rise: share by which friction at rest exceeds friction at speed [-].
         effects: values of the effects, those with a linear strength fitted.
         cost: mean squared residual [N^2].
-        opposed_cost: the same with the effort's sign reversed; smaller where the effort counts against the position.
+        opposed_cost: the same with reversed effort; smaller if the effort has the opposite sign of the position.
     """
 
     deflection: Floats
@@ -58,15 +58,15 @@ class Atoms:
     opposed_cost: float
 
     @property
-    def reach(self) -> float:
-        """Slip deflection below which nearly all of the friction has built up [m]."""
+    def slip_deflection(self) -> float:
+        """Slip deflection below which 95 % of the friction has built up [m]."""
         share = np.cumsum(self.force) / self.force.sum()
-        return float(self.deflection[np.searchsorted(share, _NEARLY_ALL)])
+        return float(self.deflection[np.searchsorted(share, _FRICTION_SHARE)])
 
     @property
     def is_opposed(self) -> bool:
         """Whether friction and mass fit the reversed effort better."""
-        return self.opposed_cost < _OPPOSED * self.cost
+        return self.opposed_cost < _MAX_OPPOSED_RATIO * self.cost
 
 
 def fit_atoms(
@@ -77,7 +77,7 @@ def fit_atoms(
     stribeck_velocity: float,
     terms: LinearEffects,
 ) -> Atoms:
-    """Fit the distribution over a grid of slip deflections: coarsely over all of it, then again up to its reach.
+    """Fit the distribution over a coarse grid of slip deflections, then over a grid up to the largest deflection.
 
     Args:
         data: prepared recordings.
@@ -88,14 +88,14 @@ def fit_atoms(
         terms: effects with linear strengths.
 
     Raises:
-        DataError: if no friction is seen at all.
+        DataError: if the recordings show no friction.
     """
     first = _fit(data, shape, smallest, largest, stribeck_velocity, 10.0 * smallest, terms)
     if first.is_opposed or first.force.sum() <= 0.0:
         return first
-    reach = first.reach
-    largest = min(largest, max(_MARGIN * reach, 4.0 * smallest))
-    return _fit(data, shape, smallest, largest, stribeck_velocity, reach, terms)
+    slip_deflection = first.slip_deflection
+    largest = min(largest, max(_MARGIN * slip_deflection, 4.0 * smallest))
+    return _fit(data, shape, smallest, largest, stribeck_velocity, slip_deflection, terms)
 
 
 def _fit(
@@ -128,10 +128,10 @@ def _fit(
     scale = np.linalg.norm(matrix, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     orthogonal, triangle = np.linalg.qr(matrix / scale)
-    seen = orthogonal.T @ effort
-    beyond = float(effort @ effort - seen @ seen)  # squares that no column reaches
-    solution, norm = nnls(triangle, seen)
-    _opposed, opposed_norm = nnls(triangle, -seen)
+    projected = orthogonal.T @ effort
+    orthogonal_square = float(effort @ effort - projected @ projected)  # squared norm outside the columns
+    solution, norm = nnls(triangle, projected)
+    _opposed, opposed_norm = nnls(triangle, -projected)
     weights = solution / scale
     force = weights[:count]
     total = float(force.sum())
@@ -146,8 +146,8 @@ def _fit(
         float(rest[2] - rest[3]),
         float(weights[count : count + len(_BUMPS)].sum()) / max(total, 1e-300),
         terms.vector_of(plus - minus),
-        max(float(norm**2) + beyond, 1e-300) / len(effort),
-        max(float(opposed_norm**2) + beyond, 1e-300) / len(effort),
+        max(float(norm**2) + orthogonal_square, 1e-300) / len(effort),
+        max(float(opposed_norm**2) + orthogonal_square, 1e-300) / len(effort),
     )
 
 
@@ -157,7 +157,7 @@ def cluster(atom_deflection: Floats, atom_force: Floats, count: int) -> tuple[Fl
     Args:
         atom_deflection: slip deflection of each atom [m], ascending.
         atom_force: its force [N].
-        count: elements wanted.
+        count: number of elements.
 
     Returns:
         Slip deflection [m] and force [N] of each element, ascending in deflection.
@@ -170,7 +170,7 @@ def cluster(atom_deflection: Floats, atom_force: Floats, count: int) -> tuple[Fl
         ]
         i = int(np.argmin(losses))
         total = force[i] + force[i + 1]
-        # the pair's stiffness is kept: it is what a reversal shows first
+        # the stiffness of the pair stays the same: a reversal shows it first
         deflection[i] = total / (force[i] / deflection[i] + force[i + 1] / deflection[i + 1])
         force[i] = total
         del deflection[i + 1], force[i + 1]
@@ -186,7 +186,7 @@ def start_parameters(atoms: Atoms, count: int, stribeck_velocity: float, delay: 
 
     Args:
         atoms: the convex fit.
-        count: elements wanted.
+        count: number of elements.
         stribeck_velocity: v_s [m/s].
         delay: [s].
         rate: c = C / f_C of the GMS model [1/s].
@@ -202,7 +202,7 @@ def merge_elements(parameters: Parameters, count: int) -> Parameters:
 
     Args:
         parameters: a model with at least ``count`` elements.
-        count: elements wanted.
+        count: number of elements.
     """
     order = np.argsort(parameters.level / parameters.kappa)
     level = parameters.level[order]

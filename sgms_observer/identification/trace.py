@@ -1,4 +1,4 @@
-"""What a model says beside what was measured, row by row of the judging band: the numbers that a report draws."""
+"""Traces: measured and modelled signals below the band, for the report."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ stribeck_level = vectorised("friction").stribeck_level
 
 @dataclass(frozen=True)
 class Trace:
-    """One piece of a recording beside the model, shapes (n,).
+    """Measured and modelled signals of one piece of a recording, shapes (n,).
 
     Attributes:
-        name: where it comes from.
+        name: name of the recording.
         time: of each row [s], from 0.
         position, velocity: of each row [m or rad, per s].
         effort: measured effort [N or N m].
         residual: measured minus modelled effort [N or N m].
-        friction: effort minus mass, offset and effects: what the model leaves to friction [N or N m].
-        is_sliding: rows where the axis has moved so far one way, and so long, that friction follows the velocity alone.
+        friction: effort minus the effort of mass, offset and effects [N or N m].
+        is_sliding: whether the axis has moved so far since the last reversal that friction depends on velocity alone.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Traces:
-    """All pieces of one axis, and friction while sliding as the model has it.
+    """Traces of all pieces of one axis, and the modelled friction while sliding.
 
     Attributes:
         learnt: pieces that the model was fitted to.
@@ -95,7 +95,7 @@ def traces_of(
         result: from ``identify``.
         axis: the settings that it started from.
         learnt: recordings that the model was fitted to.
-        held_out: recordings that did not.
+        held_out: held-out recordings.
     """
     scalars = result.parameters.scalars
     coulomb = float(result.parameters.level.sum())
@@ -106,17 +106,17 @@ def traces_of(
 
     shape = ElementShape.of(axis.friction, result.model)
 
-    def beside_the_model(recordings: Sequence[Recording]) -> tuple[Trace, ...]:
+    def traces_of_recordings(recordings: Sequence[Recording]) -> tuple[Trace, ...]:
         pieces = long_enough(recordings, result.cutoff)[0] if len(recordings) else []
         if result.is_opposed:
             pieces = [replace(piece, effort=-piece.effort) for piece in pieces]
         return tuple(_trace(piece, result, shape) for piece in prepare_all(pieces, result.cutoff, result.terms))
 
-    return Traces(beside_the_model(learnt), beside_the_model(held_out), curve)
+    return Traces(traces_of_recordings(learnt), traces_of_recordings(held_out), curve)
 
 
 def _trace(piece: Prepared, result: Identification, shape: ElementShape) -> Trace:
-    """Return the rows of one piece that count."""
+    """Return the trace of one piece."""
     parameters = result.parameters
     scalars = parameters.scalars
     mask = piece.settled(float(parameters.slip_deflection.max()))
@@ -143,7 +143,7 @@ def least_squares_traces(
     Args:
         fit: from ``fit_inverse_model``, symmetric.
         learnt: recordings that the model was fitted to.
-        held_out: recordings that did not.
+        held_out: held-out recordings.
         is_opposed: whether the effort was reversed for the fit.
     """
     viscous, coulomb = fit.value("viscous_coefficient"), fit.value("coulomb_force")

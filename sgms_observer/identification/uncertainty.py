@@ -1,7 +1,7 @@
-"""Covariances of least-squares estimates that stay honest when residuals are autocorrelated.
+"""Covariances of least-squares estimates for autocorrelated residuals.
 
-A model that misses something leaves residuals that resemble each other over many samples; the textbook covariance
-counts each of them as new evidence and comes out many times too small.
+A model error leaves residuals that are correlated over many samples. The textbook covariance assumes independent
+residuals, so it is many times too small.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def correlation_bandwidth(scores: Floats) -> int:
 
 
 def long_run_covariance(pieces: Sequence[Floats]) -> Floats:
-    """Sum over pieces of the scores' long-run covariance times their count (the sandwich's filling).
+    """Sum over pieces of the scores' long-run covariance times their count (the middle of the sandwich).
 
     Args:
         pieces: scores of each piece of recording, shape (n_i, k); pieces are taken as independent.
@@ -55,16 +55,16 @@ def long_run_covariance(pieces: Sequence[Floats]) -> Floats:
         Shape (k, k), positive semi-definite (Bartlett weights).
     """
     width = pieces[0].shape[1]
-    filling = np.zeros((width, width))
+    score_covariance = np.zeros((width, width))
     for scores in pieces:
         centred = scores - scores.mean(axis=0)
-        filling += centred.T @ centred
+        score_covariance += centred.T @ centred
         lags = correlation_bandwidth(_unit_columns(centred))
         for lag in range(1, min(lags, len(centred) - 1) + 1):
             weight = 1.0 - lag / (lags + 1.0)
             product = centred[lag:].T @ centred[:-lag]
-            filling += weight * (product + product.T)
-    return filling
+            score_covariance += weight * (product + product.T)
+    return score_covariance
 
 
 def _unit_columns(scores: Floats) -> Floats:
@@ -81,28 +81,28 @@ def least_squares_covariance(jacobians: Sequence[Floats], residuals: Sequence[Fl
         residuals: residual of each piece, shape (n_i,).
 
     Returns:
-        Covariance, shape (k, k). Directions the data do not show carry infinite variance on the diagonal.
+        Covariance, shape (k, k). Directions that are not identifiable have infinite variance.
     """
     stacked = np.concatenate(list(jacobians))
     scale = np.linalg.norm(stacked, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     scaled = [jacobian / scale for jacobian in jacobians]
-    bread = sum((jacobian.T @ jacobian for jacobian in scaled), np.zeros((stacked.shape[1],) * 2))
-    values, vectors = np.linalg.eigh(bread)
-    seen = values > 1e-12 * values[-1]
-    inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
+    hessian = sum((jacobian.T @ jacobian for jacobian in scaled), np.zeros((stacked.shape[1],) * 2))
+    values, vectors = np.linalg.eigh(hessian)
+    is_observable = values > 1e-12 * values[-1]
+    inverse = (vectors[:, is_observable] / values[is_observable]) @ vectors[:, is_observable].T
     scores = [jacobian * residual[:, None] for jacobian, residual in zip(scaled, residuals, strict=True)]
-    filling = long_run_covariance(scores)
+    score_covariance = long_run_covariance(scores)
     rows = sum(len(residual) for residual in residuals)
     freedom = rows / max(rows - stacked.shape[1], 1)
-    covariance = freedom * inverse @ filling @ inverse
-    blind = (vectors[:, ~seen] ** 2).sum(axis=1) > 1e-6
-    covariance[blind, blind] = np.inf
+    covariance = freedom * inverse @ score_covariance @ inverse
+    is_unobservable = (vectors[:, ~is_observable] ** 2).sum(axis=1) > 1e-6
+    covariance[is_unobservable, is_unobservable] = np.inf
     return np.asarray(covariance / np.outer(scale, scale))
 
 
 def clustered_covariance(jacobian: Floats, residual: Floats, cluster: NDArray[np.int64]) -> Floats:
-    """Sandwich covariance whose filling lets residuals correlate in any way within a cluster.
+    """Sandwich covariance for residuals with any correlation within a cluster.
 
     Args:
         jacobian: derivative of the residual by the parameters, shape (n, k).
@@ -110,7 +110,7 @@ def clustered_covariance(jacobian: Floats, residual: Floats, cluster: NDArray[np
         cluster: number of the stretch of time each row belongs to, shape (n,).
 
     Returns:
-        Covariance, shape (k, k). Directions the data do not show carry infinite variance on the diagonal.
+        Covariance, shape (k, k). Directions that are not identifiable have infinite variance.
 
     Source: Liang and Zeger, Biometrika 73 (1986), with the small-sample factor C / (C - 1).
     """
@@ -118,18 +118,18 @@ def clustered_covariance(jacobian: Floats, residual: Floats, cluster: NDArray[np
     scale = np.where(scale > 0.0, scale, 1.0)
     scaled = jacobian / scale
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    seen = values > 1e-12 * values[-1]
-    inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
+    is_observable = values > 1e-12 * values[-1]
+    inverse = (vectors[:, is_observable] / values[is_observable]) @ vectors[:, is_observable].T
     names = np.unique(cluster)
     sums = np.array([(scaled[cluster == name] * residual[cluster == name, None]).sum(axis=0) for name in names])
     factor = len(names) / max(len(names) - 1, 1)
     covariance = factor * inverse @ (sums.T @ sums) @ inverse
-    blind = (vectors[:, ~seen] ** 2).sum(axis=1) > 1e-6
-    covariance[blind, blind] = np.inf
+    is_unobservable = (vectors[:, ~is_observable] ** 2).sum(axis=1) > 1e-6
+    covariance[is_unobservable, is_unobservable] = np.inf
     return np.asarray(covariance / np.outer(scale, scale))
 
 
 def interval(value: float, std_error: float, confidence: float = 0.95) -> tuple[float, float]:
     """Return the two-sided interval of a normal estimate."""
-    reach = float(stats.norm.ppf(0.5 + 0.5 * confidence)) * std_error
-    return value - reach, value + reach
+    half_width = float(stats.norm.ppf(0.5 + 0.5 * confidence)) * std_error
+    return value - half_width, value + half_width

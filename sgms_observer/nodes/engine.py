@@ -13,8 +13,8 @@ from sgms_observer.nodes.intake import Intake
 from sgms_observer.nodes.statistics import AxisStatistics, StepClock
 from sgms_observer.observer.all_axes import AllAxes
 from sgms_observer.observer.axis_observer import AxisObserver
-from sgms_observer.observer.learnt import learnt_changes, learnt_remarks
 from sgms_observer.observer.outgoing import Outgoing, OutgoingBlock, ParameterReport
+from sgms_observer.observer.parameter_changes import parameter_changes, parameter_remarks
 from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.observer.trial import run_all_kernels
 from sgms_observer.settings.axis import Settings
@@ -152,8 +152,8 @@ def save_learnt(settings: Settings, engine: Engine, name: str) -> str:
         axis = settings.axes[number]
         values = dict(zip(axis.estimator.parameters, estimates.parameters[-1].tolist(), strict=True))
         if values:
-            changes[axis.name] = learnt_changes(axis, values, engine.observers[number].effects.added_mass)
-            for parameter, remark in learnt_remarks(axis, changes[axis.name], name).items():
+            changes[axis.name] = parameter_changes(axis, values, engine.observers[number].effects.added_mass)
+            for parameter, remark in parameter_remarks(axis, changes[axis.name], name).items():
                 comments[f"{axis.name}.{parameter}"] = remark
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
     samples = max((statistics.total for statistics in engine.statistics), default=0)

@@ -13,35 +13,37 @@ from sgms_observer.observer.samples import Estimates, Floats, Samples
 from sgms_observer.settings.axis import AxisSettings, coupled_number
 
 COUPLING = "cross_axis_coupling"
-LONGEST_AGE_NS = 50_000_000
-"""Age from which the last motion of a silent axis counts as none: a force must not stay on after its cause."""
+MAX_AGE_NS = 50_000_000
+"""Largest age of the last motion of an axis; an older motion counts as zero."""
 
 
 class _Track:
-    """The latest motion of one axis by its stamps: of the block that came last, and of the one before it."""
+    """The motion of one axis in the last two blocks, by stamp."""
 
     def __init__(self) -> None:
         self._stamps: NDArray[np.int64] = np.empty(0, dtype=np.int64)
         self._rows: Floats = np.empty((0, 4))
-        self._kept = 0
+        self._latest_start = 0
 
     def add(self, stamp_ns: NDArray[np.int64], motion: OtherMotion) -> None:
-        """Take in the next block."""
+        """Add the next block."""
         if not len(stamp_ns):
             return
         rows = np.column_stack([motion.velocity, motion.acceleration, motion.velocity_ahead, motion.acceleration_ahead])
-        before = slice(self._kept, None) if len(self._stamps) and stamp_ns[0] > self._stamps[-1] else slice(0, 0)
+        before = (
+            slice(self._latest_start, None) if len(self._stamps) and stamp_ns[0] > self._stamps[-1] else slice(0, 0)
+        )
         stamps = np.concatenate([self._stamps[before], stamp_ns])
-        self._kept = len(stamps) - len(stamp_ns)
+        self._latest_start = len(stamps) - len(stamp_ns)
         self._stamps, self._rows = np.maximum.accumulate(stamps), np.concatenate([self._rows[before], rows])
 
     def at(self, stamp_ns: NDArray[np.int64]) -> OtherMotion:
-        """Return the motion at these stamps, or just before; zero where it is not known."""
+        """Return the latest motion up to each stamp; zero if it is unknown or older than ``MAX_AGE_NS``."""
         found = np.zeros((len(stamp_ns), 4))
         if len(self._stamps):
             place = np.searchsorted(self._stamps, stamp_ns, side="right") - 1
             near = np.maximum(place, 0)
-            is_known = (place >= 0) & (stamp_ns - self._stamps[near] <= LONGEST_AGE_NS)
+            is_known = (place >= 0) & (stamp_ns - self._stamps[near] <= MAX_AGE_NS)
             rows = self._rows[near]
             found = np.where(is_known[:, None] & np.isfinite(rows), rows, 0.0)
         velocity, acceleration, velocity_ahead, acceleration_ahead = np.ascontiguousarray(found.T)
@@ -49,10 +51,10 @@ class _Track:
 
 
 class AllAxes:
-    """One observer per axis; an axis with the effect ``cross_axis_coupling`` is given the motion of its other axis.
+    """One observer per axis. An axis with the effect ``cross_axis_coupling`` gets the motion of its other axis.
 
-    The motion is that at the same stamp, so axes that come in the same messages give the same bits for any split into
-    blocks. Of an axis that is late its latest motion counts, up to ``LONGEST_AGE_NS``.
+    The motion at the same stamp is used, so axes in the same messages give the same bits for any split into blocks. If
+    the other axis is late, its latest motion is used, up to an age of ``MAX_AGE_NS``.
 
     Args:
         axes: checked settings of every axis.
@@ -77,13 +79,13 @@ class AllAxes:
         return bool(self._other)
 
     def reset(self) -> None:
-        """Forget every sample and everything learnt."""
+        """Forget every sample and all estimates."""
         for observer in self.observers:
             observer.reset()
         self._tracks = {other: _Track() for other in self._tracks}
 
     def step(self, blocks: Mapping[int, Samples]) -> dict[int, Estimates]:
-        """Take in one block of each axis that has one, and return each axis's number with its estimates.
+        """Process one block of each axis that has one, and return the number of each axis with its estimates.
 
         Args:
             blocks: number of the axis to its samples.
@@ -91,7 +93,7 @@ class AllAxes:
         return {number: observed.estimates() for number, observed in self.observe(blocks).items()}
 
     def observe(self, blocks: Mapping[int, Samples]) -> dict[int, Observed]:
-        """Do all of ``step`` but the estimates' arrangement by name, for whoever sends the compensation first.
+        """Do ``step`` without sorting the estimates by name, so that a caller can send the compensation first.
 
         Args:
             blocks: number of the axis to its samples.
@@ -115,22 +117,22 @@ class AllAxes:
         latest: Mapping[int, Estimates],
         wanted: Iterable[int],
         known: Mapping[int, KnownMotion],
-        reach: Mapping[int, float],
+        duration: Mapping[int, float],
     ) -> dict[int, Horizon]:
-        """Return the compensation of the time to come of axes whose reference is known ahead; changes nothing.
+        """Return the future compensation of axes whose reference is known ahead; does not change the state.
 
         Args:
-            latest: number of the axis to what its latest step returned.
-            wanted: numbers of the axes to do that for.
+            latest: number of the axis to the estimates of its latest step.
+            wanted: numbers of the axes.
             known: number of the axis to its reference ahead.
-            reach: number of the axis to how far to go from its latest sample at most [s].
+            duration: number of the axis to the largest time from its latest sample to the end of the horizon [s].
         """
         found = {}
         for number in wanted:
             motion = known[number]
-            if number in latest and reach[number] > 0.0:
+            if number in latest and duration[number] > 0.0:
                 other = known.get(self._other[number]) if number in self._other else None
-                horizon = self.observers[number].horizon(latest[number], motion, reach[number], other)
+                horizon = self.observers[number].horizon(latest[number], motion, duration[number], other)
                 if horizon is not None:
                     found[number] = horizon
         return found

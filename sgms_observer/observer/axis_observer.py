@@ -38,7 +38,7 @@ class OtherMotion:
     Attributes:
         velocity: filtered velocity at the row's instant [m/s], shape (n,).
         acceleration: filtered acceleration there [m/s^2], shape (n,).
-        velocity_ahead: velocity where that axis is meant to be when a compensation acts [m/s], shape (n,).
+        velocity_ahead: velocity of its set-point at the time when a compensation acts [m/s], shape (n,).
         acceleration_ahead: acceleration there [m/s^2], shape (n,).
     """
 
@@ -54,8 +54,8 @@ class FilteredBlock(NamedTuple):
     Attributes:
         samples: the block.
         motion: filtered motion.
-        ahead: where the axis is meant to be when the compensation acts, columns of ``motion_ahead``.
-        seconds: time that the first half took [s].
+        ahead: set-point at the time when the compensation acts, columns of ``motion_ahead``.
+        seconds: computing time of the first half [s].
     """
 
     samples: Samples
@@ -64,20 +64,20 @@ class FilteredBlock(NamedTuple):
     seconds: float
 
     def as_other(self) -> OtherMotion:
-        """Return the motion as another axis feels it."""
+        """Return the motion for the coupling effect of another axis."""
         motion, ahead = self.motion, self.ahead
         return OtherMotion(motion.velocity, motion.acceleration, ahead[:, AHEAD_VELOCITY], ahead[:, AHEAD_ACCELERATION])
 
 
 class Observed(NamedTuple):
-    """A block after ``AxisObserver.observe``: its compensation can be sent before anything else is made of it.
+    """A block after ``AxisObserver.observe``, with the compensation ready to be sent.
 
     Attributes:
         stamp_ns: sample time [ns], shape (n,).
         motion: filtered motion.
-        results: of the estimator.
+        results: results of the estimator.
         compensation: feedforward to add to the controller's output [N], shape (n,).
-        seconds: time that all of it took [s].
+        seconds: computing time [s].
     """
 
     stamp_ns: NDArray[np.int64]
@@ -87,7 +87,7 @@ class Observed(NamedTuple):
     seconds: float
 
     def estimates(self) -> Estimates:
-        """Return what is published and recorded of the block."""
+        """Return the estimates of the block, by name."""
         motion, results = self.motion, self.results
         return Estimates.of(
             stamp_ns=self.stamp_ns,
@@ -139,7 +139,7 @@ class AxisObserver:
         self._zeros, self._ones = np.zeros(1), np.ones(1)
 
     def reset(self) -> None:
-        """Forget every sample and everything learnt; the compensation moves to zero within its slew limit."""
+        """Forget every sample and all estimates; the compensation moves to zero within its slew limit."""
         self.differentiator.reset()
         self.estimator.reset()
         self.compensator.reset()
@@ -149,7 +149,7 @@ class AxisObserver:
         self.deadline_misses = 0
 
     def step(self, samples: Samples, other: OtherMotion | None = None) -> Estimates:
-        """Take in a block of samples.
+        """Process a block of samples.
 
         Args:
             samples: the block, n samples in the order of their stamps.
@@ -161,7 +161,7 @@ class AxisObserver:
         return self.observe(samples, other).estimates()
 
     def observe(self, samples: Samples, other: OtherMotion | None = None) -> Observed:
-        """Do all of ``step`` but the estimates' arrangement by name, for whoever sends the compensation first.
+        """Do ``step`` without sorting the estimates by name, so that a caller can send the compensation first.
 
         Args:
             samples: as for ``step``.
@@ -170,7 +170,7 @@ class AxisObserver:
         return self.estimate(self.filter(samples), other)
 
     def filter(self, samples: Samples) -> FilteredBlock:
-        """Do the first half of ``observe``: what needs no other axis.
+        """Do the first half of ``observe``, which needs no other axis.
 
         Args:
             samples: as for ``step``.
@@ -212,25 +212,25 @@ class AxisObserver:
         return Observed(samples.stamp_ns, motion, results, compensation, block.seconds + time.perf_counter() - start)
 
     def horizon(
-        self, latest: Estimates, known: KnownMotion, reach: float, other: KnownMotion | None = None
+        self, latest: Estimates, known: KnownMotion, duration: float, other: KnownMotion | None = None
     ) -> Horizon | None:
-        """Return the compensation of the time to come, along a reference that is known ahead; changes nothing.
+        """Return the future compensation along a reference that is known ahead; does not change the state.
 
         Args:
-            latest: what the latest ``step`` returned, at least one sample.
+            latest: estimates of the latest ``step``, at least one sample.
             known: the reference ahead.
-            reach: how far to go from the latest sample at most [s].
-            other: reference of the axis that ``cross_axis_coupling`` follows, or None where it is not known.
+            duration: largest time from the latest sample to the end of the horizon [s].
+            other: reference of the axis that ``cross_axis_coupling`` follows, or None if it is not known.
 
         Returns:
-            The horizon; None where the reference is not known far enough, or is not the one that is followed.
+            The horizon; None if the reference is too short or differs from the present set-point.
         """
         stamp = int(latest.stamp_ns[-1])
-        reach = min(reach, (known.end_ns - stamp) * 1e-9)
+        duration = min(duration, (known.end_ns - stamp) * 1e-9)
         ahead = self.compensator.look_ahead_time
-        if not ahead < reach or not self._follows(known, stamp):
+        if not ahead < duration or not self._follows(known, stamp):
             return None
-        time, first = grid_of(ahead, reach, self.sample_period)
+        time, first = grid_of(ahead, duration, self.sample_period)
         time_ns = stamp + np.rint(time * 1e9).astype(np.int64)
         motion = np.array(known.at(time_ns))
         force, factor = np.zeros(len(time)), np.ones(len(time))
@@ -253,7 +253,7 @@ class AxisObserver:
     def _follows(self, known: KnownMotion, stamp: int) -> bool:
         """Return whether the set-point of the latest sample lies on the reference that is known ahead.
 
-        Two periods of its largest speed are for the stamps, eight units in the last place for the scales.
+        The tolerance is two sample periods at the largest speed, plus eight units in the last place for the scales.
         """
         allowed = 2.0 * self.sample_period * known.largest_speed
         allowed += 8.0 * float(np.spacing(np.abs(known.position).max()))
@@ -281,7 +281,7 @@ class AxisObserver:
     def _effects_ahead(
         self, samples: Samples, motion: Motion, ahead: Floats, other: OtherMotion | None
     ) -> tuple[Floats, Floats]:
-        """Return the same where and when the compensation acts: along the set-point, not where the axis is now."""
+        """Return the same along the set-point, at the time when the compensation acts."""
         return self._evaluate(
             samples,
             motion,
@@ -321,7 +321,7 @@ class AxisObserver:
         )
 
     def _watch_deadline(self, seconds: float, samples: int) -> None:
-        """Leave the next correction to the EKF when this live step took too long."""
+        """Let the EKF do the next correction if this live step took longer than the deadline."""
         deadline = self.axis.estimator.deadline
         if deadline > 0.0 and samples == 1 and seconds > deadline:
             self.deadline_misses += 1

@@ -41,7 +41,7 @@ class Messages:
 
 @dataclass(frozen=True)
 class _Queue:
-    """What a stream would hold if nothing were handed on, and what was refused."""
+    """Queue of a stream before any sample is completed, and the counts of rejected messages."""
 
     stamp_ns: Ints
     arrival: Ints
@@ -56,7 +56,7 @@ def push_block(pairing: Pairing, position: Messages, effort: Messages, reference
     """Push a block of recorded messages.
 
     Args:
-        pairing: takes them in; pop the samples from it afterwards.
+        pairing: pairing of the axis; pop the samples from it afterwards.
         position: positions [topic units].
         effort: efforts [topic units].
         reference: set-points and their velocities [topic units].
@@ -85,10 +85,10 @@ def _push_one_by_one(pairing: Pairing, position: Messages, effort: Messages, ref
 
 
 def _push_at_once(pairing: Pairing, position: Messages, effort: Messages, reference: Messages) -> bool:
-    """Pair with array operations if that provably gives the same; return whether it did."""
+    """Pair with array operations if the result is the same as one by one; return whether it was."""
     for stream, messages in ((pairing.effort, effort), (pairing.reference, reference)):
         if not stream.is_awaited and (messages.stamp_ns.size or stream.queue):
-            return False  # its first message changes who is waited for
+            return False  # its first message changes which streams are awaited
     queues = [
         _accept(stream, messages, number)
         for number, (stream, messages) in enumerate(
@@ -121,7 +121,7 @@ def _push_at_once(pairing: Pairing, position: Messages, effort: Messages, refere
     if _waits_too_long(ready, p.arrival, pairing.reference_limit):
         return False
     for queue in (e, r):
-        # A message is gone, used or not, once the first position behind it was handed on.
+        # A message leaves the queue when the first position after it is complete.
         user = np.searchsorted(earliest, queue.stamp_ns, side="right")
         gone = np.full(queue.stamp_ns.size, _NOT_YET)
         gone[user < ready.size] = ready[user[user < ready.size]]
@@ -137,7 +137,7 @@ def _waits_too_long(gone: Ints, arrival: Ints, limit: int) -> bool:
 
 
 def _accept(stream: Stream, messages: Messages, number: int) -> _Queue | None:
-    """Return what waits already and what of the messages is taken in, or None if a clock was reset."""
+    """Return the queue with the accepted messages added, or None if a clock was reset."""
     finite = np.isfinite(messages.first)
     if number == 2:
         finite &= ~np.isinf(messages.second)
@@ -166,7 +166,7 @@ def _commit(
     done: int,
     matches: list[tuple[NDArray[np.intp], NDArray[np.bool_]]],
 ) -> None:
-    """Hand on the first ``done`` positions and keep the rest waiting."""
+    """Complete the first ``done`` positions; the others continue to wait."""
     columns = []
     counts = pairing.counts
     for queue, stream, (partner, is_match) in ((e, pairing.effort, matches[0]), (r, pairing.reference, matches[1])):
@@ -199,7 +199,7 @@ def _commit(
 
 
 def _keep(stream: Stream, queue: _Queue, first: int) -> None:
-    """Leave what is behind ``first`` in the stream's queue."""
+    """Set the queue of a stream to the messages from ``first`` on."""
     if queue.stamp_ns.size:
         stream.last_ns = max(stream.last_ns, int(queue.stamp_ns[-1]))
     rest = slice(first, None)

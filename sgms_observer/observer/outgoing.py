@@ -1,6 +1,6 @@
-"""Estimates as the topics carry them: which rows are published, and which axes share a message.
+"""Conversion of estimates to messages: which rows are published, and which axes share a message.
 
-The node and replay both publish what this says, so a replayed bag holds the very messages of the live run.
+Node and replay use the same conversion, so a replayed bag holds the same messages as the live run.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class OutgoingBlock(NamedTuple):
 
 @dataclass(frozen=True)
 class ParameterReport:
-    """What ``friction_parameters`` says of one axis at one time.
+    """Content of ``friction_parameters`` for one axis at one time.
 
     Attributes:
         axis: name of the axis.
@@ -67,7 +67,7 @@ class ParameterReport:
 
 
 class Outgoing:
-    """Turns blocks of estimates into blocks of messages.
+    """Converts blocks of estimates to blocks of messages.
 
     Args:
         settings: all axes, and how many estimates are published.
@@ -81,7 +81,7 @@ class Outgoing:
         )
         self._parameters = tuple(axis.estimator.parameters for axis in settings.axes)
         self._every = settings.publish_every
-        self._seen = [0] * len(self._axes)
+        self._sample_counts = [0] * len(self._axes)
         self._reported = [-1] * len(self._axes)
 
     def blocks(self, estimates: Mapping[int, Estimates]) -> list[OutgoingBlock]:
@@ -96,7 +96,7 @@ class Outgoing:
         return [*self.compensations(estimates), *self.others(estimates)]
 
     def compensations(self, estimates: Mapping[int, Estimates]) -> list[OutgoingBlock]:
-        """Return those of ``blocks`` that a controller waits for.
+        """Return the messages of ``blocks`` with the compensation.
 
         Args:
             estimates: as for ``blocks``.
@@ -104,10 +104,10 @@ class Outgoing:
         return [self._effort(COMPENSATION, axes, group, "compensation") for axes, group in _by_stamps(estimates)]
 
     def compensation_of_all(self, observed: Mapping[int, Observed]) -> OutgoingBlock | None:
-        """Return what ``compensations`` gives for axes whose stamps agree, without their estimates; None for others.
+        """Return the message of ``compensations`` for axes with equal stamps, without estimates; None for other axes.
 
         Args:
-            observed: number of the axis to what was observed of its new samples.
+            observed: number of the axis to the observation of its new samples.
         """
         first, *others = observed.values()
         if not others:
@@ -121,7 +121,7 @@ class Outgoing:
         return OutgoingBlock(COMPENSATION, names, first.stamp_ns, {"effort": effort})
 
     def others(self, estimates: Mapping[int, Estimates]) -> list[OutgoingBlock]:
-        """Return the rest of ``blocks``.
+        """Return the other messages of ``blocks``.
 
         Args:
             estimates: as for ``blocks``.
@@ -149,7 +149,7 @@ class Outgoing:
         return found
 
     def reports(self, estimates: Mapping[int, Estimates]) -> list[ParameterReport]:
-        """Return what is to be said of the estimated parameters: at most ten times per second of sample time.
+        """Return the reports of the estimated parameters, at most ten per second of sample time.
 
         Args:
             estimates: number of the axis to its new estimates.
@@ -185,8 +185,8 @@ class Outgoing:
         """Return the rows that ``publish_every`` lets through."""
         if self._every == 1:
             return block
-        first = -self._seen[axis] % self._every
-        self._seen[axis] += len(block.stamp_ns)
+        first = -self._sample_counts[axis] % self._every
+        self._sample_counts[axis] += len(block.stamp_ns)
         return select_rows(block, slice(first, None, self._every)) if first < len(block.stamp_ns) else None
 
 
@@ -214,7 +214,7 @@ def _columns(group: Sequence[Estimates], field: str) -> Floats:
 
 
 def _by_stamps(estimates: Mapping[int, Estimates]) -> list[tuple[tuple[int, ...], list[Estimates]]]:
-    """Group axes whose stamps agree; where they do not, the common stamps go together and the rest apart."""
+    """Group axes with equal stamps. Otherwise the common stamps form one group and the others one group per axis."""
     axes = tuple(estimates)
     blocks = list(estimates.values())
     if len(blocks) <= 1 or all(np.array_equal(blocks[0].stamp_ns, block.stamp_ns) for block in blocks[1:]):

@@ -1,4 +1,4 @@
-"""Position, effort and reference of one axis brought together by their stamps, whatever order they arrive in.
+"""Pairing of position, effort and reference of one axis by their stamps, for any order of arrival.
 
 A sample is complete when each awaited stream has delivered a stamp as late as the position's. Live messages are pushed
 one by one; recordings are pushed in blocks, which gives the same samples faster (``block_pairing``).
@@ -23,18 +23,18 @@ _NAN = math.nan
 
 @dataclass
 class PairingCounts:
-    """What became of the messages of one axis, in messages.
+    """Counts of messages of one axis by outcome.
 
     Attributes:
-        samples: samples handed on.
-        missing_efforts: samples handed on without an effort.
+        samples: complete samples.
+        missing_efforts: samples without an effort.
         unmatched_efforts: efforts without a position at the same time.
         unmatched_references: references without a position at the same time.
-        late: messages that came after one with a later stamp.
-        duplicates: messages that repeated the stamp before them.
-        invalid: messages whose number was NaN or infinite.
-        clock_resets: times the position's stamps jumped back by more than a second.
-        stream_resets: the same of effort or reference.
+        late: messages that arrived after one with a later stamp.
+        duplicates: messages with the same stamp as the message before.
+        invalid: messages with NaN or infinity.
+        clock_resets: number of backward jumps of the position's stamps by more than a second.
+        stream_resets: the same for effort or reference.
     """
 
     samples: int = 0
@@ -70,12 +70,12 @@ class PairingCounts:
 
 @dataclass
 class Stream:
-    """One topic's messages that wait for the other topics.
+    """Messages of one topic that wait for the other topics.
 
     Attributes:
-        last_ns: latest stamp taken in [ns].
-        queue: (stamp [ns], position or effort, velocity) of each message that waits, as it came, stamps increasing.
-        is_awaited: whether samples wait for this topic.
+        last_ns: latest stamp [ns].
+        queue: (stamp [ns], position or effort, velocity) of each waiting message, with increasing stamps.
+        is_awaited: whether a sample needs a message of this topic.
     """
 
     last_ns: int = _NEVER
@@ -84,18 +84,18 @@ class Stream:
 
 
 class Pairing:
-    """Merges the streams of one axis; the result does not depend on how they interleave.
+    """Merges the streams of one axis. The result does not depend on the order of arrival between streams.
 
-    Stamps count as equal within a quarter of a sample period. A position whose effort is known to be missing (a later
-    one is there) is handed on with effort NaN. A stream that stays silent is waited for ``hold`` only: then it counts
-    as absent until it speaks, so that nothing stalls and no queue grows.
+    Stamps count as equal within a quarter of a sample period. If the effort of a position is missing and a later effort
+    has arrived, the sample gets effort NaN. A stream without messages is awaited for the time ``hold``. Then it counts
+    as absent until its next message, so that the samples continue and no queue grows.
 
     Args:
         sample_period: nominal time between two samples [s].
         scales: factors from the messages to SI; the samples that ``pop`` returns are in SI.
         tolerance: largest difference of two stamps of one sample, as a share of the sample period.
-        hold: how long a sample waits for a silent effort [s], while DDS may send it again; 1/25 of it for a reference.
-        most: samples that wait at most, whatever ``hold`` says.
+        hold: longest waiting time for an effort [s], in which DDS may send it again; 1/25 of it for a reference.
+        most: largest number of waiting samples, for any ``hold``.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class Pairing:
         self._allocate()
 
     def push_position(self, stamp_ns: int, position: float) -> None:
-        """Take in a measured position.
+        """Add a measured position.
 
         Args:
             stamp_ns: sample time [ns].
@@ -151,7 +151,7 @@ class Pairing:
                 self._give_up()
 
     def push_effort(self, stamp_ns: int, effort: float) -> None:
-        """Take in an effort of the actuator.
+        """Add an effort of the actuator.
 
         Args:
             stamp_ns: sample time [ns].
@@ -164,7 +164,7 @@ class Pairing:
             self.counts.invalid += 1
 
     def push_reference(self, stamp_ns: int, position: float, velocity: float) -> None:
-        """Take in a set-point.
+        """Add a set-point.
 
         Args:
             stamp_ns: sample time [ns].
@@ -197,7 +197,7 @@ class Pairing:
         return bool(self.ready) or self._first != self._next
 
     def flush(self) -> None:
-        """Hand on every position that still waits: nothing more will come."""
+        """Complete every waiting position at the end of the streams."""
         awaited = self.effort.is_awaited, self.reference.is_awaited
         self.effort.is_awaited = self.reference.is_awaited = False
         self._join()
@@ -209,7 +209,7 @@ class Pairing:
             self.ready.append(self._take())
 
     def _take(self) -> Samples:
-        """Return the rows filled since the last time, as views that are never written again."""
+        """Return the rows since the last call, as views that are never overwritten."""
         first, last = self._first, self._next
         stamps, values = self._stamps, self._values
         self._first = last
@@ -224,7 +224,7 @@ class Pairing:
         )
 
     def _allocate(self) -> None:
-        """Start new arrays; the old ones belong to those who got blocks of them."""
+        """Allocate new arrays; returned blocks are views of the old ones."""
         self._stamps = np.empty(_ROWS, np.int64)
         self._values = np.empty((4, _ROWS))
         self._first = self._next = 0
@@ -236,7 +236,7 @@ class Pairing:
             self.counts.late += 1
 
     def _push(self, stream: Stream, stamp_ns: int, first: float, second: float) -> int:
-        """Take in an effort or reference; return how many of its stream were given up without a position."""
+        """Add an effort or reference; return the number of messages of its stream dropped without a position."""
         given_up = 0
         if stamp_ns <= stream.last_ns:
             if stream.last_ns - stamp_ns <= CLOCK_RESET_NS:
@@ -256,30 +256,30 @@ class Pairing:
         return given_up
 
     def _restart(self, stamp_ns: int) -> None:
-        """The clock was reset: hand on what is there and forget what belongs to the time before."""
+        """Complete the waiting samples after a reset of the clock and drop messages of the time before."""
         self.counts.clock_resets += 1
         self.flush()
         self.cut()
         for stream in (self.effort, self.reference):
-            kept = [item for item in stream.queue if item[0] <= stamp_ns + CLOCK_RESET_NS]
-            given_up = len(stream.queue) - len(kept)
+            remaining = [item for item in stream.queue if item[0] <= stamp_ns + CLOCK_RESET_NS]
+            given_up = len(stream.queue) - len(remaining)
             if stream is self.effort:
                 self.counts.unmatched_efforts += given_up
             else:
                 self.counts.unmatched_references += given_up
-            stream.queue = deque(kept)
+            stream.queue = deque(remaining)
             if stream.last_ns > stamp_ns + CLOCK_RESET_NS:
-                stream.last_ns = kept[-1][0] if kept else _NEVER
+                stream.last_ns = remaining[-1][0] if remaining else _NEVER
 
     def _give_up(self) -> None:
-        """The oldest position waited long enough: whoever is silent counts as absent."""
+        """Mark streams without messages as absent, because the oldest position has waited long enough."""
         for stream in (self.effort, self.reference):
             if not stream.queue:
                 stream.is_awaited = False
         self._join()
 
     def _join(self) -> None:
-        """Hand on every position for which all awaited streams have spoken."""
+        """Complete every position for which all awaited streams have a message."""
         positions, efforts, references = self.position.queue, self.effort.queue, self.reference.queue
         tolerance = self.tolerance_ns
         while positions:

@@ -1,4 +1,4 @@
-"""What goes into an observer and what comes out: blocks of samples of one axis, as arrays."""
+"""Input and output of an observer: blocks of samples of one axis as arrays."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ Floats = NDArray[np.float64]
 
 
 class _Block:
-    """A frozen dataclass of arrays that is made for every live sample."""
+    """A frozen dataclass of arrays that is created for every live sample."""
 
     @classmethod
     def of(cls, **fields: Any) -> Self:
-        """Return a block without the calls of a frozen dataclass's constructor, which take longer than all the rest.
+        """Return a block without the slow constructor of a frozen dataclass.
 
         Args:
             fields: all fields by name.
@@ -50,7 +50,7 @@ class Samples(_Block):
         """Return samples in SI from samples as topics and bags carry them.
 
         Args:
-            scales: of the axis.
+            scales: scales of the axis.
         """
         if scales.are_one:
             return self
@@ -67,7 +67,7 @@ class Samples(_Block):
         """Return samples as topics and bags carry them, from samples in SI.
 
         Args:
-            scales: of the axis.
+            scales: scales of the axis.
         """
         if scales.are_one:
             return self
@@ -83,7 +83,7 @@ class Samples(_Block):
 
 @dataclass(frozen=True)
 class Estimates(_Block):
-    """What the observer says about a block of n samples of one axis; row i belongs to ``stamp_ns[i]``.
+    """Estimates for a block of n samples of one axis; row i belongs to ``stamp_ns[i]``.
 
     Attributes:
         stamp_ns: sample time [ns], int64, shape (n,).

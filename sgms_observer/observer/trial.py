@@ -1,4 +1,4 @@
-"""A made-up run of an observer that calls every kernel once, so that none is compiled or loaded while samples wait."""
+"""Warm-up of an observer: a synthetic run that calls every kernel once, so that it is compiled before live samples."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _AMPLITUDE = 1.0e-4  # m
 
 
 def run_all_kernels(observer: AxisObserver) -> None:
-    """Let an observer that is of no further use step through a small motion and look ahead.
+    """Run an observer over a small synthetic motion and look ahead. Its state is not usable afterwards.
 
     Args:
-        observer: of the axis whose kernels are wanted, with its compensation enabled.
+        observer: observer of the axis whose kernels are compiled, with its compensation enabled.
     """
     seconds = np.arange(2 * _SAMPLES) * observer.sample_period
     stamps = np.rint(seconds * 1e9).astype(np.int64)

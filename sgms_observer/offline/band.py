@@ -1,8 +1,8 @@
-"""The judging band: up to which frequency measured and predicted effort are compared.
+"""The judging band: the frequencies at which measured and predicted effort are compared.
 
 Mass times the acceleration of a noisy position grows with the frequency to the power of 5/2. Above the corner chosen
 here it would be larger than the share ``NOISE_SHARE`` of the effort (or larger than the effort's own noise), and a
-residual would show the encoder instead of the machine. Identification and diagnosis ask the same function.
+residual would show the encoder instead of the machine. Identification and diagnosis use the same function.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Band:
 
     Attributes:
         corner: its upper corner [Hz].
-        limit: what limits it, for people.
+        limit: what limits it, in words.
     """
 
     corner: float
@@ -79,7 +79,7 @@ def choose_band(recordings: Sequence[Recording], axis: AxisSettings, cutoff: flo
 
 
 def rough_mass(recordings: Sequence[Recording], start_mass: float) -> float:
-    """Return a mass that is good enough to choose a band [kg or kg m^2].
+    """Return a rough mass for the choice of the band [kg or kg m^2].
 
     Least squares of the effort on acceleration, velocity, direction, position and a constant, at low frequencies.
 

@@ -15,6 +15,9 @@ _MAX_STEPS = 20.5
 """Differences of more steps than this do not enter: their rounding adds up."""
 _MIN_COHERENCE = 0.75
 """Mean cosine of the differences' phase on the grid; a log that rounds to a fifth of the step reaches 0.87."""
+_MIN_FAR_COHERENCE = 0.5
+"""The same of differences of up to three times as many steps: half way between chance and a grid. A log that repeats a
+motion exactly has few different small differences, which follow some grid by chance."""
 _SMALLEST = (1.0e-3, 1.0e-4, 0.0)
 """Quantiles that may be the smallest difference: single differences may come from a glitch or a re-homed encoder."""
 _CANDIDATES = 1200
@@ -49,7 +52,9 @@ def encoder_step(position: Floats) -> float:
         if len(small) < _MIN_DIFFERENCES:
             continue
         step, coherence = _best_grid(small, smallest)
-        if coherence > _MIN_COHERENCE:
+        far = moved[(moved >= _MAX_STEPS * smallest) & (moved < 3.0 * _MAX_STEPS * smallest)]
+        is_grid_by_chance = len(far) >= _MIN_DIFFERENCES and _coherence(far, step) < _MIN_FAR_COHERENCE
+        if coherence > _MIN_COHERENCE and not is_grid_by_chance:
             return step
     return 0.0
 
@@ -64,6 +69,11 @@ def _best_grid(differences: Floats, smallest: float) -> tuple[float, float]:
     whole = np.maximum(np.round(values / best), 1.0)
     exact = float((weights * whole) @ values / ((weights * whole) @ whole))  # least squares of value = step * whole
     return exact * smallest, float(weights @ np.cos(2.0 * np.pi * values / exact))
+
+
+def _coherence(differences: Floats, step: float) -> float:
+    """Return the mean cosine of the differences' phase on a grid."""
+    return float(np.mean(np.cos(2.0 * np.pi * differences / step)))
 
 
 def position_noise(position: Floats, step: float | None = None) -> float:

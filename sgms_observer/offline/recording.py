@@ -1,7 +1,7 @@
-"""A recording made ready for identification and diagnosis: evenly sampled, finite, without holes.
+"""A recording prepared for identification and diagnosis: evenly sampled, finite, without gaps.
 
 Irregular stamps are brought to an even grid by a cubic through the samples. Equal and backward stamps are dropped.
-Pauses cut the recording into pieces; pieces too short to learn from are left out. Notes say what was done.
+Pauses cut the recording into pieces; pieces that are too short are left out. Notes report these changes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MIN_SAMPLES = 200
 """Samples of a piece that is worth learning from."""
 MIN_RATE = 20.0
 """Lowest sample rate [Hz]; the interface promises 20 Hz to 20 kHz."""
-LONGEST_END = 0.1
+MAX_END = 0.1
 """Longest end of a recording without set-points that is filled [s]; figures of tracking leave out the first 0.5 s."""
 _RATE_TOLERANCE = 0.98  # of MIN_RATE: a clock that runs slow
 _MAX_STRAY = 0.02  # share of the period by which a stamp may stray before the signals are interpolated
@@ -42,7 +42,7 @@ class Recording:
     """One evenly sampled piece of a recording, in SI units.
 
     Attributes:
-        name: where it comes from, for people.
+        name: name of the recording.
         period: time between two samples [s].
         position: measured position [m or rad], shape (n,).
         effort: effort of the actuator [N or N m], shape (n,).
@@ -85,14 +85,14 @@ class Recording:
     def whole_reference(self) -> Floats | None:
         """Set-point at every sample [m or rad], or None where samples between the first and the last one lack theirs.
 
-        A recording that starts between two messages lacks the set-points of its ends: at most ``LONGEST_END`` of each
+        A recording that starts between two messages lacks the set-points of its ends: at most ``MAX_END`` of each
         is filled with the nearest one.
         """
         given = self.reference_position
         known = np.flatnonzero(np.isfinite(given)) if given is not None else np.zeros(0, dtype=np.int64)
         if given is None or len(known) == 0 or known[-1] - known[0] + 1 > len(known):
             return None
-        if max(known[0], len(given) - 1 - known[-1]) * self.period > LONGEST_END:
+        if max(known[0], len(given) - 1 - known[-1]) * self.period > MAX_END:
             return None
         return np.asarray(given[np.clip(np.arange(len(given)), known[0], known[-1])], dtype=np.float64)
 
@@ -182,7 +182,7 @@ def read_recordings(
 
 
 def _without_unit_of_log(piece: Recording) -> Recording:
-    """Return a piece that does not show in its last bits which unit its log was written in."""
+    """Return a piece rounded so that the unit of its log does not change its last bits."""
     step = piece.encoder_step
     noise = step / math.sqrt(12.0) if step > 0.0 else white_noise(piece.position)
     reference, other = (
@@ -195,16 +195,14 @@ def _without_unit_of_log(piece: Recording) -> Recording:
     )  # fmt: skip
 
 
-def recordings_from_samples(
-    samples: Samples, name: str, sha256: str = "", other: Samples | None = None
-) -> Recordings:
+def recordings_from_samples(samples: Samples, name: str, sha256: str = "", other: Samples | None = None) -> Recordings:
     """Cut a block of samples into evenly sampled pieces.
 
     Args:
-        samples: everything one axis recorded, in SI units.
-        name: where it comes from, for people.
+        samples: recorded samples of one axis, in SI units.
+        name: name of the recording.
         sha256: hash of the file it comes from.
-        other: what another axis recorded meanwhile, or None.
+        other: recorded samples of another axis, or None.
 
     Returns:
         Pieces between pauses, each long enough to learn from, in order of time, and notes.
@@ -238,9 +236,7 @@ def recordings_from_samples(
     edges = [0, *(np.flatnonzero(~whole) + 1).tolist(), len(seconds)]
     spans = [(a, b) for a, b in pairwise(edges) if b - a >= MIN_SAMPLES]
     if not spans:
-        raise DataError(
-            f"{name} is broken by pauses into pieces shorter than {MIN_SAMPLES} samples; record it again"
-        )
+        raise DataError(f"{name} is broken by pauses into pieces shorter than {MIN_SAMPLES} samples; record it again")
     if skipped := len(edges) - 1 - len(spans):
         lost = len(seconds) - sum(b - a for a, b in spans)
         notes.append(f"{name}: {skipped} pieces between pauses hold fewer than {MIN_SAMPLES} samples and were skipped"
@@ -263,7 +259,7 @@ def recordings_from_samples(
 def _mean_period(pauses: Floats, typical: float) -> float:
     """Return the period over half of the recording, the median of all halves [s].
 
-    A clock that ticks coarsely has a median pause that drifts off; a few odd stamps would move the plain mean.
+    A coarse clock biases the median pause; a few wrong stamps bias the mean.
     """
     counts = np.concatenate(([0.0], np.cumsum(np.maximum(np.round(pauses / typical), 1.0))))
     seconds = np.concatenate(([0.0], np.cumsum(pauses)))
@@ -291,10 +287,8 @@ def _even_piece(
     return Recording(name, period, position, effort, reference, sha256, start), stray
 
 
-def _without_odd_ends(
-    seconds: Floats, signals: Sequence[Floats], period: float
-) -> tuple[Floats, Sequence[Floats]]:
-    """Return the samples without a few at either end, where all uneven pauses of a log lie that is even elsewhere."""
+def _without_odd_ends(seconds: Floats, signals: Sequence[Floats], period: float) -> tuple[Floats, Sequence[Floats]]:
+    """Return the samples without a few at either end, if only these have uneven pauses."""
     uneven = np.flatnonzero(np.abs(np.diff(seconds) - period) > _MAX_UNEVEN * period)
     early, late = uneven[uneven < _MAX_TRIMMED], uneven[uneven >= len(seconds) - 1 - _MAX_TRIMMED]
     if not len(uneven) or len(early) + len(late) < len(uneven):

@@ -1,4 +1,4 @@
-"""What a demonstration shows: estimation error against the truth, tracking with and without compensation."""
+"""Report of a demonstration: estimation error against the truth, tracking with and without compensation."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Half:
 
 @dataclass(frozen=True)
 class Presentation:
-    """What there is to tell.
+    """Result of a demonstration.
 
     Attributes:
         lines: for the terminal.
@@ -122,9 +122,9 @@ def _run_of(bag: Path, axis: AxisSettings) -> tuple[Run, Ints]:
     stamps, estimate = _signal(bag, "friction_estimate", axis.name)
 
     def on_stamps(topic: str) -> dict[str, Floats]:
-        own, fields = _signal(bag, topic, axis.name)
-        place = np.minimum(np.searchsorted(own, stamps), max(0, len(own) - 1))
-        is_there = own[place] == stamps
+        stamps_of_topic, fields = _signal(bag, topic, axis.name)
+        place = np.minimum(np.searchsorted(stamps_of_topic, stamps), max(0, len(stamps_of_topic) - 1))
+        is_there = stamps_of_topic[place] == stamps
         return {name: np.where(is_there, values[place], np.nan) for name, values in fields.items()}
 
     truth = on_stamps("friction_true")
@@ -143,7 +143,7 @@ def _run_of(bag: Path, axis: AxisSettings) -> tuple[Run, Ints]:
 
 
 def _way(bag: Path, axis: AxisSettings, stamps: Ints, sample_period: float) -> Lateness:
-    """Return which samples of the stage got their compensation in time."""
+    """Return whether each sample of the stage got its compensation in time."""
     applied_ns, reference = _signal(bag, "reference", axis.name)
     sent_ns, compensation = _signal(bag, "friction_compensation", axis.name)
     lead = max(0.0, axis.compensation.look_ahead - axis.stage.actuation_delay)
@@ -214,7 +214,7 @@ def _replayed(bag: Path, settings: Settings, axis: str) -> tuple[int, int]:
 
 
 def _on_the_way(without: Half, with_it: Half, units: Units) -> str:
-    """Return what late compensations did, as far as the recording tells."""
+    """Return a sentence about late compensations, if the recording shows them."""
     readable = _readable(without, with_it, units)
     if math.isnan(with_it.late_share):
         return "the recording does not tell which compensations came in time"
@@ -231,12 +231,12 @@ def _on_the_way(without: Half, with_it: Half, units: Units) -> str:
 
 
 def _readable(without: Half, with_it: Half, units: Units) -> Callable[[float], str]:
-    """Return what shows tracking errors, all with one prefix."""
+    """Return a function that formats tracking errors with one prefix."""
     return partial(units.readable, largest=max(without.tracking_peak, with_it.tracking_peak))
 
 
 def _lines(axis: AxisSettings, without: Half, with_it: Half, same: int, compared: int) -> list[str]:
-    """Return what the terminal shows of one axis."""
+    """Return the lines of the terminal for one axis."""
     readable = _readable(without, with_it, axis.units)
     return [
         f"axis {axis.name}",

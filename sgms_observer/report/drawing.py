@@ -1,4 +1,4 @@
-"""How every picture of a report is made: one style, SVG in the page's own colours, no screen needed."""
+"""Drawing of pictures for reports: one style, SVG in the colours of the page, no screen needed."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def sheet(
 
 def _of_the_page(svg: str, name: str, caption: str) -> str:
     """Return a drawing as a page carries it: described, in the page's colours, its names apart from other drawings'."""
-    own = re.sub(r"\W", "_", name)
+    prefix = re.sub(r"\W", "_", name)
     svg = svg[svg.index("<svg") :].strip()
     size = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
     width, height = size.groups() if size else ("100", "60")
@@ -113,7 +113,7 @@ def _of_the_page(svg: str, name: str, caption: str) -> str:
     )
     body = svg[svg.index(">") + 1 :]
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
-    body = re.sub(r'\bid="', f'id="{own}-', body)
-    body = re.sub(r'(url\(|href=")#', rf"\1#{own}-", body)
+    body = re.sub(r'\bid="', f'id="{prefix}-', body)
+    body = re.sub(r'(url\(|href=")#', rf"\1#{prefix}-", body)
     names = {pair[0]: colour for colour, pair in COLOURS.items()}
     return head + re.sub("|".join(names), lambda found: f"var(--{names[found[0]]})", body)

@@ -1,4 +1,4 @@
-"""Pictures of friction and of what a model misses: over velocity, over position, measured against modelled."""
+"""Pictures of friction and residual: over velocity, over position, measured against modelled."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ Curve = tuple[Floats, Floats]
 SLOWEST = 1.0e-3
 """Slowest range of the velocity that is drawn, as a share of the largest velocity."""
 _RANGES = 14  # of the velocity, in each direction
-_FEWEST = 5  # rows of a bin that is drawn
-_MOST_DOTS = 20_000  # of a picture
-_MOST_POINTS = 4_000  # of a line over position
+_MIN_ROWS = 5  # rows of a bin that is drawn
+_MAX_DOTS = 20_000  # of a picture
+_MAX_POINTS = 4_000  # of a line over position
 _BINS = 120  # of the position, as far as the rows suffice
 _ROWS_OF_A_BIN = 20
 _BINS_OF_A_PERIOD = 12  # so that a period is seen and not folded
@@ -55,7 +55,7 @@ def stribeck_points(velocity: Floats, friction: Floats) -> tuple[Floats, Floats,
         for low, high in pairwise(edges):
             for sign in (-1.0, 1.0):
                 inside = (sign * velocity > low) & (sign * velocity <= high)
-                if np.sum(inside) >= _FEWEST:
+                if np.sum(inside) >= _MIN_ROWS:
                     points.append((velocity[inside].mean(), friction[inside].mean(), friction[inside].std()))
     ordered = np.array(sorted(points)).reshape(-1, 3)
     return ordered[:, 0], ordered[:, 1], ordered[:, 2]
@@ -89,9 +89,7 @@ def over_velocity(
     return drawn.picture
 
 
-def hysteresis(
-    name: str, caption: str, position: Floats, measured: Floats, modelled: Floats, units: Units
-) -> Picture:
+def hysteresis(name: str, caption: str, position: Floats, measured: Floats, modelled: Floats, units: Units) -> Picture:
     """Draw measured and modelled friction over position.
 
     Args:
@@ -105,8 +103,8 @@ def hysteresis(
     with sheet(name, caption) as drawn:
         axes = drawn.axes[0]
         for values, colour, label in ((measured, MEASURED, "measured"), (modelled, ESTIMATE, "modelled")):
-            places = factor * thinned(position, _MOST_POINTS)
-            axes.plot(places, thinned(values, _MOST_POINTS), color=colour, lw=0.7, label=label)
+            places = factor * thinned(position, _MAX_POINTS)
+            axes.plot(places, thinned(values, _MAX_POINTS), color=colour, lw=0.7, label=label)
         axes.set_xlabel(f"position [{unit}]")
         axes.set_ylabel(f"friction [{units.effort}]")
     return drawn.picture
@@ -144,7 +142,7 @@ def residual_over_position(
     effect: Floats | None = None,
     period: float | None = None,
 ) -> Picture:
-    """Draw the residual in even bins of the position, a colour for each direction, and what effects say of it.
+    """Draw the residual in even bins of the position, a colour for each direction, with the fitted effects.
 
     Args:
         name: short name.
@@ -208,7 +206,7 @@ def binned(position: Floats, values: Floats, edges: Floats) -> tuple[Floats, Flo
     size = len(edges) - 1
     place = np.clip(np.searchsorted(edges, position, side="right") - 1, 0, size - 1)
     count = np.bincount(place, minlength=size)
-    enough = np.where(count >= _FEWEST, count, np.nan)
+    enough = np.where(count >= _MIN_ROWS, count, np.nan)
     mean = np.bincount(place, values, size) / enough
     square = np.bincount(place, values**2, size) / enough
     return mean, np.sqrt(np.maximum(square - mean**2, 0.0) / enough)
@@ -216,7 +214,7 @@ def binned(position: Floats, values: Floats, edges: Floats) -> tuple[Floats, Flo
 
 def _draw_rows(axes: Axes, x: Floats, y: Floats, colour: str, size: float, alpha: float, label: str) -> None:
     """Draw a dot for each row, thinned; the legend's dot is opaque."""
-    x, y = thinned(x, _MOST_DOTS), thinned(y, _MOST_DOTS)
+    x, y = thinned(x, _MAX_DOTS), thinned(y, _MAX_DOTS)
     axes.plot(x, y, ".", color=colour, ms=size, alpha=alpha, rasterized=True)
     axes.plot([], [], ".", color=colour, label=label)
 

@@ -1,4 +1,4 @@
-"""Which samples of a live run got the compensation that was made for them, and which got it late."""
+"""Lateness: samples of a live run whose compensation arrived late."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 RECOVERY = 0.05
-"""Time after a late compensation that the axis still needs to come back [s]: a few of the controller's."""
+"""Recovery time of the axis after a late compensation [s]: several time constants of the controller."""
 
 _SAME = 1.0e-9  # N
 
 
 @dataclass(frozen=True)
 class Lateness:
-    """What came in time.
+    """Lateness of each sample.
 
     Attributes:
         is_known: whether the recording tells what was applied.
@@ -34,7 +34,7 @@ class Lateness:
 
 @dataclass(frozen=True)
 class Sent:
-    """What was sent to the stage.
+    """Compensation that was sent to the stage.
 
     Attributes:
         stamp_ns: stamps of the single values [ns], increasing, shape (m,).
@@ -51,7 +51,7 @@ class Sent:
     ahead: float = 0.0
 
     def holds(self, time_ns: Ints, applied: Floats) -> NDArray[np.bool_]:
-        """Return which of the applied forces are what was sent for their time, shape (n,).
+        """Return whether each applied force is the one that was sent for its time, shape (n,).
 
         Args:
             time_ns: samples, increasing [ns], shape (n,).
@@ -69,7 +69,7 @@ class Sent:
 
 
 def judge_lateness(stamp_ns: Ints, applied_ns: Ints, applied: Floats, sent: Sent) -> Lateness:
-    """Compare what went into the effort with what was sent for that time.
+    """Compare the applied compensation with the one that was sent for that time.
 
     Args:
         stamp_ns: the samples to judge [ns], shape (n,).

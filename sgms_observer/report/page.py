@@ -114,7 +114,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """What a report says.
+    """Content of a report.
 
     Args:
         title: heading of the page.
@@ -162,10 +162,10 @@ def render_page(page: Page) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    scripts, styles = [], [_own("page.css")]
+    scripts, styles = [], [_resource("page.css")]
     if page.plots:
-        scripts = [_own("uplot/uPlot.iife.min.js"), _own("plot.js")]
-        styles.insert(0, _own("uplot/uPlot.min.css"))
+        scripts = [_resource("uplot/uPlot.iife.min.js"), _resource("plot.js")]
+        styles.insert(0, _resource("uplot/uPlot.min.css"))
     return environment.get_template("page.html").render(
         page=page,
         colours=COLOURS,
@@ -199,7 +199,7 @@ def write_page(page: Page, folder: Path) -> Path:
     return path
 
 
-def _own(name: str) -> str:
+def _resource(name: str) -> str:
     """Return a file of this package that goes into the page, without the last line's end."""
     return (_FOLDER / name).read_text(encoding="utf-8").strip()
 

@@ -13,13 +13,13 @@ from sgms_observer.report.page import Picture
 from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
-_MOST_POINTS = 20_000
-_FEWEST_POINTS = 50
+_MAX_POINTS = 20_000
+_MIN_POINTS = 50
 
 
 @dataclass(frozen=True)
 class Run:
-    """What there is to draw of one axis; all arrays of shape (n,), NaN where nothing is known.
+    """Signals of one axis to draw; all arrays of shape (n,), NaN where a signal is unknown.
 
     Attributes:
         time: since the first sample [s].
@@ -55,7 +55,7 @@ class Run:
         return bool(np.isfinite(self.truth).any())
 
 
-def telling_reversal(run: Run) -> float:
+def clearest_reversal(run: Run) -> float:
     """Return the time of the last reversal but one, so that what follows it is in the run too [s].
 
     Args:
@@ -80,11 +80,11 @@ def run_pictures(run: Run, window: tuple[float, float], name: str = "") -> tuple
         name: put in front of the pictures' names.
     """
     part = run.between(*window)
-    if len(part.time) < _FEWEST_POINTS:
-        rows = max(0, int(np.searchsorted(run.time, window[0])) - _FEWEST_POINTS)
+    if len(part.time) < _MIN_POINTS:
+        rows = max(0, int(np.searchsorted(run.time, window[0])) - _MIN_POINTS)
         start = float(run.time[rows])
         part = run.between(start, start + window[1] - window[0])
-    reversal = telling_reversal(part)
+    reversal = clearest_reversal(part)
     zoomed = part.between(reversal - 0.015, reversal + 0.035)
     return (
         _motion(part, name),
@@ -190,7 +190,7 @@ def _band(axes: Axes, run: Run) -> None:
 
 
 def _line(axes: Axes, x: Floats, y: Floats, color: str, label: str | None = None, **style: object) -> None:
-    """Draw a line of at most ``_MOST_POINTS`` points, nothing where nothing is known."""
+    """Draw a line of at most ``_MAX_POINTS`` points, nothing where nothing is known."""
     if np.isfinite(y).any():
-        every = max(1, len(x) // _MOST_POINTS)
+        every = max(1, len(x) // _MAX_POINTS)
         axes.plot(x[::every], y[::every], color=color, label=label, **style)  # type: ignore[arg-type]

@@ -15,7 +15,7 @@ from sgms_observer.report.page import Picture, Plot
 
 Floats = NDArray[np.float64]
 
-MOST_POINTS = 20_000
+MAX_POINTS = 20_000
 """Points of a line in the plot: at this many, a page of ten lines has about one megabyte of them."""
 _STILL_POINTS = 2_000
 """Points of a line in the still picture: three for each pixel of its width."""
@@ -59,7 +59,7 @@ def time_plot(name: str, caption: str, time: Floats, panels: Sequence[Panel]) ->
         panels: what stands above each other.
     """
     signals = [line.values for panel in panels for line in panel.lines]
-    rows = telling_rows(signals, MOST_POINTS)
+    rows = extreme_rows(signals, MAX_POINTS)
     content = {
         "time": _packed(time[rows]),
         "panels": [
@@ -76,7 +76,7 @@ def time_plot(name: str, caption: str, time: Floats, panels: Sequence[Panel]) ->
     return Plot(name, caption, content, _still(name, caption, time, panels))
 
 
-def telling_rows(signals: Sequence[Floats], most: int) -> NDArray[np.int64]:
+def extreme_rows(signals: Sequence[Floats], most: int) -> NDArray[np.int64]:
     """Return the rows to draw: all of them, or those where a signal is largest or smallest in its piece of time.
 
     Args:
@@ -110,7 +110,7 @@ def _still(name: str, caption: str, time: Floats, panels: Sequence[Panel]) -> Pi
     with sheet(name, caption, rows=len(panels), height=1.7, sharex=True) as drawn:
         for axes, panel in zip(drawn.axes, panels, strict=True):
             for line in panel.lines:
-                rows = telling_rows([line.values], _STILL_POINTS)
+                rows = extreme_rows([line.values], _STILL_POINTS)
                 axes.plot(time[rows], line.values[rows], color=light(line.colour), lw=0.8, label=line.label)
             axes.set_ylabel(panel.label)
         drawn.axes[-1].set_xlabel("time [s]")
@@ -125,9 +125,9 @@ def one_after_another(times: Sequence[Floats]) -> Floats:
     """
     listed, end = [], 0.0
     for time in times:
-        own = end + time - time[0]
-        end = float(own[-1]) + (float(time[1] - time[0]) if len(time) > 1 else 0.0)
-        listed.append(np.append(own, end))
+        shifted = end + time - time[0]
+        end = float(shifted[-1]) + (float(time[1] - time[0]) if len(time) > 1 else 0.0)
+        listed.append(np.append(shifted, end))
     return np.concatenate(listed)
 
 

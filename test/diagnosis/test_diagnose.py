@@ -14,7 +14,7 @@ from workflow_case import AXIS, record
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.cli.main import main
 from sgms_observer.diagnosis.answer import answer_of
-from sgms_observer.diagnosis.state import Options
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.load import load_settings
@@ -88,7 +88,7 @@ def test_report_shows_what_it_is_made_for(case: tuple[CasePaths, Path]) -> None:
     ):  # fmt: skip
         assert f">{label}<" in page, label
     folded = page[page.index("<details") :]
-    assert "Round 1: hypotheses fitted fully" in folded and "First look" in folded
+    assert "Round 1: hypotheses fitted fully" in folded and "Screening" in folded
     gap = json.loads((case[1] / "result.json").read_text())["gap"]
     assert f"rows, fit {100.0 - gap['after']:.1f} %" in page
 

@@ -9,13 +9,13 @@ from workflow_case import AXIS, FRICTION, PERIOD, record
 
 from sgms_observer.diagnosis.candidates import Candidate, effect_candidates
 from sgms_observer.diagnosis.contact import element_friction
-from sgms_observer.diagnosis.court import Evidence
 from sgms_observer.diagnosis.criteria import Criteria, at_least
 from sgms_observer.diagnosis.decision import Decision, alternatives
+from sgms_observer.diagnosis.evaluation import Evidence
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import Freedom, Refits, judged_with, refit
+from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise, refit
 from sgms_observer.diagnosis.model import Model, predict
-from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, motion_of, without_flicker
+from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, motion_of, play_operator
 from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, fit_noise
 from sgms_observer.diagnosis.replicates import coloured, replicate_of
 from sgms_observer.diagnosis.screen import Screen
@@ -36,9 +36,9 @@ def test_the_motion_knows_the_encoders_step_in_a_recording_as_it_is_read(step: f
 
 def test_play_takes_flicker_off_and_nothing_else() -> None:
     flicker = np.tile([0.0, 1e-8], 50)
-    assert np.ptp(without_flicker(flicker, 0.6e-8)[1:]) == 0.0  # settled after the first step
+    assert np.ptp(play_operator(flicker, 0.6e-8)[1:]) == 0.0  # settled after the first step
     travel = np.linspace(0.0, 1e-3, 1000)
-    assert np.ptp(without_flicker(travel, 0.6e-8)) == pytest.approx(1e-3, rel=1e-4)
+    assert np.ptp(play_operator(travel, 0.6e-8)) == pytest.approx(1e-3, rel=1e-4)
 
 
 def test_a_short_record_is_one_sentence_and_a_slow_one_is_judged_below_its_own_rate() -> None:
@@ -71,8 +71,8 @@ def test_noise_is_found_again_and_whitens() -> None:
 def test_refit_finds_parameters_within_tolerance() -> None:
     motion = motion_of(record())
     model = Model(5.0 * 1.04, FRICTION)
-    judged = judged_with((motion,), model)
-    found = refit(judged, model, 0.05, iterations=5)
+    data = data_with_own_noise((motion,), model)
+    found = refit(data, model, 0.05, iterations=5)
     assert found.model.mass == pytest.approx(5.0, rel=0.01)
     assert found.model.friction.coulomb_force == pytest.approx(4.0, rel=0.01)
 
@@ -82,16 +82,18 @@ def test_first_look_ranks_the_true_effect_first_and_replicates_do_not_alarm() ->
     motion = motion_of(record((hidden,)))
     model = Model.of(AXIS)
     names = ("spring", "quadratic_drag", "stribeck", "thermal_drift")
-    judged = judged_with((motion,), model)
-    found = refit(judged, model, 0.05, iterations=4)
-    looks = Screen(judged, found, 0.05, Freedom(), names, 2).looks
-    assert max(looks, key=lambda name: looks[name].gain) == "spring"
-    judged = judged_with((motion,), model.with_effects([hidden]))
-    empty = replicate_of(motion, model, judged.noise[0], np.random.default_rng(2))
-    judged = judged_with((empty,), model)
-    found = refit(judged, model, 0.05, iterations=4)
-    by_chance = Screen(judged, found, 0.05, Freedom(), names, 1).looks
-    assert max(look.gain for look in by_chance.values()) < 0.05 * looks["spring"].gain
+    data = data_with_own_noise((motion,), model)
+    found = refit(data, model, 0.05, iterations=4)
+    screenings = Screen(data, found, 0.05, Freedom(), names, 2).screenings
+    assert max(screenings, key=lambda name: screenings[name].chi2_reduction) == "spring"
+    data = data_with_own_noise((motion,), model.with_effects([hidden]))
+    empty = replicate_of(motion, model, data.noise[0], np.random.default_rng(2))
+    data = data_with_own_noise((empty,), model)
+    found = refit(data, model, 0.05, iterations=4)
+    by_chance = Screen(data, found, 0.05, Freedom(), names, 1).screenings
+    assert (
+        max(screening.chi2_reduction for screening in by_chance.values()) < 0.05 * screenings["spring"].chi2_reduction
+    )
 
 
 def test_a_replicate_has_the_noise_and_nothing_else() -> None:
@@ -113,12 +115,12 @@ def test_mass_and_gain_are_effects_where_the_tolerance_does_not_reach_them(name:
         source = Recording(source.name, source.period, source.position, source.effort / 0.85)
     motion = motion_of(source)
     model = Model(known, FRICTION)
-    judged = judged_with((motion,), model)
-    plain = refit(judged, model, 0.05, iterations=5)
+    data = data_with_own_noise((motion,), model)
+    plain = refit(data, model, 0.05, iterations=5)
     assert plain.model.mass <= 1.05 * known * (1.0 + 1e-9)  # the tolerance is its owner's word
-    refits = Refits(judged, model, 0.05)
-    screen = Screen(judged, plain, 0.05, Freedom(), (name,), 1)
-    (found,) = effect_candidates(refits, screen, plain, 1, 1)
+    setup = RefitSetup(data, model, 0.05)
+    screen = Screen(data, plain, 0.05, Freedom(), (name,), 1)
+    (found,) = effect_candidates(setup, screen, plain, 1, 1)
     assert found.settings is not None and found.name == name
     if name == "mass_error":
         assert found.refit.model.mass + found.settings.values[0] == pytest.approx(5.0, rel=0.01)
@@ -135,8 +137,8 @@ def decision(name: str, scale: float, chance: float = 0.0, is_passed: bool = Tru
     none: Any = None
     evidence = Evidence(blocks, [], blocks, blocks)
     test = at_least(name, "any", 1.0 if is_passed else 0.0, 0.5)
-    gain = improvement(blocks, blocks)
-    return Decision(Candidate(name, none, found, 1), evidence, gain, gain, gain, (test,))
+    reduction = improvement(blocks, blocks)
+    return Decision(Candidate(name, none, found, 1), evidence, reduction, reduction, reduction, (test,))
 
 
 def test_alternatives_are_what_left_out_data_do_not_tell_from_the_best() -> None:

@@ -6,27 +6,27 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from workflow_case import AXIS, court_of, record
+from workflow_case import AXIS, evaluation_of, record
 
 from sgms_observer.diagnosis.candidates import Candidate
-from sgms_observer.diagnosis.ceiling import ALL, free_form
-from sgms_observer.diagnosis.court import evidence_of
 from sgms_observer.diagnosis.criteria import Criteria, at_least, at_most
-from sgms_observer.diagnosis.decision import bounds, decide, earned, physical, term
+from sgms_observer.diagnosis.decision import decide, free_form_prediction, free_form_tests, physical_tests, range_tests
+from sgms_observer.diagnosis.evaluation import evidence_of
 from sgms_observer.diagnosis.evidence import (
     Improvement,
     blocks_of,
+    fit_residuals,
     held_out_residuals,
     improvement,
     in_blocks,
-    learnt_residuals,
     left_out_residuals,
 )
-from sgms_observer.diagnosis.fit import Judged, Refit, Refits, judged_with
-from sgms_observer.diagnosis.gap import Remainder
+from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_with_own_noise
+from sgms_observer.diagnosis.free_form import ALL, free_form
+from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion, motion_of
-from sgms_observer.diagnosis.uncertainty import in_time
+from sgms_observer.diagnosis.uncertainty import as_time_series
 from sgms_observer.settings.axis import EffectSettings
 
 MODEL = Model.of(AXIS)
@@ -40,21 +40,21 @@ def moved(effects: tuple[EffectSettings, ...] = (), seed: int = 1, duration: flo
 
 
 @pytest.fixture(scope="module")
-def judged() -> Judged:
+def data() -> WhitenedData:
     """Two recordings with their noise."""
-    return judged_with((moved(duration=5.0), moved(seed=2, duration=4.0)), MODEL)
+    return data_with_own_noise((moved(duration=5.0), moved(seed=2, duration=4.0)), MODEL)
 
 
-def test_a_block_is_predicted_as_by_the_fit_without_it(judged: Judged) -> None:
+def test_a_block_is_predicted_as_by_the_fit_without_it(data: WhitenedData) -> None:
     rng = np.random.default_rng(3)
-    columns, target = rng.normal(size=(judged.count, 4)), rng.normal(size=judged.count)
+    columns, target = rng.normal(size=(data.count, 4)), rng.normal(size=data.count)
     prior = 3.0 * np.eye(4)
     rows, wanted = np.vstack([columns, prior]), np.concatenate([target, np.zeros(4)])
     solution = np.linalg.lstsq(rows, wanted)[0]
     found = Refit(MODEL, np.zeros(4), (), columns @ solution - target, 0.0, rows, np.zeros(0), ())
-    left = left_out_residuals(found, judged, CRITERIA.block)
+    left = left_out_residuals(found, data, CRITERIA.block)
     pieces: list[np.ndarray] = []
-    for motion, series in zip(judged.motions, in_time(np.column_stack([columns, target]), judged), strict=True):
+    for motion, series in zip(data.motions, as_time_series(np.column_stack([columns, target]), data), strict=True):
         pieces += blocks_of(series, len(motion.time) * motion.period / len(series), CRITERIA.block)
     assert len(left) == len(pieces) > 15
     for place, piece in enumerate(pieces):
@@ -70,7 +70,7 @@ def test_an_improvement_counts_chance_and_nothing_else() -> None:
     shape = [np.sin(np.arange(50.0)) for _ in noise]
     with_it = [one + 0.5 * other for one, other in zip(noise, shape, strict=True)]
     gain = improvement(with_it, noise)
-    assert gain.fall == pytest.approx(sum(float(a @ a - b @ b) for a, b in zip(with_it, noise, strict=True)))
+    assert gain.decrease == pytest.approx(sum(float(a @ a - b @ b) for a, b in zip(with_it, noise, strict=True)))
     assert gain.z_score > 5.0
     assert improvement(noise, with_it).z_score < -2.0  # what the worse model leaves is part of the chance
     assert improvement(noise, noise).z_score == 0.0
@@ -78,17 +78,17 @@ def test_an_improvement_counts_chance_and_nothing_else() -> None:
     assert np.mean(np.abs(chance) > 3.0) < 0.05
 
 
-def test_an_improvement_is_the_fall_of_the_square_over_the_scatter_of_its_chance() -> None:
+def test_an_improvement_is_the_decrease_of_the_square_over_its_standard_error() -> None:
     before = [np.array([2.0, 0.0]), np.array([1.0, 2.0]), np.array([0.0, 0.0])]
     after = [np.array([1.0, 0.0]), np.array([3.0, 0.0]), np.array([0.5, 0.0])]
     found = improvement(before, after)
-    assert found.fall == pytest.approx(4.0 - 1.0 + 5.0 - 9.0 - 0.25)
+    assert found.decrease == pytest.approx(4.0 - 1.0 + 5.0 - 9.0 - 0.25)
     chance = 2.0 * np.array([1.0 * 1.0, 3.0 * -2.0, 0.5 * -0.5])
-    assert found.z_score == pytest.approx(found.fall / np.sqrt(chance @ chance))
+    assert found.z_score == pytest.approx(found.decrease / np.sqrt(chance @ chance))
     assert found.before == pytest.approx(9.0)
     tiny = [0.1 * one for one in before], [0.1 * one for one in after]
     assert improvement(*tiny).z_score == pytest.approx(found.z_score)
-    assert improvement(before, [0.0 * one for one in before]).z_score == 0.0  # nothing is left to judge the chance by
+    assert improvement(before, [0.0 * one for one in before]).z_score == 0.0  # no residual, no standard error
 
 
 def test_the_share_of_an_improvement_lies_between_nothing_and_all() -> None:
@@ -108,15 +108,15 @@ def test_a_series_is_cut_into_blocks_of_about_one_length() -> None:
     assert [len(part) for part in parts] == [50] * 2 + [25] * 4
 
 
-def test_residuals_of_blocks_are_the_recordings_in_their_order(judged: Judged) -> None:
-    residual = judged.residual(MODEL)
-    found = Refit(MODEL, np.zeros(4), (), residual, 0.0, np.zeros((judged.count, 4)), np.zeros(0), ())
-    whole = np.concatenate([series[:, 0] for series in in_time(residual[:, None], judged)])
-    for blocks in (learnt_residuals(found, judged, 0.5), held_out_residuals(MODEL, judged, 0.5)):
+def test_residuals_of_blocks_are_the_recordings_in_their_order(data: WhitenedData) -> None:
+    residual = data.residual(MODEL)
+    found = Refit(MODEL, np.zeros(4), (), residual, 0.0, np.zeros((data.count, 4)), np.zeros(0), ())
+    whole = np.concatenate([series[:, 0] for series in as_time_series(residual[:, None], data)])
+    for blocks in (fit_residuals(found, data, 0.5), held_out_residuals(MODEL, data, 0.5)):
         assert len(blocks) == 18  # 5 s and 4 s
         assert all(block.ndim == 1 for block in blocks)
         assert np.array_equal(np.concatenate(blocks), whole)
-    assert held_out_residuals(MODEL, replace(judged, motions=()), 0.5) == []
+    assert held_out_residuals(MODEL, replace(data, motions=()), 0.5) == []
 
 
 def test_criteria_are_the_conventions_that_the_docs_give_reasons_for() -> None:
@@ -155,8 +155,8 @@ def test_nothing_predicts_noise_and_the_ceiling_sees_what_hangs_on_the_speed(has
     learn, held = moved(), moved(seed=2)
     rng = np.random.default_rng(2)
 
-    def alike(motion: Motion, residual: np.ndarray) -> Remainder:
-        return Remainder([motion], [residual], [np.ones(len(residual))])
+    def alike(motion: Motion, residual: np.ndarray) -> WeightedResidual:
+        return WeightedResidual([motion], [residual], [np.ones(len(residual))])
 
     def noise(motion: Motion) -> np.ndarray:
         return rng.normal(size=len(motion.thinned(motion.time)))
@@ -175,26 +175,28 @@ def test_nothing_predicts_noise_and_the_ceiling_sees_what_hangs_on_the_speed(has
 
 def test_a_name_is_earned_where_a_free_form_term_over_its_coordinates_does_no_better() -> None:
     motion = moved((COGGING,))
-    court = court_of((motion,), MODEL.with_effects([COGGING]))
-    refits = Refits(court.judged, MODEL, 0.05)
-    plain = refits.of((), None, 6)
-    assert term(("position",), plain.model, court).improvement.share > 0.6
-    assert term(("dwell",), plain.model, court).improvement.share < 0.3
+    evaluation = evaluation_of((motion,), MODEL.with_effects([COGGING]))
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
+    plain = setup.fit((), None, 6)
+    assert free_form_prediction(("position",), plain.model, evaluation).improvement.share > 0.6
+    assert free_form_prediction(("dwell",), plain.model, evaluation).improvement.share < 0.3
     for start, is_earned in ((COGGING, True), (EffectSettings("spring", (10.0, 0.0)), False)):
-        found = refits.of((start,), None, 8)
-        item = Candidate(start.name, refits, found, 1)
-        (test,) = earned(item, plain, evidence_of(found, court), court)
+        found = setup.fit((start,), None, 8)
+        item = Candidate(start.name, setup, found, 1)
+        (test,) = free_form_tests(item, plain, evaluation)
         assert test.passed == is_earned, (start.name, test.value)
         assert test.name == "z-score of a free-form term over position"
 
 
 def test_a_hypothesis_that_fails_says_which_test_with_its_value() -> None:
     motion = moved((COGGING,))
-    court = court_of((motion,), MODEL.with_effects([COGGING]))
-    refits = Refits(court.judged, MODEL, 0.05)
-    plain = refits.of((), None, 6)
-    fast = refits.of((EffectSettings("periodic_disturbance", (0.01, 11.0, 0.0)),), None, 2)
-    decision = decide(Candidate("periodic_disturbance", refits, fast, 50), plain, evidence_of(plain, court), court)
+    evaluation = evaluation_of((motion,), MODEL.with_effects([COGGING]))
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
+    plain = setup.fit((), None, 6)
+    fast = setup.fit((EffectSettings("periodic_disturbance", (0.01, 11.0, 0.0)),), None, 2)
+    decision = decide(
+        Candidate("periodic_disturbance", setup, fast, 50), plain, evidence_of(plain, evaluation), evaluation
+    )
     failed = [test for test in decision.tests if not test.passed]
     assert failed and not decision.passed
     assert all(test.of == "periodic_disturbance" and np.isfinite([test.value, test.threshold]).all() for test in failed)
@@ -202,22 +204,26 @@ def test_a_hypothesis_that_fails_says_which_test_with_its_value() -> None:
 
 def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
     motion = moved()
-    court = court_of((motion,), MODEL)
-    refits = Refits(court.judged, MODEL, 0.05)
-    plain = refits.of((), None, 2)
+    evaluation = evaluation_of((motion,), MODEL)
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
+    plain = setup.fit((), None, 2)
     rate = motion.step / motion.period
     most = float(np.max(np.abs(motion.effort)))
 
     def item(name: str, *values: float) -> Candidate:
         effects = (EffectSettings(name, values),)
-        return Candidate(name, refits, replace(plain, effects=effects), 1)
+        return Candidate(name, setup, replace(plain, effects=effects), 1)
 
-    assert all(test.passed for test in physical(item("periodic_disturbance", 0.1, 0.39 * rate, 0.0), court))
-    assert not all(test.passed for test in physical(item("periodic_disturbance", 0.1, 0.41 * rate, 0.0), court))
-    assert not all(test.passed for test in physical(item("actuator_saturation", 1e-3 * most), court))
-    assert not all(test.passed for test in bounds(item("actuator_saturation", most), court))
-    assert not all(test.passed for test in bounds(item("mass_error", -0.9 * MODEL.mass), court))  # nothing is left
-    assert all(test.passed for test in bounds(item("mass_error", -0.5 * MODEL.mass), court))
+    assert all(test.passed for test in physical_tests(item("periodic_disturbance", 0.1, 0.39 * rate, 0.0), evaluation))
+    assert not all(
+        test.passed for test in physical_tests(item("periodic_disturbance", 0.1, 0.41 * rate, 0.0), evaluation)
+    )
+    assert not all(test.passed for test in physical_tests(item("actuator_saturation", 1e-3 * most), evaluation))
+    assert not all(test.passed for test in range_tests(item("actuator_saturation", most), evaluation))
+    assert not all(
+        test.passed for test in range_tests(item("mass_error", -0.9 * MODEL.mass), evaluation)
+    )  # nothing is left
+    assert all(test.passed for test in range_tests(item("mass_error", -0.5 * MODEL.mass), evaluation))
     stroke = float(np.ptp(motion.position))
-    assert not all(test.passed for test in bounds(item("cogging", 0.5, 0.7 * stroke, 0.1, 0.0, 0.0), court))
-    assert all(test.passed for test in bounds(item("cogging", 0.5, 0.2 * stroke, 0.1, 0.0, 0.0), court))
+    assert not all(test.passed for test in range_tests(item("cogging", 0.5, 0.7 * stroke, 0.1, 0.0, 0.0), evaluation))
+    assert all(test.passed for test in range_tests(item("cogging", 0.5, 0.2 * stroke, 0.1, 0.0, 0.0), evaluation))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from workflow_case import AXIS, record, rich_position
 
-from sgms_observer.diagnosis.fit import judged_with
+from sgms_observer.diagnosis.fit import data_with_own_noise
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
-from sgms_observer.diagnosis.model import Model, fall_after_reversal
+from sgms_observer.diagnosis.model import Model, friction_drop_after_reversal
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
@@ -32,29 +32,29 @@ def resting(step: float, is_released: bool) -> Motion:
 
 def test_samples_at_rest_count_little_on_a_coarse_grid_only() -> None:
     motion = resting(COARSE, is_released=False)
-    (weights,) = judged_with((motion,), MODEL).gap_weights
-    still = motion.thinned(motion.still)
+    (weights,) = data_with_own_noise((motion,), MODEL).gap_weights
+    still = motion.thinned(motion.shows_no_motion)
     assert 0.05 < np.mean(still) < 0.5
     assert np.median(weights[still]) < 0.2
     assert np.median(weights[~still]) == 1.0
     fine = resting(1.0e-10, is_released=False)
-    assert np.min(judged_with((fine,), MODEL).gap_weights[0]) > 0.99
+    assert np.min(data_with_own_noise((fine,), MODEL).gap_weights[0]) > 0.99
 
 
 def test_the_fall_after_a_reversal_is_masings() -> None:
     friction = MODEL.friction
     whole = sum(friction.element_stiffness)
-    assert fall_after_reversal(friction, 1.0e-9) == pytest.approx(1.0e-9 * whole)
-    assert fall_after_reversal(friction, 1.0) == pytest.approx(2.0 * friction.static_force)
+    assert friction_drop_after_reversal(friction, 1.0e-9) == pytest.approx(1.0e-9 * whole)
+    assert friction_drop_after_reversal(friction, 1.0) == pytest.approx(2.0 * friction.static_force)
     # the stiffest element has slipped, the others have not
     reach = 2.0 * friction.element_fraction[0] * friction.static_force / friction.element_stiffness[0]
     after = reach * whole + reach * (whole - friction.element_stiffness[0])
-    assert fall_after_reversal(friction, 2.0 * reach) == pytest.approx(after)
+    assert friction_drop_after_reversal(friction, 2.0 * reach) == pytest.approx(after)
 
 
 def test_a_ripple_closes_the_gap_although_the_effort_falls_at_rest() -> None:
     motion = resting(COARSE, is_released=True)
-    (weights,) = judged_with((motion,), MODEL).gap_weights
+    (weights,) = data_with_own_noise((motion,), MODEL).gap_weights
     plain, rippled = (residuals(model, (motion,)) for model in (MODEL, MODEL.with_effects([COGGING])))
     alike = rms(rippled) / rms(plain)
     told = rms(weighted(rippled, (weights,))) / rms(weighted(plain, (weights,)))

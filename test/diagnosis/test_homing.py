@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import pytest
-from workflow_case import AXIS, court_of, record
+from workflow_case import AXIS, evaluation_of, record
 
-from sgms_observer.diagnosis.court import Court
-from sgms_observer.diagnosis.homing import PLACES, pitch_of, place_of, unhomed
+from sgms_observer.diagnosis.evaluation import EvaluationData
+from sgms_observer.diagnosis.homing import OFFSETS_PER_PITCH, homing_warnings, pitch_of, position_offset
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.settings.axis import EffectSettings
@@ -20,27 +20,27 @@ LACKS = 3.7e-3
 UNITS = Units()
 
 
-def court(lacks: float, is_unseen: bool = True) -> Court:
-    """Return a court with one recording whose positions lack so much [m]."""
+def evaluation(lacks: float, is_unseen: bool = True) -> EvaluationData:
+    """Return evaluation data with one recording whose positions lack so much [m]."""
     homed = record((COGGING,), seed=3, duration=12.0)
     motion = motion_of(replace(homed, position=homed.position - lacks))
-    return court_of((motion_of(homed),) if is_unseen else (motion,), RIPPLED, (motion,) if is_unseen else ())
+    return evaluation_of((motion_of(homed),) if is_unseen else (motion,), RIPPLED, (motion,) if is_unseen else ())
 
 
 def test_the_ripple_tells_where_a_recording_counts_from() -> None:
-    motion = court(LACKS).judge[0]
+    motion = evaluation(LACKS).motions[0]
     for seconds in (None, 4.0):
-        assert place_of(RIPPLED, motion, seconds) == pytest.approx(LACKS, abs=0.6 * PITCH / PLACES)
-    with pytest.raises(ValueError, match="nothing tells the place"):
-        place_of(Model.of(AXIS), motion)
+        assert position_offset(RIPPLED, motion, seconds) == pytest.approx(LACKS, abs=0.6 * PITCH / OFFSETS_PER_PITCH)
+    with pytest.raises(ValueError, match="offset is not identifiable"):
+        position_offset(Model.of(AXIS), motion)
 
 
 def test_a_recording_that_counts_from_elsewhere_is_told_and_a_homed_one_is_not() -> None:
-    (sentence,) = unhomed([RIPPLED], court(LACKS), UNITS)
+    (sentence,) = homing_warnings([RIPPLED], evaluation(LACKS), UNITS)
     assert "3.67 mm further along: home the axis" in sentence
-    assert unhomed([RIPPLED], court(0.0), UNITS) == []
-    assert unhomed([Model.of(AXIS).with_effects([OFFSET])], court(LACKS), UNITS) == []
-    assert unhomed([RIPPLED], court(LACKS, is_unseen=False), UNITS) == []
+    assert homing_warnings([RIPPLED], evaluation(0.0), UNITS) == []
+    assert homing_warnings([Model.of(AXIS).with_effects([OFFSET])], evaluation(LACKS), UNITS) == []
+    assert homing_warnings([RIPPLED], evaluation(LACKS, is_unseen=False), UNITS) == []
 
 
 def test_the_longest_pitch_counts() -> None:

@@ -5,23 +5,29 @@ from typing import Any
 
 import numpy as np
 import pytest
-from workflow_case import AXIS, PERIOD, court_of, record
+from workflow_case import AXIS, PERIOD, evaluation_of, record
 
-from sgms_observer.diagnosis.candidates import Candidate, fitted, to_the_end
-from sgms_observer.diagnosis.changed_contact import CHANGED, changed_candidate
-from sgms_observer.diagnosis.court import Court, evidence_of
-from sgms_observer.diagnosis.decision import Decision, decide, strength_of
+from sgms_observer.diagnosis.candidates import Candidate, finish_fit, first_fit
+from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, changed_candidate
+from sgms_observer.diagnosis.decision import Decision, decide, strength_over_error
+from sgms_observer.diagnosis.diagnosis import FitState, Options, Recordings, Round
+from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
+from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
-from sgms_observer.diagnosis.fit import Freedom, Refit, Refits, judged_with, refit
+from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup, data_with_own_noise, refit
 from sgms_observer.diagnosis.gap import residuals
-from sgms_observer.diagnosis.level import measured_start
 from sgms_observer.diagnosis.model import COULOMB, STATIC, Model, predict
-from sgms_observer.diagnosis.motion import HELD, Motion, motion_of
-from sgms_observer.diagnosis.pruning import pruned
+from sgms_observer.diagnosis.motion import HELD_LAG, Motion, motion_of
+from sgms_observer.diagnosis.pruning import without_redundant_effects
 from sgms_observer.diagnosis.screen import Screen
-from sgms_observer.diagnosis.state import Options, Recordings, Round, State
-from sgms_observer.diagnosis.timing import timing
-from sgms_observer.diagnosis.uncertainty import between_deviation, between_variance, deviations, in_time, left_out
+from sgms_observer.diagnosis.sliding_force import start_logs
+from sgms_observer.diagnosis.uncertainty import (
+    as_time_series,
+    between_deviation,
+    between_variance,
+    leave_one_out_shifts,
+    standard_errors,
+)
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.effects.catalogue import names
 from sgms_observer.offline.recording import Recording
@@ -32,16 +38,20 @@ MODEL = Model.of(AXIS)
 OFFSET = EffectSettings("offset", (0.6,))
 
 
-@pytest.mark.parametrize("is_sharp", [False, True])
+@pytest.mark.parametrize("is_unsmoothed", [False, True])
 @pytest.mark.parametrize("effects", [(), (OFFSET,)])
-def test_the_contact_is_read_off_the_recording_with_what_was_found_in_the_model(is_sharp: bool, effects: Any) -> None:
-    motion = motion_of(record(effects, is_sharp=is_sharp))
-    court = court_of((motion,), MODEL.with_effects(effects))
-    refits = Refits(court.judged, MODEL, 0.05)
-    found = refits.of(effects, None, 6)
-    unsmoothed = changed_candidate(refits, found, CHANGED[2])
+def test_the_contact_is_read_off_the_recording_with_what_was_found_in_the_model(
+    is_unsmoothed: bool, effects: Any
+) -> None:
+    motion = motion_of(record(effects, is_unsmoothed=is_unsmoothed))
+    evaluation = evaluation_of((motion,), MODEL.with_effects(effects))
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
+    found = setup.fit(effects, None, 6)
+    unsmoothed = changed_candidate(setup, found, CHANGE_HYPOTHESES[2])
     is_better = unsmoothed.refit.cost < found.cost
-    assert (is_better and decide(unsmoothed, found, evidence_of(found, court), court).tests[0].passed) == is_sharp
+    assert (
+        is_better and decide(unsmoothed, found, evidence_of(found, evaluation), evaluation).tests[0].passed
+    ) == is_unsmoothed
 
 
 def gained(before: Model, after: Model, motion: Motion) -> float:
@@ -66,27 +76,29 @@ def test_an_effect_at_few_moments_is_sure_and_a_change_that_means_nothing_is_not
 
 def test_a_missing_element_starts_with_the_level_as_it_is() -> None:
     logs = np.zeros(len(MODEL.parameter_names()))
-    moved = measured_start(logs, MODEL, EffectSettings("presliding", (0.8, 1e-4)))
+    moved = start_logs(logs, MODEL, EffectSettings("presliding", (0.8, 1e-4)))
     assert np.exp(moved[COULOMB]) == pytest.approx(0.8) and np.exp(moved[STATIC]) == pytest.approx(0.84)
-    assert np.array_equal(measured_start(logs, MODEL, OFFSET), logs)
+    assert np.array_equal(start_logs(logs, MODEL, OFFSET), logs)
 
 
 def test_a_fit_from_far_too_strong_a_start_does_not_end_worse_than_without_the_effect() -> None:
     motion = motion_of(record(duration=8.0))
-    judged = judged_with((motion,), MODEL)
-    before = refit(judged, MODEL, 0.05, iterations=4)
-    columns = Screen(judged, before, 0.05, Freedom(), ()).nominal_columns
-    far = fitted(Refits(judged, MODEL, 0.05), before, EffectSettings("stribeck", (2.9, 8e-3)), columns)
+    data = data_with_own_noise((motion,), MODEL)
+    before = refit(data, MODEL, 0.05, iterations=4)
+    columns = Screen(data, before, 0.05, Freedom(), ()).nominal_columns
+    far = first_fit(RefitSetup(data, MODEL, 0.05), before, EffectSettings("stribeck", (2.9, 8e-3)), columns)
     assert far.cost < 1.05 * before.cost
 
 
 def test_an_effort_taken_for_early_goes_back_to_what_the_settings_say() -> None:
     source = record()
     motion = motion_of(source, 0.0)
-    judged = judged_with((motion,), MODEL)
-    found = refit(judged, MODEL, 0.05, iterations=3)
-    assert timing(judged, found, 0.0, HELD) == HELD
-    assert timing(judged, found, 0.0, 0.0) == 0.0  # an effort that comes late is a delay, where nobody said held
+    data = data_with_own_noise((motion,), MODEL)
+    found = refit(data, MODEL, 0.05, iterations=3)
+    assert fitted_effort_lag(data, found, 0.0, HELD_LAG) == HELD_LAG
+    assert (
+        fitted_effort_lag(data, found, 0.0, 0.0) == 0.0
+    )  # an effort that comes late is a delay, where nobody said held
 
 
 def test_a_mass_on_a_spring_answers_in_phase_with_the_acceleration_it_feels() -> None:
@@ -102,11 +114,11 @@ def test_a_mass_on_a_spring_answers_in_phase_with_the_acceleration_it_feels() ->
     assert answer == pytest.approx(expected, rel=0.02)  # half a step's lead would be 9 % here
 
 
-def accepted(refits: Refits, found: Refit, without: Refit, name: str, court: Court) -> Round:
+def accepted(setup: RefitSetup, found: Refit, without: Refit, name: str, evaluation: EvaluationData) -> Round:
     """Return a round that added an effect, whatever its tests say."""
-    item = Candidate(name, refits, found, 1)
-    later = evidence_of(found, court)
-    gain = improvement(evidence_of(without, court).all, later.all)
+    item = Candidate(name, setup, found, 1)
+    later = evidence_of(found, evaluation)
+    gain = improvement(evidence_of(without, evaluation).all, later.all)
     decision = Decision(item, later, gain, gain, gain, ())
     return Round({}, (decision,), decision, ())
 
@@ -117,14 +129,17 @@ def test_an_effect_that_a_later_one_made_needless_is_taken_out(stiffness: float,
     source = record(hidden)
     motion = motion_of(source)
     effects = (EffectSettings("spring", (stiffness or 0.1, 0.0)), OFFSET)
-    court = court_of((motion,), MODEL.with_effects(hidden))
-    refits = Refits(court.judged, MODEL, 0.05)
-    current = to_the_end(refits, refits.of(effects, None, 6))
-    nothing = refits.of((), None, 6)
-    first = refits.of(effects[:1], None, 6)
-    rounds = [accepted(refits, first, nothing, "spring", court), accepted(refits, current, first, "offset", court)]
-    state = State(Recordings((source,), (), HELD, HELD, 100.0), (motion,), (), refits, current)
-    after, left = pruned(state, rounds, Options())
+    evaluation = evaluation_of((motion,), MODEL.with_effects(hidden))
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
+    current = finish_fit(setup, setup.fit(effects, None, 6))
+    nothing = setup.fit((), None, 6)
+    first = setup.fit(effects[:1], None, 6)
+    rounds = [
+        accepted(setup, first, nothing, "spring", evaluation),
+        accepted(setup, current, first, "offset", evaluation),
+    ]
+    state = FitState(Recordings((source,), (), HELD_LAG, HELD_LAG, 100.0), (motion,), (), setup, current)
+    after, left = without_redundant_effects(state, rounds, Options())
     assert [item.name for item in after.current.effects] == (["spring", "offset"] if kept else ["offset"])
     assert [item.accepted is not None for item in left] == [kept, True]
     (test,) = (left[0].accepted or left[0].decisions[0]).tests
@@ -135,7 +150,7 @@ def test_an_effect_that_a_later_one_made_needless_is_taken_out(stiffness: float,
 @pytest.mark.parametrize(("there", "is_named"), [(0.57, True), (0.45, False)])
 def test_an_effect_needs_the_same_size_in_every_recording_to_be_named(there: float, is_named: bool) -> None:
     learn, held = record((OFFSET,), duration=12.0), record((EffectSettings("offset", (there,)),), 2, 12.0)
-    others = frozenset(name for name in names() if name != "offset") | frozenset(CHANGED)
+    others = frozenset(name for name in names() if name != "offset") | frozenset(CHANGE_HYPOTHESES)
     found = diagnose([learn], [held], AXIS, Options(workers=1, excluded=others))
     assert [item.accepted.candidate.name for item in found.accepted if item.accepted] == ["offset"] * is_named
     tests = [test for item in found.rounds for one in item.decisions for test in one.tests]
@@ -146,8 +161,8 @@ def test_an_effect_needs_the_same_size_in_every_recording_to_be_named(there: flo
 
 
 def test_the_strength_of_a_gain_is_how_far_it_is_from_one() -> None:
-    assert strength_of(EffectSettings("actuator_gain", (0.994,)), {0: 0.015}) == pytest.approx(0.4)
-    assert strength_of(OFFSET, {0: 0.1}) == pytest.approx(6.0)
+    assert strength_over_error(EffectSettings("actuator_gain", (0.994,)), {0: 0.015}) == pytest.approx(0.4)
+    assert strength_over_error(OFFSET, {0: 0.1}) == pytest.approx(6.0)
 
 
 def test_errors_grow_with_what_comes_back_in_every_block_and_hold_for_plain_noise() -> None:
@@ -157,12 +172,12 @@ def test_errors_grow_with_what_comes_back_in_every_block_and_hold_for_plain_nois
         t = np.arange(len(source.position)) * PERIOD
         wave = effort * np.sin(2.0 * np.pi * 0.31 * t)  # slow, and no shape of the model
         motion = motion_of(replace(source, effort=source.effort + wave))
-        judged = judged_with((motion,), MODEL.with_effects([OFFSET]))
-        found = refit(judged, MODEL, 0.05, (OFFSET,), iterations=3)
+        data = data_with_own_noise((motion,), MODEL.with_effects([OFFSET]))
+        found = refit(data, MODEL, 0.05, (OFFSET,), iterations=3)
         columns = np.column_stack([found.jacobian[: len(found.residual)], found.residual])
-        whole = sum(np.sum(part**2, axis=0) for part in in_time(columns, judged))
+        whole = sum(np.sum(part**2, axis=0) for part in as_time_series(columns, data))
         assert whole == pytest.approx(np.sum(columns**2, axis=0), rel=1e-9)
-        sizes.append(float(deviations(found, judged)[0] / found.deviations()[0]))
+        sizes.append(float(standard_errors(found, data)[0] / found.standard_errors()[0]))
     assert 1.0 <= sizes[0] < 2.0
     assert sizes[1] > 2.0 * sizes[0]
 
@@ -170,8 +185,8 @@ def test_errors_grow_with_what_comes_back_in_every_block_and_hold_for_plain_nois
 def test_what_recordings_differ_by_belongs_to_the_error() -> None:
     errors = np.array([0.1, 0.1, 0.1])
     assert between_variance(np.array([1.0, 1.05, 0.97]), errors) == 0.0
-    apart = between_variance(np.array([1.0, 2.0, 1.5]), errors)
-    assert 0.3 < np.sqrt(apart) < 0.6
+    z_score_between = between_variance(np.array([1.0, 2.0, 1.5]), errors)
+    assert 0.3 < np.sqrt(z_score_between) < 0.6
     assert between_variance(np.array([1.0, 2.0]), np.array([1.0e-12, 0.5])) == 0.0, "one holds all the weight"
     silent = between_variance(np.array([1.0, 9.0, 1.02]), np.array([0.1, 0.0, 0.1]))
     assert silent == 0.0  # a recording that never reaches the limit says nothing about it
@@ -182,7 +197,7 @@ def test_leaving_out_a_part_moves_the_solution_as_solving_without_it_does() -> N
     columns, target = rng.normal(size=(40, 3)), rng.normal(size=40)
     solution = np.linalg.lstsq(columns, target)[0]
     parts = np.array_split(np.column_stack([columns, columns @ solution - target]), 8)
-    for place, moved in enumerate(left_out(parts, columns.T @ columns)):
+    for place, moved in enumerate(leave_one_out_shifts(parts, columns.T @ columns)):
         kept = np.arange(40) // 5 != place
         assert solution + moved == pytest.approx(np.linalg.lstsq(columns[kept], target[kept])[0], rel=1e-9)
 
@@ -201,8 +216,8 @@ def test_an_interval_from_three_recordings_that_differ_holds_the_truth() -> None
 
 def test_what_an_effect_improves_is_the_square_of_its_strength_over_its_error() -> None:
     motion = motion_of(record((OFFSET,), duration=8.0))
-    judged = judged_with((motion,), MODEL.with_effects([OFFSET]))
-    found = refit(judged, MODEL, 0.05, (OFFSET,), iterations=3)
-    without = refit(judged, MODEL, 0.05, (), iterations=6)
-    power = (found.effects[0].values[0] / found.deviations()[0]) ** 2
+    data = data_with_own_noise((motion,), MODEL.with_effects([OFFSET]))
+    found = refit(data, MODEL, 0.05, (OFFSET,), iterations=3)
+    without = refit(data, MODEL, 0.05, (), iterations=6)
+    power = (found.effects[0].values[0] / found.standard_errors()[0]) ** 2
     assert power == pytest.approx(2.0 * (without.cost - found.cost), rel=0.2)

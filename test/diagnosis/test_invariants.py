@@ -15,10 +15,10 @@ from workflow_case import AXIS, record
 
 from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.closing import Closing
+from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.result import result_of
-from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.offline.recording import Recording
@@ -60,7 +60,7 @@ def check(answer: Answer, learn: Recording) -> None:
         answer: of a diagnosis.
         learn: the recording it learnt from.
     """
-    result = result_of(answer, (Closing(1.0, 1.0), Closing(1.0, 1.0)), None, AXIS.units)
+    result = result_of(answer, (CompensationCheck(1.0, 1.0), CompensationCheck(1.0, 1.0)), None, AXIS.units)
     json.loads(json.dumps(result, allow_nan=False))  # numbers that every reader of JSON knows
     gap = answer.gap
     named = [item for item in answer.effects if item.settings.name != "quantisation"]

@@ -5,18 +5,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import workflow_case
 from workflow_case import AXIS, record
 
 from sgms_observer.application.diagnose import refuse_learnt_from
 from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.closing import Closing
-from sgms_observer.diagnosis.gap import Remainder, residuals, rms
-from sgms_observer.diagnosis.learnt import learn
+from sgms_observer.diagnosis.compensation_check import CompensationCheck
+from sgms_observer.diagnosis.diagnosis import Options
+from sgms_observer.diagnosis.gap import WeightedResidual, residuals, rms
+from sgms_observer.diagnosis.map_fit import fit_map
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.diagnosis.result import result_of, write_augmented
-from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.effect import named_values
@@ -39,9 +40,9 @@ def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workflow, "catalogue_names", lambda: SEARCHED)
 
 
-def made(effects: tuple[EffectSettings, ...], seed: int, axis: AxisSettings = AXIS) -> Recording:
+def made(effects: tuple[EffectSettings, ...], seed: int, duration: float = 12.0) -> Recording:
     """Return a short recording at a low rate."""
-    return record(effects, seed=seed, duration=12.0, period=PERIOD)
+    return record(effects, seed=seed, duration=duration, period=PERIOD)
 
 
 def hidden_map(level: np.ndarray) -> LearntMap:
@@ -84,10 +85,10 @@ def test_a_friction_level_along_the_rail_is_learnt_and_its_file_loads_and_closes
     one, other = (motion_of(record, band=25.0) for record in rail)
     model = Model.of(AXIS)
     known, judge = (
-        Remainder([motion], left := residuals(model, [motion]), [np.ones_like(part) for part in left])
+        WeightedResidual([motion], left := residuals(model, [motion]), [np.ones_like(part) for part in left])
         for motion in (one, other)
     )
-    found = learn(known, judge, "learnt_map", AXIS.units, OPTIONS.criteria)
+    found = fit_map(known, judge, "learnt_map", AXIS.units, OPTIONS.criteria)
     assert found is not None and found.coordinates == ("position", "direction")
     assert found.share > 0.7
     assert "friction level that varies along the position" in found.sentence
@@ -124,6 +125,46 @@ def test_diagnose_learns_the_rail_and_takes_the_map_of_its_own_file_for_granted(
     assert second.gap.given == pytest.approx(first.gap_with_learnt, rel=0.1)
 
 
+def test_a_second_map_is_learnt_where_the_first_leaves_something_predictable() -> None:
+    speeds = (-0.08, -0.04, 0.0, 0.04, 0.08)
+    drag = LearntMap(("velocity",), (speeds,), (-1.5, 1.5, 0.0, 1.5, -1.5), name="learnt_map_2")
+    hidden = (hidden_map(np.array([1.5, -0.5, 1.5, 0.0, -1.0])).settings(), drag.settings())
+    records = [made(hidden, seed, duration=24.0) for seed in (1, 2, 3, 4)]
+    answer = answer_of(diagnose(records[:2], records[2:], AXIS, OPTIONS), AXIS, OPTIONS)
+    assert sorted(item.coordinates for item in answer.learnt) == [("position", "direction"), ("velocity",)]
+    first = answer.diagnosis.written.after.model.with_effects([answer.learnt[0].settings])
+    assert rms(answer.residual_after) < 0.7 * rms(residuals(first, answer.motions))
+
+
+def test_a_small_effect_is_named_beside_one_that_closes_nearly_everything() -> None:
+    spring, drag = EffectSettings("spring", (150.0, 0.0)), EffectSettings("quadratic_drag", (60.0,))
+    answer = answered((made((spring, drag), 1), made((spring, drag), 2)), AXIS)
+    assert [item.settings.name for item in answer.effects] == ["spring", "quadratic_drag"]
+    closed = answer.effects[0].gap_before**2 - answer.effects[0].gap_after**2
+    assert closed > 0.95 * answer.gap.before**2  # what is left for the drag is less than min_closed_share of the whole
+
+
+def test_of_two_names_for_one_force_the_one_with_fewer_parameters_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("cogging", "gravity"))
+    hidden = (EffectSettings("gravity", (3.0, 0.4, 1.0)),)
+    axis = replace(AXIS, joint_type="revolute")
+    answer = answered((made(hidden, 1), made(hidden, 2)), axis)
+    assert [item.settings.name for item in answer.effects] == ["gravity"]
+    assert answer.verdict == "effect_found"  # cogging with the pitch of a turn is no other explanation
+
+
+def test_a_ripple_is_named_although_the_same_recording_also_lacks_a_drag(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("cogging",))
+    time = np.arange(round(24.0 / PERIOD)) * PERIOD
+    position = 0.013 * np.sin(2.0 * np.pi * 0.5013 * time) + 0.009 * np.sin(2.0 * np.pi * 0.173 * time)
+    monkeypatch.setattr(workflow_case, "rich_position", lambda *_: position)
+    hidden = (EffectSettings("cogging", (0.4, 0.004, 0.3, 0.0, 0.0)), EffectSettings("asymmetric_viscous", (15.0,)))
+    recording = made(hidden, 1, duration=24.0)
+    answer = answer_of(diagnose([recording], [], AXIS, OPTIONS), AXIS, OPTIONS)
+    assert [item.settings.name for item in answer.effects] == ["cogging"]
+    assert answer.effects[0].settings.values[1] == pytest.approx(0.004, rel=0.01)
+
+
 def test_parts_left_out_in_turn_are_enough_to_learn_from(rail: tuple[Recording, Recording]) -> None:
     answer = answer_of(diagnose(rail, [], AXIS, OPTIONS), AXIS, OPTIONS)
     assert answer.verdict == "unknown_effect" and answer.remainder == "learnt"
@@ -145,7 +186,7 @@ def test_a_coulomb_force_that_moved_is_listed_with_its_old_and_new_value() -> No
     assert moved.before == 5.6
     assert moved.after == pytest.approx(4.0, rel=0.05)
     assert moved.closes > 0.5
-    result = result_of(answer, (Closing(1.0, 1.0), Closing(1.0, 1.0)), None, AXIS.units)
+    result = result_of(answer, (CompensationCheck(1.0, 1.0), CompensationCheck(1.0, 1.0)), None, AXIS.units)
     (entry,) = [item for item in result["changed"] if item["name"] == "friction.coulomb_force"]
     assert set(entry) == {"name", "from", "to", "std_error", "closes"} and entry["std_error"] > 0.0
 

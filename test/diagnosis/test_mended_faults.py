@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from workflow_case import AXIS, FRICTION, PERIOD, court_of, record
+from workflow_case import AXIS, FRICTION, PERIOD, evaluation_of, record
 
-from sgms_observer.diagnosis.candidates import Candidate, fitted, to_the_end
+from sgms_observer.diagnosis.candidates import Candidate, finish_fit, first_fit
 from sgms_observer.diagnosis.contact import element_friction
-from sgms_observer.diagnosis.court import evidence_of
-from sgms_observer.diagnosis.decision import bounds, decide
-from sgms_observer.diagnosis.fit import Freedom, Refits, judged_with, refit
-from sgms_observer.diagnosis.level import measured_level, measured_start
-from sgms_observer.diagnosis.model import COULOMB, KNEE, STATIC, Model, held_over_steps, predict
-from sgms_observer.diagnosis.motion import HELD, fast_length, later, motion_of
-from sgms_observer.diagnosis.ranges import believable
+from sgms_observer.diagnosis.decision import decide, range_tests
+from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
+from sgms_observer.diagnosis.evaluation import evidence_of
+from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise, refit
+from sgms_observer.diagnosis.model import COULOMB, STATIC, STRIBECK_VELOCITY, Model, compensated_for_hold, predict
+from sgms_observer.diagnosis.motion import HELD_LAG, delayed, fast_length, motion_of
+from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.diagnosis.screen import Screen
-from sgms_observer.diagnosis.timing import timing
+from sgms_observer.diagnosis.sliding_force import start_logs, total_force_logs
 from sgms_observer.formulas.effects_force import flexible_mode_next
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
@@ -52,17 +52,17 @@ def test_a_sharp_contact_has_the_level_of_now_and_loses_nothing_to_and_fro() -> 
 
 def test_an_effort_that_is_not_held_is_seen_and_a_delay_is_not_swallowed() -> None:
     held = record()
-    for late, expected in ((0.0, HELD), (-HELD, 0.0), (0.05, HELD + 0.05), (0.4, HELD)):
-        arrived = later(held.effort, HELD)
-        shifted = Recording("test", PERIOD, held.position, later(arrived, -late) if late <= 0.0 else arrived)
+    for late, expected in ((0.0, HELD_LAG), (-HELD_LAG, 0.0), (0.05, HELD_LAG + 0.05), (0.4, HELD_LAG)):
+        arrived = delayed(held.effort, HELD_LAG)
+        shifted = Recording("test", PERIOD, held.position, delayed(arrived, -late) if late <= 0.0 else arrived)
         # read with no lag, the recording needs HELD; an effort published ``late`` samples too early needs more
         motion = motion_of(shifted, 0.0)
-        effort = motion.effort if late <= 0.0 else later(motion.effort, -late)
+        effort = motion.effort if late <= 0.0 else delayed(motion.effort, -late)
         motion = replace(motion, effort=effort)
-        judged = judged_with((motion,), MODEL)
-        found = refit(judged, MODEL, 0.05, iterations=3)
-        assert timing(judged, found, HELD, HELD) == pytest.approx(
-            HELD + late if abs(late) < 0.1 else expected, abs=0.03
+        data = data_with_own_noise((motion,), MODEL)
+        found = refit(data, MODEL, 0.05, iterations=3)
+        assert fitted_effort_lag(data, found, HELD_LAG, HELD_LAG) == pytest.approx(
+            HELD_LAG + late if abs(late) < 0.1 else expected, abs=0.03
         )
 
 
@@ -70,13 +70,13 @@ def test_offset_and_asymmetric_coulomb_are_told_apart_after_the_full_refit() -> 
     for name, value in (("offset", 0.6), ("asymmetric_coulomb", 0.15)):
         hidden = EffectSettings(name, (value,))
         motion = motion_of(record((hidden,)))
-        judged = judged_with((motion,), MODEL)
-        before = refit(judged, MODEL, 0.05, iterations=5)
-        columns = Screen(judged, before, 0.05, Freedom(), ()).nominal_columns
-        refits = Refits(judged, MODEL, 0.05)
+        data = data_with_own_noise((motion,), MODEL)
+        before = refit(data, MODEL, 0.05, iterations=5)
+        columns = Screen(data, before, 0.05, Freedom(), ()).nominal_columns
+        setup = RefitSetup(data, MODEL, 0.05)
         taken = {}
         for start in (EffectSettings("offset", (0.5,)), EffectSettings("asymmetric_coulomb", (0.1,))):
-            taken[start.name] = to_the_end(refits, fitted(refits, before, start, columns))
+            taken[start.name] = finish_fit(setup, first_fit(setup, before, start, columns))
         best = min(taken, key=lambda key: taken[key].cost)
         assert best == name
         assert taken[best].effects[0].values[0] == pytest.approx(value, rel=0.05)
@@ -86,19 +86,19 @@ def test_a_small_value_of_a_parameter_with_a_wide_range_is_not_at_its_end() -> N
     travel = float(np.sum(np.abs(np.diff(motion_of(record()).position))))
     wear = EffectSettings("wear_step", (0.2, 0.5 * travel, 0.02 * travel))
     motion = motion_of(record((wear,)))
-    judged = judged_with((motion,), MODEL)
-    before = refit(judged, MODEL, 0.05, iterations=2)
-    columns = Screen(judged, before, 0.05, Freedom(), ()).nominal_columns
+    data = data_with_own_noise((motion,), MODEL)
+    before = refit(data, MODEL, 0.05, iterations=2)
+    columns = Screen(data, before, 0.05, Freedom(), ()).nominal_columns
     assert 0.02 * travel < 1e-9 * 1e7  # the width lies within a billionth of its range from zero
-    refits = Refits(judged, MODEL, 0.05)
-    found = Candidate("wear_step", refits, fitted(refits, before, wear, columns), 1)
-    (test,) = bounds(found, court_of((motion,), MODEL.with_effects([wear])))
+    setup = RefitSetup(data, MODEL, 0.05)
+    found = Candidate("wear_step", setup, first_fit(setup, before, wear, columns), 1)
+    (test,) = range_tests(found, evaluation_of((motion,), MODEL.with_effects([wear])))
     assert test.passed and test.value == 0.0
 
 
 def test_a_spring_does_not_rest_far_outside_the_stroke() -> None:
     motion = motion_of(record(duration=6.0))
-    low, high = believable("spring", "rest_position", (motion,), MODEL)
+    low, high = plausible_range("spring", "rest_position", (motion,), MODEL)
     stroke = np.ptp(motion.position)
     assert high - low == pytest.approx(2.0 * stroke)
 
@@ -106,16 +106,16 @@ def test_a_spring_does_not_rest_far_outside_the_stroke() -> None:
 def test_a_missing_element_is_part_of_the_level_its_owner_measured() -> None:
     logs = np.zeros(len(MODEL.parameter_names()))
     logs[[COULOMB, STATIC]] = np.log([0.8, 0.84])
-    seen = measured_level(logs, MODEL, (EffectSettings("presliding", (0.8, 1e-4)),))
+    seen = total_force_logs(logs, MODEL, (EffectSettings("presliding", (0.8, 1e-4)),))
     assert seen[[COULOMB, STATIC]] == pytest.approx(0.0, abs=1e-9)
-    assert np.array_equal(measured_level(logs, MODEL, ()), logs)
+    assert np.array_equal(total_force_logs(logs, MODEL, ()), logs)
 
 
 def test_a_load_behind_play_takes_its_share_of_the_level_its_owner_measured() -> None:
     start = EffectSettings("backlash", (4e-5, 0.2, 2e-6))
-    moved = measured_start(np.zeros(len(MODEL.parameter_names())), MODEL, start)
+    moved = start_logs(np.zeros(len(MODEL.parameter_names())), MODEL, start)
     assert np.exp(moved[[COULOMB, STATIC]]) == pytest.approx(0.8)
-    assert measured_level(moved, MODEL, (start,)) == pytest.approx(0.0, abs=1e-12)
+    assert total_force_logs(moved, MODEL, (start,)) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_missing_elements_remember_a_large_motion_through_small_ones() -> None:
@@ -131,15 +131,17 @@ def test_a_name_needs_its_share_of_the_gap() -> None:
     hidden = EffectSettings("offset", (0.6,))
     motion = motion_of(record((hidden,), duration=8.0))
     truth = MODEL.with_effects([hidden])
-    court = court_of((motion,), truth)
-    refits = Refits(court.judged, MODEL, 0.05)
-    plain = refits.of((), None, 6)
-    earlier = evidence_of(plain, court)
+    evaluation = evaluation_of((motion,), truth)
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
+    plain = setup.fit((), None, 6)
+    earlier = evidence_of(plain, evaluation)
     shares, outcomes = {}, {}
     for force in (0.6, 0.3, 0.005):
         effects = (EffectSettings("offset", (force,)),)
-        found = refits.of(effects, None, 2, [(0, 0)])  # it keeps its value
-        tests = {test.name: test for test in decide(Candidate("offset", refits, found, 1), plain, earlier, court).tests}
+        found = setup.fit(effects, None, 2, [(0, 0)])  # it keeps its value
+        tests = {
+            test.name: test for test in decide(Candidate("offset", setup, found, 1), plain, earlier, evaluation).tests
+        }
         share = tests["share of the closable squared gap"]
         shares[force], outcomes[force] = share.value, share.passed
     assert shares[0.6] == pytest.approx(1.0, abs=0.1)
@@ -167,7 +169,7 @@ def test_a_ringing_mass_is_driven_as_by_the_acceleration_itself() -> None:
     t = PERIOD * np.arange(400)
     exact = solve_ivp(rate, (0.0, t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-10, atol=1e-14).y[0]
     far = {}
-    for name, drive in (("weighted", held_over_steps(np.sin(omega * t))), ("end", np.sin(omega * t))):
+    for name, drive in (("weighted", compensated_for_hold(np.sin(omega * t))), ("end", np.sin(omega * t))):
         state, seen = (0.0, 0.0), []
         for a in drive:
             state = flexible_mode_next(a, PERIOD, state, values.values)
@@ -178,12 +180,12 @@ def test_a_ringing_mass_is_driven_as_by_the_acceleration_itself() -> None:
 
 
 def test_a_missing_element_is_found_where_the_others_have_bent_to_stand_in_for_it() -> None:
-    fine, motion = MODEL.refined(), motion_of(record((EffectSettings("presliding", (1.6, 3e-5)),)))
-    judged = judged_with((motion,), fine)
-    bent = refit(judged, fine, 0.05, iterations=12)
-    judged = judged_with((motion,), bent.model)
-    assert np.abs(bent.logs[KNEE + 1 :]).max() > 0.5
-    columns = Screen(judged, bent, 0.05, Freedom(), ()).nominal_columns
-    refits = Refits(judged, fine, 0.05)
-    found = fitted(refits, bent, EffectSettings("presliding", (0.6, 2e-4)), columns)
+    fine, motion = MODEL.with_split_elements(), motion_of(record((EffectSettings("presliding", (1.6, 3e-5)),)))
+    data = data_with_own_noise((motion,), fine)
+    shifted_fit = refit(data, fine, 0.05, iterations=12)
+    data = data_with_own_noise((motion,), shifted_fit.model)
+    assert np.abs(shifted_fit.logs[STRIBECK_VELOCITY + 1 :]).max() > 0.5
+    columns = Screen(data, shifted_fit, 0.05, Freedom(), ()).nominal_columns
+    setup = RefitSetup(data, fine, 0.05)
+    found = first_fit(setup, shifted_fit, EffectSettings("presliding", (0.6, 2e-4)), columns)
     assert found.effects[0].values == pytest.approx((1.6, 3e-5), rel=0.25)

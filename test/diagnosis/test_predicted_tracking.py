@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sgms_observer.application.predicted_tracking import predict_tracking
-from sgms_observer.diagnosis.closing import closing
+from sgms_observer.diagnosis.compensation_check import check_compensation
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.tracking import MAX_RATIO, PredictedTracking, TrackingError
 from sgms_observer.observer.axis_observer import AxisObserver
@@ -113,8 +113,8 @@ def test_the_feedforward_figure_counts_the_reference_while_it_moves() -> None:
         whole = np.concatenate([record.effort, effort])
         return replace(record, position=position, effort=whole, reference_position=reference)
 
-    alone, calm, pushed = (closing(one, given, BAND, BLOCK) for one in (record, resting(0.0), resting(3.0)))
+    alone, calm, pushed = (check_compensation(one, given, BAND, BLOCK) for one in (record, resting(0.0), resting(3.0)))
     assert alone.has_reference and alone.share > 0.95
     assert calm.share == pushed.share == pytest.approx(0.47, abs=0.05)
-    assert pushed.compensation == pytest.approx(calm.compensation, rel=1.0e-3)
-    assert not closing(replace(record, reference_position=None), given, BAND, BLOCK).has_reference
+    assert pushed.friction_not_cancelled == pytest.approx(calm.friction_not_cancelled, rel=1.0e-3)
+    assert not check_compensation(replace(record, reference_position=None), given, BAND, BLOCK).has_reference

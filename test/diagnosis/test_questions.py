@@ -11,13 +11,13 @@ import pytest
 
 from sgms_observer.diagnosis.advice import Named, next_experiment
 from sgms_observer.diagnosis.changed import Changed
-from sgms_observer.diagnosis.closing import Closing
+from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.criteria import at_least, at_most
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.gap import Gap
 from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.questions import at_limit, questions_of, with_unit
-from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
 from sgms_observer.report.page import BAD, GOOD, UNSURE
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
@@ -36,12 +36,12 @@ def answer(**changes: Any) -> Any:
     """Return what the questions need of an answer in which all is well, but for the changes."""
     gap = Gap(6.0, 5.0, 2.0, 1.9, 1.8, (4.9, 5.1), (1.9, 2.1), "held-out", 100.0, 1.1)
     fit = SimpleNamespace(model=MODEL, logs=np.zeros(len(MODEL.parameter_names())), is_converged=True)
-    state = SimpleNamespace(learn=(motion(),), held=(motion(),))
+    state = SimpleNamespace(fit_motions=(motion(),), held_out_motions=(motion(),))
     score = at_least("cogging", "z-score, held-out recordings", 9.1, 3.0)
     accepted = SimpleNamespace(candidate=SimpleNamespace(name="cogging"), tests=(score,))
     written = SimpleNamespace(before=fit, after=fit)
     run = SimpleNamespace(
-        state=state, written=written, is_poor=False, warnings=(), rounds=(SimpleNamespace(accepted=accepted),)
+        final_state=state, written=written, is_poor=False, warnings=(), rounds=(SimpleNamespace(accepted=accepted),)
     )
     values = {
         "gap": gap,
@@ -71,7 +71,7 @@ BETTER = PredictedTracking(
 
 def states(of: Any, tracking: PredictedTracking | None = BETTER) -> dict[str, tuple[str, str]]:
     """Return state and answer of each question."""
-    lights = questions_of(of, (Closing(1.0, 2.0), Closing(0.5, 1.0)), tracking, Options(), Units())
+    lights = questions_of(of, (CompensationCheck(1.0, 2.0), CompensationCheck(0.5, 1.0)), tracking, Options(), Units())
     return {light.question: (light.state, light.answer) for light in lights}
 
 
@@ -86,7 +86,9 @@ def with_test(name: str, value: float) -> tuple[Any, ...]:
 def test_all_is_well() -> None:
     found = states(answer())
     assert {state for state, _ in found.values()} == {GOOD}
-    lights = questions_of(answer(), (Closing(1.0, 2.0), Closing(0.5, 1.0)), BETTER, Options(), Units())
+    lights = questions_of(
+        answer(), (CompensationCheck(1.0, 2.0), CompensationCheck(0.5, 1.0)), BETTER, Options(), Units()
+    )
     assert {light.topic for light in lights} == {"Data", "Convergence", "Believability"}
     pitch = found["Is there a 12.0 mm pitch?"][1]
     assert "by 9.1 standard errors, 3 are needed" in pitch and "from 5 to 2 %" in pitch and "0.98" in pitch
@@ -99,7 +101,7 @@ def test_all_is_well() -> None:
     [
         ({"is_poor": True, "warnings": ("the axis hardly slides: move",)}, "Do the recordings show the friction?", BAD,
          "The axis hardly slides: move."),
-        ({"state": SimpleNamespace(learn=(motion(),), held=())},
+        ({"final_state": SimpleNamespace(fit_motions=(motion(),), held_out_motions=())},
          "Was the model judged on recordings that it was not fitted to?", UNSURE, "--holdout"),
         ({"after": SimpleNamespace(model=MODEL, logs=np.zeros(1), is_converged=False)}, "Did the fits converge?",
          UNSURE, "the augmented model was not small"),

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sgms_observer.diagnosis.court import Court
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.fit import judged_as, judged_with
+from sgms_observer.diagnosis.evaluation import EvaluationData
+from sgms_observer.diagnosis.fit import data_with_noise_of, data_with_own_noise
 from sgms_observer.diagnosis.gap import noise_floors, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
@@ -45,7 +45,7 @@ def record(
     seed: int = 1,
     duration: float = 20.0,
     mass: float = 5.0,
-    is_sharp: bool = False,
+    is_unsmoothed: bool = False,
     period: float = PERIOD,
 ) -> Recording:
     """Return a recording of a stage with ``effects`` and force noise of 1 % of the Coulomb force."""
@@ -56,7 +56,7 @@ def record(
     noise[0] = 0.0
     for k in range(1, len(raw)):
         noise[k] = 0.85 * noise[k - 1] + 0.527 * white[k]
-    truth = Model(mass, FRICTION, is_sharp=is_sharp).with_effects(effects)
+    truth = Model(mass, FRICTION, is_unsmoothed=is_unsmoothed).with_effects(effects)
     motion = motion_of(Recording("test", period, raw, np.zeros(len(raw))))
     needed = -predict(truth, motion).residual + 0.04 * noise
     held = np.empty(len(raw))
@@ -66,8 +66,10 @@ def record(
     return Recording("test", period, raw, held)
 
 
-def court_of(learn: Sequence[Motion], truth: Model, held: Sequence[Motion] = (), floor: float | None = None) -> Court:
-    """Return a court whose noise is what the truth leaves, and whose first gap is what the nominal model leaves.
+def evaluation_of(
+    learn: Sequence[Motion], truth: Model, held: Sequence[Motion] = (), floor: float | None = None
+) -> EvaluationData:
+    """Return evaluation data with the noise of the true model and the first gap of the nominal model.
 
     Args:
         learn: recordings to learn from.
@@ -75,11 +77,11 @@ def court_of(learn: Sequence[Motion], truth: Model, held: Sequence[Motion] = (),
         held: held-out recordings.
         floor: rms residual of a perfect model [N]; from replicates if None.
     """
-    judged = judged_with(learn, truth)
+    data = data_with_own_noise(learn, truth)
     judge = tuple(held) or tuple(learn)
-    unseen = judged_as(held, judged, truth)
-    weights = unseen.weights if held else judged.weights
-    lowest = noise_floors(judge, truth, judged.noise, 1, weights)[0] if floor is None else floor
+    unseen = data_with_noise_of(held, data, truth)
+    weights = unseen.weights if held else data.weights
+    lowest = noise_floors(judge, truth, data.noise, 1, weights)[0] if floor is None else floor
     left = residuals(Model.of(AXIS), judge)
     first = rms(weighted(left, weights))
-    return Court(tuple(learn), judge, judged, unseen, lowest, first, lowest, rms(left), Criteria(), 1)
+    return EvaluationData(tuple(learn), judge, data, unseen, lowest, first, lowest, rms(left), Criteria(), 1)

@@ -13,12 +13,12 @@ import pytest
 
 from sgms_observer.diagnosis.advice import Named
 from sgms_observer.diagnosis.changed import Changed
-from sgms_observer.diagnosis.closing import Closing
+from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.criteria import Criteria, at_least
 from sgms_observer.diagnosis.evidence import Improvement
 from sgms_observer.diagnosis.gap import Gap
-from sgms_observer.diagnosis.learnt import Learnt
 from sgms_observer.diagnosis.locate import Located
+from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.result import result_of
 from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
 from sgms_observer.effects.learnt_map import LearntMap
@@ -49,7 +49,7 @@ def full_answer() -> Any:
     gap = Gap(5.0, 4.0, 2.0, 1.0, 0.5, (3.9, 4.1), (1.9, 2.1), "held-out", 100.0, 1.1)
     named = Named(EffectSettings("offset", (0.6,)), (0.01,), 0.9, ("cogging",), 4.0, 2.0)
     table = LearntMap(("position",), ((0.0, 1.0),), (0.0, 1.0))
-    learnt = Learnt(table, ("position",), Improvement(1.0, 4.0, 2.0), 0.5, "a force")
+    learnt = FittedMap(table, ("position",), Improvement(1.0, 4.0, 2.0), 0.5, "a force")
     return SimpleNamespace(
         verdict="effect_found", usable=True, warnings=(), gap=gap, effects=(named,), learnt=(learnt,),
         changed=(Changed("friction.coulomb_force", 4.0, 5.0, 0.1, 0.5),), remainder="none",
@@ -75,7 +75,7 @@ def test_every_key_of_result_json_is_in_the_glossary_and_no_other() -> None:
     assert len(explained) == len(set(explained))
     error = TrackingError(1.0e-6, 2.0e-6)
     tracking = PredictedTracking(error, error, error, error, 10.0)
-    result = result_of(full_answer(), (Closing(1.0, 2.0), Closing(0.5, 1.0)), tracking, Units())
+    result = result_of(full_answer(), (CompensationCheck(1.0, 2.0), CompensationCheck(0.5, 1.0)), tracking, Units())
     assert set(explained) == keys_of(result)
 
 

@@ -45,6 +45,32 @@ TERMS = {
 }
 """One spelling for each term."""
 
+CORE = (
+    "compensation", "diagnosis", "effects", "estimators", "filters", "formulas", "friction", "identification",
+    "observer", "offline", "report",
+)  # fmt: skip
+"""Folders of ``sgms_observer`` whose names are checked below."""
+
+NAMES = {
+    r"[Cc]ourt(_of)?": "EvaluationData, evaluation",
+    r"[Jj]udged(_with|_as)?": "WhitenedData, data",
+    r"doubts?": "stick_indicator",
+    r"(\w+_)?reach(es)?": "slip_deflection",
+    r"(is_)?sharp": "is_unsmoothed",
+    r"twins?|sureness|SURE|KIN|BOLD|LOUD|FAR|NOBODYS|AGAIN|PLAY|LOOK": "the statistic, with MIN_ or MAX_",
+    r"(MOST|LEAST|LONGEST|SHORTEST|WIDEST|SLOWEST)_\w+": "MAX_... or MIN_...",
+    r"[Ll]ooks?": "Screening",
+    r"apart": "z_score_between",
+    r"bent": "unnamed_contact_effects",
+    r"told|said|seen|taken|kept|earned|unhomed|narrowed|let_go|to_the_end": "the quantity that the name holds",
+    r"explains_all|is_law|without_flicker|beside\w*": "a term of the field",
+    r"own(ed)?": "whose it is: file_effects, errors_of_fit",
+}
+"""Identifiers that are not used (a regular expression of the whole), and what is."""
+
+MODULES = ("beside", "closing", "court", "kin", "learnt", "level", "moving", "state", "told", "twins")
+"""Names that a module does not have: it has the noun of what lives there."""
+
 _MACHINE_TEXT = re.compile(r"^[\w./:<>{}%*#-]+$")
 
 
@@ -81,6 +107,36 @@ def test_sentences_of_the_source_use_the_preferred_terms() -> None:
     assert found == []
 
 
+def _identifiers(source: str) -> Iterator[tuple[int, str]]:
+    """Yield every name of a source with its line: of variables, attributes, arguments, functions and classes."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.lineno, node.name
+        elif isinstance(node, ast.Name):
+            yield node.lineno, node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.lineno, node.attr
+        elif isinstance(node, ast.arg | ast.keyword) and node.arg:
+            yield node.lineno, node.arg
+
+
+def _bad_names(source: str) -> list[str]:
+    return [
+        f"{line}: {name!r}; write {better}"
+        for line, name in sorted(set(_identifiers(source)))
+        for pattern, better in NAMES.items()
+        if re.fullmatch(pattern, name)
+    ]
+
+
+@pytest.mark.parametrize("folder", CORE)
+def test_names_of_the_core_are_terms_of_the_field(folder: str) -> None:
+    paths = sorted((ROOT / "sgms_observer" / folder).glob("*.py"))
+    assert paths
+    assert [path.name for path in paths if path.stem in MODULES] == []
+    assert [f"{path.name}:{fault}" for path in paths for fault in _bad_names(path.read_text(encoding="utf-8"))] == []
+
+
 def test_warnings_begin_alike() -> None:
     for path in SOURCES:
         for line, text in _texts(path):
@@ -91,3 +147,5 @@ def test_scan_finds_what_it_forbids() -> None:
     assert _found("Nobody subscribes to reference")
     assert _found("the node met a fault of its own")
     assert not _found("No node subscribes to `reference`.")
+    assert len(_bad_names("def apart(court: Judged) -> None:\n    court.doubt = MOST_KEPT")) == 6
+    assert _bad_names("distance = evaluation.slip_deflection") == []

@@ -52,8 +52,8 @@ except SgmsError as error:
 KERNEL = LIMITED.format(
     body="""
 import numpy as np
-from sgms_observer.diagnosis.motion import without_flicker
-print(without_flicker(np.array([0.0, 1.0, 0.5, 2.0]), 0.25).tolist())
+from sgms_observer.diagnosis.motion import play_operator
+print(play_operator(np.array([0.0, 1.0, 0.5, 2.0]), 0.25).tolist())
 """
 )
 

@@ -96,7 +96,9 @@ def test_held_out_error_finds_the_number_of_elements(result: Identification) -> 
 def test_what_is_told_to_be_shown_is_within_five_percent(result: Identification) -> None:
     names = result.parameters.names()
     estimate, true = result.parameters.vector(), _truth().vector()
-    told = [j for j in range(len(names)) if result.confidence.is_shown[j] and names[j] not in ("delay", "offset")]
+    told = [
+        j for j in range(len(names)) if result.confidence.is_identifiable[j] and names[j] not in ("delay", "offset")
+    ]
     assert {"mass", "viscous_coefficient", "stribeck_ratio"} <= {names[j] for j in told}
     assert sum(j >= ELEMENTS for j in told) >= 3
     for j in told:
@@ -181,6 +183,6 @@ def test_one_fast_stroke_does_not_claim_the_presliding_stiffness() -> None:
     found = identify(fast, START, IdentifyOptions(count=2))
     estimate, true = found.parameters.vector(), _truth().vector()
     for j in range(len(true)):
-        if found.confidence.is_shown[j] and found.parameters.names()[j] not in ("delay", "offset"):
+        if found.confidence.is_identifiable[j] and found.parameters.names()[j] not in ("delay", "offset"):
             assert estimate[j] == pytest.approx(true[j], rel=0.05), found.parameters.names()[j]
-    assert not np.all(found.confidence.is_shown[ELEMENTS:])
+    assert not np.all(found.confidence.is_identifiable[ELEMENTS:])

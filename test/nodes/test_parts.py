@@ -19,9 +19,9 @@ from sgms_observer.nodes.pace import LONGEST_CATCH_UP, Pace
 from sgms_observer.nodes.report import NO_SAMPLES, axis_entry
 from sgms_observer.nodes.statistics import AxisStatistics, Growth, Sentences, StepClock
 from sgms_observer.nodes.transport import claim_domain
-from sgms_observer.observer.learnt import learnt_changes
 from sgms_observer.observer.outgoing import ELEMENTS, ESTIMATE, Outgoing
 from sgms_observer.observer.pairing import PairingCounts
+from sgms_observer.observer.parameter_changes import parameter_changes
 from sgms_observer.observer.samples import Estimates
 from sgms_observer.settings.load import settings_from_tree
 from sgms_observer.settings.units import Scales
@@ -253,7 +253,7 @@ class TestStatistics:
 
 def test_what_was_learnt_goes_where_it_belongs() -> None:
     axis = settings_from_tree({}).axes[0]
-    changes = learnt_changes(axis, {"kappa": 0.5, "coulomb_force": 3.0, "mass": 12.0, "offset": 0.2}, added_mass=1.0)
+    changes = parameter_changes(axis, {"kappa": 0.5, "coulomb_force": 3.0, "mass": 12.0, "offset": 0.2}, added_mass=1.0)
     assert changes["friction.element_stiffness"] == [0.5 * kappa for kappa in axis.friction.element_stiffness]
     assert changes["friction.coulomb_force"] == 3.0 and changes["mass"] == 11.0
     assert changes["effects.names"] == ["offset"] and changes["effects.offset.force"] == 0.2

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.observer.all_axes import LONGEST_AGE_NS, AllAxes
+from sgms_observer.observer.all_axes import MAX_AGE_NS, AllAxes
 from sgms_observer.observer.axis_observer import AxisObserver, OtherMotion
 from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, coupled_number
@@ -75,7 +75,7 @@ def test_the_force_is_that_of_the_other_axis() -> None:
 def test_an_axis_that_went_silent_leaves_no_force_behind() -> None:
     with_it = joined(in_blocks((COUPLED, OTHER), 10, silent_from=600), "compensation")
     without = joined(in_blocks((replace(COUPLED, effects=()), OTHER), 10, silent_from=600), "compensation")
-    last = 600 + LONGEST_AGE_NS // 1_000_000
+    last = 600 + MAX_AGE_NS // 1_000_000
     assert np.abs(with_it - without)[590 : last - 2].min() > 0.0
     assert np.abs(with_it - without)[last + 20 :].max() < 1e-9
 

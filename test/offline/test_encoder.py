@@ -38,6 +38,13 @@ def test_no_step_is_invented() -> None:
     assert encoder_step(np.zeros(500)) == 0.0
 
 
+@pytest.mark.parametrize("frequency", [0.5, 1.25])
+def test_a_motion_that_repeats_exactly_is_no_coarse_encoder(frequency: float) -> None:
+    time = np.arange(6000) / 250.0
+    position = np.round(0.02 * np.sin(2.0 * np.pi * frequency * time) / 1.0e-8) * 1.0e-8
+    assert encoder_step(position) < 1.1e-8  # 1.6 and 9.8 um from the few differences near the reversals alone
+
+
 def test_noise_of_a_moving_axis_is_that_of_its_encoder() -> None:
     noise = np.random.default_rng(2).normal(0.0, 5.0e-8, len(TIME))
     assert position_noise(SMOOTH + noise) == pytest.approx(5.0e-8, rel=0.1)

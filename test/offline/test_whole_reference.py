@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sgms_observer.offline.recording import LONGEST_END, Recording
+from sgms_observer.offline.recording import MAX_END, Recording
 
 PERIOD = 1.0e-3
 COUNT = 2000
@@ -27,7 +27,7 @@ def test_short_ends_are_filled_with_the_nearest() -> None:
     assert np.array_equal(reference[1 : COUNT - 20], given[1 : COUNT - 20])
 
 
-@pytest.mark.parametrize("missing", [slice(500, 501), slice(0, round(2.0 * LONGEST_END / PERIOD)), slice(0, COUNT)])
+@pytest.mark.parametrize("missing", [slice(500, 501), slice(0, round(2.0 * MAX_END / PERIOD)), slice(0, COUNT)])
 def test_a_hole_or_a_long_end_is_no_reference(missing: slice) -> None:
     assert recording(missing).whole_reference is None
 

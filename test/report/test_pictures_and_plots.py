@@ -12,7 +12,7 @@ import pytest
 from sgms_observer.report.colours import COLOURS
 from sgms_observer.report.drawing import ESTIMATE, sheet
 from sgms_observer.report.friction_pictures import binned, position_bins, residual_over_position, stribeck_points
-from sgms_observer.report.time_plot import Line, Panel, one_after_another, telling_rows, time_plot, with_holes
+from sgms_observer.report.time_plot import Line, Panel, extreme_rows, one_after_another, time_plot, with_holes
 from sgms_observer.settings.units import Units
 
 
@@ -49,7 +49,7 @@ def test_colours_are_told_apart_when_a_picture_becomes_the_pages() -> None:
 def test_a_drawing_is_xml_in_the_pages_colours_with_names_of_its_own() -> None:
     pictures = []
     for name in ("a/b", "c"):
-        with sheet(name, "a <caption> with \"quotes\" & more") as drawn:
+        with sheet(name, 'a <caption> with "quotes" & more') as drawn:
             drawn.axes[0].plot([0.0, 1.0], [0.0, 1.0], "o-", color=ESTIMATE, label="<b>one</b>")
             drawn.axes[0].plot([0.0, 1.0], [1.0, 0.0], label="two")
         pictures.append(drawn.picture)
@@ -112,10 +112,10 @@ def test_a_long_plot_keeps_its_peaks_and_holes() -> None:
     signal[345_678] = 9.0
     signal[765_432] = -9.0
     signal[500_000] = np.nan
-    rows = telling_rows([signal, np.cos(time)], 20_000)
+    rows = extreme_rows([signal, np.cos(time)], 20_000)
     assert len(rows) <= 26_000 and np.all(np.diff(rows) > 0)
     assert {345_678, 765_432, 500_000} <= set(rows.tolist())
-    assert telling_rows([signal[:100]], 20_000).tolist() == list(range(100))
+    assert extreme_rows([signal[:100]], 20_000).tolist() == list(range(100))
 
 
 def test_a_plot_carries_the_numbers_that_it_draws() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sgms_observer.report.run_pictures import Run, run_pictures, telling_reversal
+from sgms_observer.report.run_pictures import Run, clearest_reversal, run_pictures
 
 
 def a_run(time: np.ndarray, has_truth: bool = True) -> Run:
@@ -34,6 +34,6 @@ def test_a_gap_in_the_recording_moves_the_window() -> None:
 
 
 def test_a_reversal_is_where_the_velocity_changes_sign() -> None:
-    assert abs(telling_reversal(a_run(SECONDS)) - 3.85) < 2e-3
+    assert abs(clearest_reversal(a_run(SECONDS)) - 3.85) < 2e-3
     still = a_run(np.arange(100) * 1e-3 * 0.1)
-    assert telling_reversal(still) == still.time[-1]
+    assert clearest_reversal(still) == still.time[-1]

@@ -30,8 +30,8 @@ from sgms_observer.application.commission.session import (
 )
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.identify import IdentifyJob, identify_bags
-from sgms_observer.diagnosis.fit import judged_with
-from sgms_observer.diagnosis.gap import Remainder, effort_rms, residuals
+from sgms_observer.diagnosis.fit import data_with_own_noise
+from sgms_observer.diagnosis.gap import WeightedResidual, effort_rms, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.errors import DataError
@@ -167,8 +167,8 @@ def unexplained(bag: str, axis: AxisSettings) -> float:
     band = choose_band(pieces, axis).corner
     motions = [motion_of(piece, band=band) for piece in pieces]
     model = Model.of(axis)
-    weights = judged_with(motions, model).gap_weights
-    return Remainder(motions, residuals(model, motions), weights).rms / effort_rms(motions, weights)
+    weights = data_with_own_noise(motions, model).gap_weights
+    return WeightedResidual(motions, residuals(model, motions), weights).rms / effort_rms(motions, weights)
 
 
 def load_motion(session: Session, name: str) -> Motion:

@@ -11,13 +11,13 @@ from workflow_case import AXIS, record
 
 from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.coordinates import is_law
-from sgms_observer.diagnosis.court import Evidence
 from sgms_observer.diagnosis.criteria import Criteria, Test
-from sgms_observer.diagnosis.decision import Decision, alternatives, apart
+from sgms_observer.diagnosis.decision import Decision, alternatives, z_score_between
+from sgms_observer.diagnosis.diagnosis import Options
+from sgms_observer.diagnosis.evaluation import Evidence
 from sgms_observer.diagnosis.evidence import Improvement
-from sgms_observer.diagnosis.state import Options
 from sgms_observer.diagnosis.workflow import diagnose
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
@@ -44,7 +44,7 @@ def answered(*effects: EffectSettings, axis: AxisSettings = AXIS) -> Answer:
 
 
 def test_law_effects_are_of_the_catalogue() -> None:
-    assert sum(is_law(name) for name in catalogue_names()) == 7
+    assert sum(effect(name).is_contact_law for name in catalogue_names()) == 7
 
 
 def test_a_law_effect_that_explains_all_is_a_name() -> None:
@@ -75,23 +75,30 @@ def test_elements_leave_the_file_where_recordings_show_them_elsewhere() -> None:
     right = diagnose([made((), 1)], [made((), 2)], AXIS, OPTIONS)
     friction = replace(AXIS.friction, element_stiffness=tuple(0.6 * x for x in AXIS.friction.element_stiffness))
     wrong = diagnose(learn, judge, replace(AXIS, friction=friction), replace(OPTIONS, band=100.0))
-    assert right.found.refits.freedom.is_narrow
-    assert not wrong.found.refits.freedom.is_narrow
+    assert right.file_state.setup.freedom.has_narrow_elements
+    assert not wrong.file_state.setup.freedom.has_narrow_elements
 
 
-def decision(learn: float, held: float) -> Decision:
-    """Return a decision whose residual has these sizes in 40 blocks each, with the same scatter."""
+def decision(name: str, learn: float, held: float) -> Decision:
+    """Return a decision on an effect whose residual has these sizes in 40 blocks each, with the same scatter."""
     rng = np.random.default_rng(3)
     noise = [rng.standard_normal(50) for _ in range(80)]
     blocks = [size * (1.0 + 0.01 * one) for size, one in zip([learn] * 40 + [held] * 40, noise, strict=True)]
     evidence = Evidence(blocks[:40], blocks[40:], [], [])
-    candidate: Any = type("Named", (), {"name": f"{learn}, {held}", "settings": FALL})()
+    candidate: Any = type("Named", (), {"name": name, "settings": FALL})()
     nothing = Improvement(0.0, 0.0, 1.0)
     return Decision(candidate, evidence, nothing, nothing, nothing, (Test("x", "x", 1.0, 0.0, True),))
 
 
 def test_held_out_recordings_may_contradict() -> None:
-    first, second, worse = decision(1.0, 2.1), decision(1.5, 2.0), decision(1.5, 2.5)
-    assert apart(first, worse) > 3.0  # both kinds of recordings agree
-    assert apart(first, second) < 0.0 < apart(second, first)  # the held-out ones alone decide
-    assert alternatives(first, [first, second, worse], Criteria()) == (second.candidate.name,)
+    first, second, worse = decision("spring", 1.0, 2.1), decision("offset", 1.5, 2.0), decision("gravity", 1.5, 2.5)
+    assert z_score_between(first, worse) > 3.0  # both kinds of recordings agree
+    assert z_score_between(first, second) < 0.0 < z_score_between(second, first)  # the held-out ones alone decide
+    assert alternatives(first, [first, second, worse], Criteria()) == ("offset",)
+
+
+def test_the_general_form_of_an_effect_is_no_other_explanation() -> None:
+    names = ("quadratic_drag", "nonlinear_viscous", "eddy_current")
+    drag, general, other = (decision(name, 1.0, 1.0) for name in names)
+    assert alternatives(drag, [drag, general, other], Criteria()) == ("eddy_current",)
+    assert alternatives(general, [drag, general, other], Criteria()) == ("quadratic_drag", "eddy_current")

@@ -1,4 +1,4 @@
-"""The closing step: observer and compensation over the same recording, with the given and with the augmented model."""
+"""Check of a model by observer and compensation: run both over a recording and compute what they leave."""
 
 from __future__ import annotations
 
@@ -10,48 +10,48 @@ from numpy.typing import NDArray
 
 from sgms_observer.compensation.trust import standstill_velocity
 from sgms_observer.diagnosis.evidence import blocks_of
-from sgms_observer.diagnosis.motion import HELD, Motion, later, motion_of
+from sgms_observer.diagnosis.motion import HELD_LAG, Motion, delayed, motion_of
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 
-SKIPPED = 0.5  # s, while filters fill
+SKIPPED = 0.5  # s at the start, for the transients of the filters
 
 
 @dataclass(frozen=True)
-class Closing:
-    """Errors with one model.
+class CompensationCheck:
+    """Errors of observer and compensation with one model.
 
     Attributes:
         innovation: rms of measured minus predicted friction at the corrections [N].
-        compensation: rms of what the feedforward leaves of effort minus mass times acceleration, below the band of
-            residuals, with the acceleration as it was and not as an observer knows it at the time, while the
-            feedforward follows the motion and does not hold [N]; NaN where it never does.
-        blocks: what the feedforward along the measured motion leaves while the stage moves, in blocks of time [N]; 0
-            while it rests, where the contact holds and the effort does not show what the feedforward should have been.
+        friction_not_cancelled: rms of effort minus mass times acceleration minus feedforward, below the band of
+            residuals [N]. The acceleration is the measured one, not the observer's. Only samples where the feedforward
+            follows the motion count; NaN if there are none.
+        blocks: the same residual for the feedforward along the measured motion, in blocks of time [N]; 0 while the
+            stage rests, because the effort at rest does not show what the feedforward should have been.
         share: share of the time in which the feedforward follows the motion.
-        has_reference: whether the feedforward of ``compensation`` goes along the recorded reference.
+        has_reference: whether ``friction_not_cancelled`` is computed along the recorded reference.
     """
 
     innovation: float
-    compensation: float
+    friction_not_cancelled: float
     blocks: tuple[NDArray[np.float64], ...] = ()
     share: float = 1.0
     has_reference: bool = False
 
     @property
     def along(self) -> str:
-        """Return what the feedforward went along, in words."""
+        """Return the motion that the feedforward was computed along, in words."""
         return "the recorded reference" if self.has_reference else "the measured motion"
 
 
-def closing(record: Recording, axis: AxisSettings, band: float, block: float) -> Closing:
-    """Run observer and compensation over a recording, along its measured motion, and its reference if it has one.
+def check_compensation(record: Recording, axis: AxisSettings, band: float, block: float) -> CompensationCheck:
+    """Run observer and compensation over a recording, along its measured motion and its reference if it has one.
 
     Args:
         record: position and effort.
-        axis: settings with the model to try.
+        axis: settings with the model.
         band: upper corner of the judging band [Hz].
         block: length of a block of time [s].
     """
@@ -65,12 +65,12 @@ def closing(record: Recording, axis: AxisSettings, band: float, block: float) ->
     estimates = observer.step(samples)
     good = np.arange(n) * period > SKIPPED
     innovation = estimates.innovation[good & np.isfinite(estimates.innovation)]
-    motion = motion_of(record, HELD if axis.filter.effort_is_held else 0.0, band)
+    motion = motion_of(record, HELD_LAG if axis.filter.effort_is_held else 0.0, band)
     needed = motion.effort - (axis.mass + observer.effects.added_mass) * motion.acceleration
     counted = motion.thinned(motion.time) > SKIPPED
 
     def left_by(feedforward: NDArray[np.float64]) -> NDArray[np.float64]:
-        applied = later(np.nan_to_num(feedforward), motion.lag)[:: motion.step]
+        applied = delayed(np.nan_to_num(feedforward), motion.lag)[:: motion.step]
         return motion.low_pass(needed - applied)[counted]
 
     left = left_by(estimates.compensation)
@@ -81,9 +81,9 @@ def closing(record: Recording, axis: AxisSettings, band: float, block: float) ->
     if reference is not None:
         along = AxisObserver(axis, period).step(replace(samples, reference_position=reference))
         left, follows = left_by(along.compensation), moves(reference, motion)[counted]
-    return Closing(
+    return CompensationCheck(
         innovation=float(np.sqrt(np.mean(innovation**2))),
-        compensation=float(np.sqrt(np.mean(left[follows] ** 2))) if np.any(follows) else math.nan,
+        friction_not_cancelled=float(np.sqrt(np.mean(left[follows] ** 2))) if np.any(follows) else math.nan,
         blocks=tuple(blocks_of(along_measured, motion.residual_period, block)),
         share=float(np.mean(follows)),
         has_reference=reference is not None,
@@ -91,7 +91,7 @@ def closing(record: Recording, axis: AxisSettings, band: float, block: float) ->
 
 
 def moves(values: NDArray[np.float64], motion: Motion) -> NDArray[np.bool_]:
-    """Return whether a signal of the recording changes at each residual.
+    """Return whether a signal of the recording changes, at the samples of residuals.
 
     Args:
         values: at the samples of the recording, shape (n,).
@@ -104,5 +104,5 @@ def moves(values: NDArray[np.float64], motion: Motion) -> NDArray[np.bool_]:
 
 
 def can_look_ahead(axis: AxisSettings) -> bool:
-    """Return whether a feedforward along measured motion is a fair test of a model: a delay asks for the future."""
+    """Return whether a feedforward along measured motion can test a model: a delay needs future samples."""
     return all(item.name != "actuator_delay" for item in axis.effects)

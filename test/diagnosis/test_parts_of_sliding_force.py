@@ -10,10 +10,10 @@ from workflow_case import AXIS, FRICTION, record
 from sgms_observer.diagnosis.advice import Named
 from sgms_observer.diagnosis.answer import _verdict
 from sgms_observer.diagnosis.criteria import Criteria, at_most
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
-from sgms_observer.diagnosis.ranges import believable
-from sgms_observer.diagnosis.state import Options
+from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.settings.axis import EffectSettings
 
@@ -59,8 +59,8 @@ def test_more_shapes_tried_need_a_larger_z_score_and_the_name_of_an_effect_does_
 
 def test_a_missing_element_is_one_too_few_never_one_too_many() -> None:
     motions = (motion_of(record(duration=4.0)),)
-    assert believable("presliding", "force", motions, MODEL) == (0.0, np.inf)
-    assert believable("offset", "force", motions, MODEL)[0] == -np.inf
+    assert plausible_range("presliding", "force", motions, MODEL) == (0.0, np.inf)
+    assert plausible_range("offset", "force", motions, MODEL)[0] == -np.inf
 
 
 def test_a_missing_element_is_found_and_leaves_no_more_cost() -> None:

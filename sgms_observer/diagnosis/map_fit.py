@@ -1,16 +1,16 @@
-"""The unknown, learnt: a smooth map of the force that is left, over the one or two coordinates that carry it."""
+"""Fit of a smooth map to the remaining residual, over one or two coordinates."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import Improvement, improvement, in_blocks
-from sgms_observer.diagnosis.gap import Remainder
+from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.learnt_map import LearntMap, MotionPath, learnt_coordinates
 from sgms_observer.settings.axis import EffectSettings
@@ -18,30 +18,30 @@ from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
 
-LEARNT_NAMES = ("learnt_map", "learnt_map_2", "learnt_map_3")
+MAP_NAMES = ("learnt_map", "learnt_map_2", "learnt_map_3")
 COORDINATES = (
     ("position",), ("position", "direction"), ("velocity",), ("time",), ("time", "direction"), ("travel", "direction"),
     ("dwell", "direction"), ("load", "direction"), ("position", "time"), ("velocity", "load"),
 )  # fmt: skip
-"""Coordinates that are tried; a map over fewer goes before one over more where the data do not tell them apart."""
+"""Coordinates that are tried. A map with fewer values is preferred unless a larger one predicts better."""
 POINTS = {1: 24, 2: 10}
-"""Grid points of a coordinate, by the number of coordinates that have a grid."""
+"""Number of grid points of a coordinate, by the number of coordinates with a grid."""
 SMOOTHNESS = (1.0e-3, 1.0e-2, 1.0e-1, 1.0, 10.0)
-"""Weights of the squared second differences that are tried, over the mean weight of a grid point's data."""
+"""Tried weights of the squared second differences, relative to the mean weight of the data of a grid point."""
 FOLDS, FOLD_TIME = 5, 2.0
-"""Parts that are left out in turn to choose the smoothness, and the length of their pieces [s]."""
+"""Number of folds of the cross-validation, and length of the pieces assigned to them in turn [s]."""
 
 
 @dataclass(frozen=True)
-class Learnt:
-    """A learnt map and what it is worth.
+class FittedMap:
+    """A fitted map and its improvement.
 
     Attributes:
         map: the map.
         coordinates: names of its coordinates.
-        improvement: on the recordings to judge on [N^2].
+        improvement: improvement on the evaluated recordings [N^2].
         share: closed share of the squared gap there.
-        sentence: what it looks like.
+        sentence: description of the map.
     """
 
     map: LearntMap
@@ -58,52 +58,54 @@ class Learnt:
 
 @dataclass(frozen=True)
 class _Columns:
-    """Columns of a map's values in the weighted residual, and its pieces of time.
+    """Linear map from the values of a map to the weighted residual, with the fold of each row.
 
     Attributes:
         rows: shape (n, k).
-        fold: part that each row belongs to, shape (n,).
+        fold: fold of each row, shape (n,).
     """
 
     rows: Floats
     fold: NDArray[np.int64]
 
 
-def learn(known: Remainder, judge: Remainder, name: str, units: Units, criteria: Criteria) -> Learnt | None:
-    """Learn the map that predicts most of a residual on data it was not fitted to, or None where none surely does.
+def fit_map(
+    fitted: WeightedResidual, evaluated: WeightedResidual, name: str, units: Units, criteria: Criteria
+) -> FittedMap | None:
+    """Return the map that predicts most of a residual on data it was not fitted to, or None if none is significant.
 
     Args:
-        known: what a model leaves of the recordings to learn from.
-        judge: of those to judge on; the same object as ``known`` where there are no others: parts of them are then left
-            out in turn.
-        name: of the effect, one of ``LEARNT_NAMES``.
-        units: of the axis.
+        fitted: residual on the recordings to learn from.
+        evaluated: residual on the evaluated recordings. The same object as ``fitted`` if there are no others; the
+            prediction is then cross-validated.
+        name: name of the effect, one of ``MAP_NAMES``.
+        units: units of the axis.
         criteria: thresholds.
     """
-    target = np.concatenate(known.weighted)
-    found: list[tuple[Learnt, list[Floats]]] = []
+    target = np.concatenate(fitted.weighted)
+    found: list[tuple[FittedMap, list[Floats]]] = []
     for coordinates in COORDINATES:
-        empty = _empty(coordinates, known.motions, name)
+        empty = _empty(coordinates, fitted.motions, name)
         if empty is None:
             continue
-        columns = _columns(empty, known.motions, known.weights)
+        columns = _columns(empty, fitted.motions, fitted.weights)
         penalty = _penalty(empty)
         weight = _smoothness(columns, target, penalty)
         values = _solve(columns.rows, target, weight * penalty)
         filled = empty.filled(values)
-        if known is judge:
-            predicted = _in_turn(columns, target, weight * penalty)
+        if fitted is evaluated:
+            predicted = _cross_validated(columns, target, weight * penalty)
         else:
-            predicted = _columns(empty, judge.motions, judge.weights).rows @ values
-        parts = np.split(predicted, np.cumsum([len(part) for part in judge.residual])[:-1])
-        left = [part - guess for part, guess in zip(judge.weighted, parts, strict=True)]
-        after = in_blocks(left, judge.motions, criteria.block)
-        gain = improvement(judge.blocks(criteria.block), after)
+            predicted = _columns(empty, evaluated.motions, evaluated.weights).rows @ values
+        parts = np.split(predicted, np.cumsum([len(part) for part in evaluated.residual])[:-1])
+        left = [part - guess for part, guess in zip(evaluated.weighted, parts, strict=True)]
+        after = in_blocks(left, evaluated.motions, criteria.block)
+        gain = improvement(evaluated.blocks(criteria.block), after)
         if gain.z_score >= criteria.z_score_of(len(COORDINATES)) and gain.share >= criteria.min_closed_share:
-            found.append((Learnt(filled, coordinates, gain, gain.share, sentence(filled, units)), after))
+            found.append((FittedMap(filled, coordinates, gain, gain.share, sentence(filled, units)), after))
     if not found:
         return None
-    best = max(found, key=lambda pair: pair[0].improvement.fall)
+    best = max(found, key=lambda pair: pair[0].improvement.decrease)
     for item in found:
         is_simpler = len(item[0].map.values) < len(best[0].map.values)
         if is_simpler and improvement(item[1], best[1]).z_score < criteria.min_z_score:
@@ -111,8 +113,26 @@ def learn(known: Remainder, judge: Remainder, name: str, units: Units, criteria:
     return best[0]
 
 
+def with_map(maps: Sequence[FittedMap], another: FittedMap, units: Units) -> list[FittedMap]:
+    """Return maps with one more. A map over the same coordinates as an earlier one is added to that one.
+
+    Args:
+        maps: maps so far.
+        another: map of their residual on the same recordings, so that equal coordinates have equal grids.
+        units: units of the axis.
+    """
+    same = next((item for item in maps if item.coordinates == another.coordinates), None)
+    if same is None:
+        return [*maps, another]
+    values = np.add(same.map.values, another.map.values)
+    gain = replace(same.improvement, decrease=same.improvement.decrease + another.improvement.decrease)
+    total = replace(same.map, values=tuple(values.tolist()))
+    both = FittedMap(total, same.coordinates, gain, gain.share, sentence(total, units))
+    return [both if item is same else item for item in maps]
+
+
 def _path(motion: Motion) -> MotionPath:
-    """Return a motion as a map sees it."""
+    """Return a motion in the form that a map is evaluated along."""
     return MotionPath(
         motion.period, position=motion.position, velocity=motion.velocity, acceleration=motion.acceleration,
         time=motion.time,
@@ -120,15 +140,15 @@ def _path(motion: Motion) -> MotionPath:
 
 
 def _empty(coordinates: tuple[str, ...], motions: Sequence[Motion], name: str) -> LearntMap | None:
-    """Return a map of zero force over the range of the recordings, or None where a coordinate hardly varies."""
-    seen = np.vstack([learnt_coordinates(coordinates, _path(motion)) for motion in motions])
+    """Return a map of zero force over the range of the recordings, or None if a coordinate hardly varies."""
+    reached = np.vstack([learnt_coordinates(coordinates, _path(motion)) for motion in motions])
     gridded = [key for key in coordinates if key != "direction"]
     grids: list[tuple[float, ...]] = []
     for place, key in enumerate(coordinates):
         if key == "direction":
             grids.append(())
             continue
-        low, high = float(seen[:, place].min()), float(seen[:, place].max())
+        low, high = float(reached[:, place].min()), float(reached[:, place].max())
         if not high - low > 1.0e-9 * max(abs(low), abs(high)):
             return None
         grids.append(tuple(np.linspace(low, high, POINTS[len(gridded)]).tolist()))
@@ -139,7 +159,7 @@ def _empty(coordinates: tuple[str, ...], motions: Sequence[Motion], name: str) -
 
 
 def _columns(empty: LearntMap, motions: Sequence[Motion], weights: Sequence[Floats]) -> _Columns:
-    """Return what each value of a map changes in the weighted residual."""
+    """Return the derivative of the weighted residual with respect to each value of a map."""
     rows, folds = [], []
     for motion, weight in zip(motions, weights, strict=True):
         basis = empty.basis(_path(motion)).toarray()
@@ -149,7 +169,7 @@ def _columns(empty: LearntMap, motions: Sequence[Motion], weights: Sequence[Floa
 
 
 def _penalty(empty: LearntMap) -> Floats:
-    """Return the matrix of squared second differences along each grid, and a little of the values themselves."""
+    """Return the penalty matrix: squared second differences along each grid, plus a small multiple of the identity."""
     sizes = [len(grid) for grid in empty.grids]
     total = np.zeros((int(np.prod(sizes)), int(np.prod(sizes))))
     for place, key in enumerate(empty.coordinates):
@@ -171,8 +191,8 @@ def _solve(rows: Floats, target: Floats, penalty: Floats) -> Floats:
     return np.asarray(np.linalg.solve(normal + max(scale, 1e-300) * penalty, rows.T @ target))
 
 
-def _in_turn(columns: _Columns, target: Floats, penalty: Floats) -> Floats:
-    """Return the prediction of each part by the fit without it."""
+def _cross_validated(columns: _Columns, target: Floats, penalty: Floats) -> Floats:
+    """Return the prediction of each fold by the fit to the other folds."""
     predicted = np.zeros(len(target))
     for fold in range(FOLDS):
         out = columns.fold == fold
@@ -182,18 +202,19 @@ def _in_turn(columns: _Columns, target: Floats, penalty: Floats) -> Floats:
 
 
 def _smoothness(columns: _Columns, target: Floats, penalty: Floats) -> float:
-    """Return the weight of the second differences that predicts best what is left out in turn."""
+    """Return the weight of the second differences with the smallest cross-validation error."""
     return min(
-        SMOOTHNESS, key=lambda weight: float(np.sum((target - _in_turn(columns, target, weight * penalty)) ** 2))
+        SMOOTHNESS,
+        key=lambda weight: float(np.sum((target - _cross_validated(columns, target, weight * penalty)) ** 2)),
     )
 
 
 def sentence(learnt: LearntMap, units: Units) -> str:
-    """Return in words what a map looks like.
+    """Return a description of a map in words.
 
     Args:
         learnt: the map.
-        units: of the axis.
+        units: units of the axis.
     """
     table = learnt.table()
     along = " and ".join(key for key in learnt.coordinates if key != "direction")
@@ -202,13 +223,13 @@ def sentence(learnt: LearntMap, units: Units) -> str:
     if "direction" not in learnt.coordinates:
         return f"a {units.effort_word} that varies along the {along}, {span}, the same in both directions"
     backward, forward = table[..., 0], table[..., 1]
-    level, common = 0.5 * (forward - backward), 0.5 * (forward + backward)
-    if np.ptp(level) > 2.0 * np.ptp(common):
+    friction, common = 0.5 * (forward - backward), 0.5 * (forward + backward)
+    if np.ptp(friction) > 2.0 * np.ptp(common):
         return (
-            f"a friction level that varies along the {along}, {float(level.min()):.3g} to {float(level.max()):.3g}"
-            f" {units.effort} beside the model's"
+            f"a friction level that varies along the {along}, {float(friction.min()):.3g} to"
+            f" {float(friction.max()):.3g} {units.effort} beside the model's"
         )
-    if np.ptp(common) > 2.0 * np.ptp(level):
+    if np.ptp(common) > 2.0 * np.ptp(friction):
         return f"a {units.effort_word} that varies along the {along}, {span}, almost the same in both directions"
     one, other = float(np.ptp(forward)), float(np.ptp(backward))
     if max(one, other) > 2.0 * min(one, other):

@@ -1,4 +1,4 @@
-"""What an observer learnt, as changes to its parameter file."""
+"""Estimated parameters of an observer as changes of its parameter file."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from sgms_observer.settings.declaration import declared_sections, declared_setti
 _OF_FRICTION = ("viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity")
 
 
-def learnt_changes(axis: AxisSettings, values: dict[str, float], added_mass: float = 0.0) -> dict[str, Any]:
-    """Return the settings that estimated parameters stand for.
+def parameter_changes(axis: AxisSettings, values: dict[str, float], added_mass: float = 0.0) -> dict[str, Any]:
+    """Return the settings that follow from estimated parameters.
 
     Args:
         axis: the settings that the observer started from.
@@ -36,12 +36,12 @@ def learnt_changes(axis: AxisSettings, values: dict[str, float], added_mass: flo
     return changes
 
 
-def learnt_remarks(axis: AxisSettings, changes: Mapping[str, Any], writer: str) -> dict[str, str]:
-    """Return the remark behind each learnt setting: its unit, and who learnt it.
+def parameter_remarks(axis: AxisSettings, changes: Mapping[str, Any], writer: str) -> dict[str, str]:
+    """Return the remark for each changed setting: its unit, and the node that estimated it.
 
     Args:
         axis: the settings that the observer started from.
-        changes: as ``learnt_changes`` returned them.
+        changes: result of ``parameter_changes``.
         writer: name of the node.
     """
     remarks = {}

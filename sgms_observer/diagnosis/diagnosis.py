@@ -1,0 +1,246 @@
+"""Options, recordings, fits and rounds of a diagnosis, and the diagnosis itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.criteria import Criteria, Test
+from sgms_observer.diagnosis.decision import Decision, strength_over_error
+from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
+from sgms_observer.diagnosis.evaluation import EvaluationData
+from sgms_observer.diagnosis.fit import Refit, RefitSetup, data_with_noise_of, data_with_own_noise
+from sgms_observer.diagnosis.gap import noise_floors, residuals, rms, weighted
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import Motion, motion_of
+from sgms_observer.diagnosis.screen import Screening
+from sgms_observer.offline.recording import Recording
+from sgms_observer.settings.axis import EffectSettings
+
+Floats = NDArray[np.float64]
+
+FIT_STEPS = 6
+"""Steps of a fit from a start that was not fitted to these recordings."""
+REFIT_STEPS = 4
+"""Steps of a fit after a new fit of the noise."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of a diagnosis.
+
+    Attributes:
+        tolerance: largest expected relative error of the file's values.
+        seed: seed of all random numbers.
+        workers: number of threads.
+        band: residuals are judged below this frequency [Hz]; 0 chooses it from rate and encoder.
+        criteria: thresholds of every test.
+        excluded: hypotheses that are not tested.
+    """
+
+    tolerance: float = 0.05
+    seed: int = 1
+    workers: int = 2
+    band: float = 0.0
+    criteria: Criteria = field(default_factory=Criteria)
+    excluded: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """Recordings and the lag of their effort.
+
+    Attributes:
+        records: recordings to learn from.
+        holdouts: held-out recordings; may be empty.
+        stated_lag: lag of the effort that follows from the settings, in samples.
+        lag: fitted lag of the effort, in samples.
+        band: residuals are judged below this frequency [Hz].
+    """
+
+    records: tuple[Recording, ...]
+    holdouts: tuple[Recording, ...]
+    stated_lag: float
+    lag: float
+    band: float
+
+    def motions(self) -> tuple[Motion, ...]:
+        """Return the recordings to learn from, filtered."""
+        return tuple(motion_of(record, self.lag, self.band) for record in self.records)
+
+    def held_out(self) -> tuple[Motion, ...]:
+        """Return the held-out recordings, filtered."""
+        return tuple(motion_of(record, self.lag, self.band) for record in self.holdouts)
+
+
+@dataclass(frozen=True)
+class FitState:
+    """Fit of an axis and its recordings.
+
+    Attributes:
+        recordings: the recordings and the lag of their effort.
+        fit_motions: recordings to learn from, filtered.
+        held_out_motions: held-out recordings, filtered.
+        setup: setup of the fit: noise, freedom, fixed effects.
+        current: the fit.
+    """
+
+    recordings: Recordings
+    fit_motions: tuple[Motion, ...]
+    held_out_motions: tuple[Motion, ...]
+    setup: RefitSetup
+    current: Refit
+
+    def refitted(self, start: Refit, steps: int) -> FitState:
+        """Return the state refitted from ``start``, with the noise of the residual of ``start``."""
+        setup = replace(self.setup, data=data_with_own_noise(self.fit_motions, start.model))
+        return replace(self, setup=setup, current=setup.fit(start.effects, start.logs, steps))
+
+    def with_fitted_lag(self) -> FitState:
+        """Return the state with the lag of the effort that fits the recordings."""
+        state = self
+        for _ in range(2):
+            lag = fitted_effort_lag(state.setup.data, state.current, state.recordings.lag, state.recordings.stated_lag)
+            if lag == state.recordings.lag:
+                break
+            recordings = replace(state.recordings, lag=lag)
+            state = replace(
+                state, recordings=recordings, fit_motions=recordings.motions(), held_out_motions=recordings.held_out()
+            )
+            state = state.refitted(state.current, REFIT_STEPS)
+        return state
+
+    def evaluation(self, options: Options) -> EvaluationData:
+        """Return the evaluation data.
+
+        Args:
+            options: options of the diagnosis.
+        """
+        data = self.setup.data
+        motions = self.held_out_motions or self.fit_motions
+        held_out_data = data_with_noise_of(self.held_out_motions, data, self.current.model)
+        data_of_motions = held_out_data if self.held_out_motions else data
+        weightings = data_of_motions.weights, data_of_motions.gap_weights
+        floor, reported_floor = noise_floors(motions, self.current.model, data.noise, options.seed, *weightings)
+        left = residuals(self.current.model, motions)
+        gap, reported_gap = (rms(weighted(left, weights)) for weights in weightings)
+        return EvaluationData(
+            self.fit_motions,
+            motions,
+            data,
+            held_out_data,
+            floor,
+            gap,
+            reported_floor,
+            reported_gap,
+            options.criteria,
+            options.seed,
+        )
+
+
+@dataclass(frozen=True)
+class Round:
+    """One round of the search.
+
+    Attributes:
+        screenings: screening of each effect.
+        decisions: decisions on the hypotheses with a final fit, the best predicting first.
+        accepted: the accepted decision, or None.
+        alternatives: effects that the data do not distinguish from it.
+    """
+
+    screenings: dict[str, Screening]
+    decisions: tuple[Decision, ...]
+    accepted: Decision | None
+    alternatives: tuple[str, ...]
+
+    def with_test(self, test: Test) -> Round:
+        """Return the round with one more test of the accepted hypothesis, which is rejected if the test fails."""
+        assert self.accepted is not None
+        decision = replace(self.accepted, tests=(*self.accepted.tests, test))
+        listed = tuple(decision if one.candidate is decision.candidate else one for one in self.decisions)
+        return replace(self, accepted=decision if test.passed else None, decisions=listed)
+
+
+@dataclass(frozen=True)
+class WrittenFits:
+    """Fits with the elements of the file, as they are written and reported.
+
+    Attributes:
+        before: fit of the file within its tolerance.
+        after: fit with everything that was accepted.
+        setup: setup of ``after``.
+        errors: standard error of each free effect parameter of ``after``, by index of effect and parameter.
+    """
+
+    before: Refit
+    after: Refit
+    setup: RefitSetup
+    errors: Mapping[tuple[int, int], float]
+
+    def strength(self, name: str) -> float:
+        """Return the strength of an effect over its standard error."""
+        place = [item.name for item in self.after.effects].index(name)
+        return strength_over_error(self.after.effects[place], {j: e for (i, j), e in self.errors.items() if i == place})
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Result of a diagnosis.
+
+    Attributes:
+        nominal: the given model without its effects.
+        file_effects: effects of the file.
+        file_state: state after the refit within the tolerance.
+        final_state: state with everything that was accepted.
+        written: the fits with the elements of the file, without and with everything that was accepted.
+        rounds: rounds of the search.
+        evaluation: evaluation data with the noise of the final model.
+        resolution: measured encoder step if it is coarser than the configured one [its unit], or None.
+        notes: sentences about the recordings.
+        warnings: sentences for the user.
+        is_poor: whether the excitation is too poor for any result.
+        tests: tests of the whole model.
+        is_gap_explained: whether the final model leaves too little of the gap to count as predictable.
+    """
+
+    nominal: Model
+    file_effects: tuple[EffectSettings, ...]
+    file_state: FitState
+    final_state: FitState
+    written: WrittenFits
+    rounds: tuple[Round, ...]
+    evaluation: EvaluationData
+    resolution: float | None
+    notes: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = field(default=())
+    is_poor: bool = False
+    tests: tuple[Test, ...] = field(default=())
+    is_gap_explained: bool = True
+
+    @property
+    def accepted(self) -> list[Round]:
+        """Return the rounds that added a named effect.
+
+        An effect that only describes another contact law is named if the gap is explained with it. Otherwise it counts
+        as a changed value of the file.
+        """
+        added = [(item, item.accepted.candidate) for item in self.rounds if item.accepted]
+        return [
+            item for item, one in added if one.settings is not None and one.name not in self.unnamed_contact_effects
+        ]
+
+    @property
+    def changes(self) -> frozenset[str]:
+        """Return the accepted hypotheses that values of the file changed."""
+        added = [item.accepted.candidate for item in self.rounds if item.accepted]
+        return frozenset(one.name for one in added if one.settings is None)
+
+    @property
+    def unnamed_contact_effects(self) -> frozenset[str]:
+        """Return the contact law effects that were accepted and are not named."""
+        added = [item.accepted.candidate for item in self.rounds if item.accepted]
+        return frozenset(one.name for one in added if one.is_contact_law and not self.is_gap_explained)

@@ -1,0 +1,147 @@
+"""Evaluation data: the recordings that the evidence of a fit is computed on, and that evidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.evidence import (
+    Improvement,
+    fit_residuals,
+    held_out_residuals,
+    in_blocks,
+    left_out_residuals,
+)
+from sgms_observer.diagnosis.fit import Refit, WhitenedData
+from sgms_observer.diagnosis.gap import residuals, rms, weighted
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import Motion
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class EvaluationData:
+    """Recordings that the evidence of a fit is computed on.
+
+    Attributes:
+        fit_motions: recordings to learn from.
+        motions: held-out recordings, or ``fit_motions`` if there are none.
+        fit_data: ``fit_motions`` with their noise.
+        held_out_data: held-out recordings with the noise of ``fit_data``; may be empty.
+        floor: rms weighted residual of a perfect model on ``motions``, from noise and encoder [N].
+        gap: rms weighted residual of the current model on ``motions`` [N].
+        reported_floor, reported_gap: the same two with the weights of the reported gap [N].
+        criteria: thresholds.
+        seed: seed of the free-form regression.
+    """
+
+    fit_motions: tuple[Motion, ...]
+    motions: tuple[Motion, ...]
+    fit_data: WhitenedData
+    held_out_data: WhitenedData
+    floor: float
+    gap: float
+    reported_floor: float
+    reported_gap: float
+    criteria: Criteria
+    seed: int
+
+    @property
+    def has_held_out(self) -> bool:
+        """Return whether there are held-out recordings."""
+        return bool(self.held_out_data.motions)
+
+    @property
+    def weights(self) -> tuple[Floats, ...]:
+        """Return the weights of the samples of ``motions``: low where the encoder does not show the motion."""
+        return self.held_out_data.weights if self.has_held_out else self.fit_data.weights
+
+    @property
+    def gap_weights(self) -> tuple[Floats, ...]:
+        """Return the weights of the samples of ``motions`` in the reported gap."""
+        return self.held_out_data.gap_weights if self.has_held_out else self.fit_data.gap_weights
+
+    def rms(self, model: Model) -> float:
+        """Return the rms weighted residual of a model on ``motions`` [N]."""
+        return rms(weighted(residuals(model, self.motions), self.weights))
+
+    def closed_share(self, gain: Improvement, reported: Improvement) -> float:
+        """Return the share of the closable squared gap that an improvement closes.
+
+        The closable part is the squared gap of the current model minus the squared floor. If the gap is not above the
+        floor, the whole gap counts, because the noise may contain the effect. The smaller of the two shares counts.
+
+        Args:
+            gain: improvement of the weighted squared residual on ``motions`` [N^2].
+            reported: the same with the weights of the reported gap.
+        """
+        count = sum(len(motion.thinned(motion.time)) for motion in self.motions)
+
+        def share(one: Improvement, floor: float, gap: float) -> float:
+            closable = (gap**2 - (0.0 if self.criteria.is_noise(gap, floor) else floor**2)) * count
+            return one.decrease / closable if closable > 0.0 else 0.0
+
+        return min(share(gain, self.floor, self.gap), share(reported, self.reported_floor, self.reported_gap))
+
+    def is_gap_closed(self, model: Model) -> bool:
+        """Return whether the residual of a model on ``motions`` is not above the floor."""
+        return self.is_noise(self.rms(model))
+
+    def is_gap_explained(self, model: Model, first: Model) -> bool:
+        """Return whether the share of the first squared gap that a model leaves is too small to count as predictable.
+
+        Args:
+            model: the final model.
+            first: the file refitted within its tolerance.
+        """
+        left, closable = (self.rms(one) ** 2 - self.floor**2 for one in (model, first))
+        return left <= self.criteria.min_predictable_share * closable
+
+    def is_noise(self, residual: float) -> bool:
+        """Return whether an rms weighted residual [N] is not above the floor."""
+        return self.criteria.is_noise(residual, self.floor)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Residuals of a fit in blocks of time, on data that it was not fitted to.
+
+    Attributes:
+        fit: whitened residual of each block of the recordings to learn from. Without held-out recordings, each block is
+            predicted by the fit without the block.
+        held_out: whitened residual of each block of the held-out recordings.
+        force: weighted residual of each block of ``EvaluationData.motions`` [N].
+        reported: the same with the weights of the reported gap.
+    """
+
+    fit: list[Floats]
+    held_out: list[Floats]
+    force: list[Floats]
+    reported: list[Floats]
+
+    @property
+    def all(self) -> list[Floats]:
+        """Return all whitened blocks."""
+        return [*self.fit, *self.held_out]
+
+
+def evidence_of(found: Refit, evaluation: EvaluationData) -> Evidence:
+    """Return the evidence of a fit.
+
+    Args:
+        found: fit with derivatives at its solution.
+        evaluation: the recordings.
+    """
+    length = evaluation.criteria.block
+    fit_blocks = fit_residuals if evaluation.has_held_out else left_out_residuals
+    left = residuals(found.model, evaluation.motions)
+    return Evidence(
+        fit_blocks(found, evaluation.fit_data, length),
+        held_out_residuals(found.model, evaluation.held_out_data, length),
+        in_blocks(weighted(left, evaluation.weights), evaluation.motions, length),
+        in_blocks(weighted(left, evaluation.gap_weights), evaluation.motions, length),
+    )
