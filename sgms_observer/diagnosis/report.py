@@ -135,8 +135,9 @@ def sentence(answer: Answer) -> str:
             return f"The model misses something like {names}, but these recordings cannot tell {pairs}; {shrink}."
         case "unknown_effect":
             where = f", most visibly over {answer.located[0].coordinate}" if answer.located else ""
-            maps = [f" It looks like {item.sentence}; a learnt map of it was added." for item in answer.learnt]
-            learnt = "".join(maps)
+            looks = "; and ".join(item.sentence for item in answer.learnt)
+            maps = "a learnt map of it was" if len(answer.learnt) == 1 else "learnt maps of them were"
+            learnt = f" It looks like {looks}; {maps} added." if answer.learnt else ""
             return f"The model misses something that has no name in the catalogue{where}.{learnt}"
         case "cannot_tell":
             return "These recordings cannot show whether the model misses anything."
@@ -165,7 +166,8 @@ def _answer(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
     text = [
         f"Gap: measured minus predicted effort below {gap.band:.4g} Hz on {gap.held_out} data, rms, in % of the rms"
         f" measured effort. Refitted within its tolerance the file leaves {gap.before:.3g} % (90 % interval {low:.3g}"
-        f" to {high:.3g} %), with what was found {gap.after:.3g} % ({least:.3g} to {most:.3g} %).",
+        f" to {high:.3g} %), with what was found {gap.after:.3g} % ({least:.3g} to {most:.3g} %)"
+        + (f", and with learnt maps {answer.gap_with_learnt:.3g} %." if answer.learnt else "."),
     ]
     for item in answer.effects:
         entry = effect(item.settings.name)

@@ -178,18 +178,22 @@ def map_picture(learnt: FittedMap, units: Units) -> Picture:
     both = zip(learnt.map.coordinates, learnt.map.grids, strict=True)
     gridded = [(key, grid) for key, grid in both if key != "direction"]
     key, grid = gridded[0]
+    listed = {item.name: item.unit for item in effect(learnt.map.name).lists}
+    factor, unit = units.prefixed(float(np.max(np.abs(grid))), units.of(listed[key]))
     with sheet(learnt.map.name, f"Learnt map: {learnt.sentence}.") as drawn:
         axes = drawn.axes[0]
         columns = table.reshape(len(grid), -1)
+        colours: Sequence[str] = _GRID_COLOURS
         if "direction" in learnt.map.coordinates:
-            labels = ["backward", "forward"]
+            labels, colours = ["backward", "forward"], (BACKWARD, FORWARD)
         elif len(gridded) == 1:
             labels = ["both directions"]
         else:
             labels = [f"{gridded[1][0]} {value:.3g}" for value in gridded[1][1]]
         for number, (column, label) in enumerate(zip(columns.T, labels, strict=True)):
-            axes.plot(grid, column, "o-", ms=3, label=label, color=_GRID_COLOURS[number % len(_GRID_COLOURS)])
-        axes.set_xlabel(key)
+            colour = colours[number % len(colours)]
+            axes.plot(factor * np.asarray(grid), column, "o-", ms=3, label=label, color=colour)
+        axes.set_xlabel(f"{key} [{unit}]")
         axes.set_ylabel(f"{units.effort_word} [{units.effort}]")
     return drawn.picture
 
