@@ -123,6 +123,7 @@ def _result(out: str | None, axis: str, reference: Excitation) -> dict[str, Any]
         "expected": reference.expected,
         "efficiency": reference.efficiency,
         "hidden": list(reference.hidden),
+        "inseparable": list(reference.inseparable),
         "sections": [
             {"name": part.name, "from_s": part.start, "to_s": part.end, "shows": part.shows}
             for part in reference.sections

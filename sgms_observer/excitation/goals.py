@@ -32,10 +32,12 @@ class Goals:
     Attributes:
         goals: the goals.
         hidden: effects that stay hidden within the limits.
+        inseparable: effects that show, but that no reference within the limits tells from the effects like them.
     """
 
     goals: tuple[Goal, ...]
     hidden: tuple[str, ...]
+    inseparable: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,7 @@ def goals_of(
     believed = contacts(axis.friction, limits.smallest)
     goals: list[Goal] = []
     hidden: tuple[str, ...] = ()
+    inseparable: tuple[str, ...] = ()
     for contact in believed if question.parameters else believed[:1]:
         position = pieces.position
         if not contact.is_from_file:
@@ -89,12 +92,12 @@ def goals_of(
             goals.append(_parameter_goal(pieces, model, found, listed, 1.0 / len(believed)))
         if contact.is_from_file and question.effects:
             durations = np.diff(starts) * period
-            goal, hidden = _effect_goal(
+            goal, hidden, inseparable = _effect_goal(
                 question, axis, limits, place, pieces, model, found, listed_owners, listed, durations, seconds
             )
             if goal is not None:
                 goals.append(goal)
-    return Goals(tuple(goals), hidden)
+    return Goals(tuple(goals), hidden, inseparable)
 
 
 def _parameter_goal(pieces: _Pieces, model: Sensitivity, found: Parameters, listed: Floats, share: float) -> Goal:
@@ -115,8 +118,9 @@ def _effect_goal(
     question: Question, axis: AxisSettings, limits: ExcitationLimits, place: Place, pieces: _Pieces,
     model: Sensitivity, found: Parameters, listed_owners: Sequence[str], listed: Floats, durations: Floats,
     seconds: float,
-) -> tuple[Goal | None, tuple[str, ...]]:  # fmt: skip
-    """Return the goal that no effect stays hidden behind parameters and effects like it, and those that do anyway."""
+) -> tuple[Goal | None, tuple[str, ...], tuple[str, ...]]:  # fmt: skip
+    """Return the goal that no effect stays hidden behind parameters and effects like it, and those that do anyway:
+    behind the parameters, and behind the effects like it only."""
     wanted_names = list(dict.fromkeys([*question.effects, *(r for name in question.effects for r in
                                                             question.rivals(name))]))  # fmt: skip
     owners: list[str] = []
@@ -133,7 +137,7 @@ def _effect_goal(
             growth.append(_growth(settings, seconds) if over_time(name) else np.ones(len(_GRID)))
     first = len(found.names) + listed.shape[1]
     if not columns:
-        return None, tuple(question.effects)
+        return None, tuple(question.effects), ()
     stacked = np.column_stack([found.columns, listed, *columns])
     information, bias = (pieces.products(model, stacked, others) for others in (stacked, model.errors()))
     over = np.array(growth)
@@ -169,8 +173,10 @@ def _effect_goal(
     chosen = np.where(is_told[:, None], masks[0], masks[1])
     keep = np.flatnonzero(is_told | is_seen)
     shown = {names[k] for k in keep}
+    told = {names[k] for k in np.flatnonzero(is_told)}
     hidden = tuple(name for name in question.effects if name not in shown)
-    return (goal(chosen, keep) if len(keep) else None), hidden
+    inseparable = tuple(name for name in question.effects if name in shown - told)
+    return (goal(chosen, keep) if len(keep) else None), hidden, inseparable
 
 
 def _growth(settings: EffectSettings, seconds: float) -> Floats:

@@ -74,12 +74,12 @@ class Question:
                     f"--for {name} is neither {IDENTIFY}, {DIAGNOSE} nor an effect of the catalogue; use some of"
                     f" {', '.join(known)}"
                 )
-            elif not _is_possible(name, axis):
+            elif not is_possible(name, axis):
                 faults.append(f"--for {name}: on a prismatic axis it is the offset; ask for offset")
         if faults:
             raise ConfigurationError(faults)
         everything = DIAGNOSE in wanted
-        effects = [name for name in known if _is_possible(name, axis)] if everything else named
+        effects = [name for name in known if is_possible(name, axis)] if everything else named
         return Question(IDENTIFY in wanted, tuple(effects), everything)
 
     def rivals(self, name: str) -> tuple[str, ...]:
@@ -93,8 +93,13 @@ class Question:
         return tuple(other for other in effect(name).confusable_with if other not in NO_REFERENCE_SHOWS)
 
 
-def _is_possible(name: str, axis: AxisSettings) -> bool:
-    """Return whether an effect is one of its own on this type of joint."""
+def is_possible(name: str, axis: AxisSettings) -> bool:
+    """Return whether an effect is one of its own on this type of joint.
+
+    Args:
+        name: the effect.
+        axis: settings.
+    """
     return name != "gravity" or axis.units.is_revolute
 
 

@@ -31,6 +31,10 @@ _NOT_RELATIVE = ("offset", "delay")  # parameters whose interval is not a share 
 _SHOWN = 3  # quantities that a section is said to be for
 
 
+class HiddenError(ConfigurationError):
+    """Nothing that was asked for can be shown within the limits."""
+
+
 @dataclass(frozen=True)
 class Section:
     """One part of a reference.
@@ -63,6 +67,8 @@ class Excitation:
             empty where parameters were not asked for.
         efficiency: by effect: information that it brings, over that of the best single kind of motion [-].
         hidden: effects that were asked for and stay hidden within the limits.
+        inseparable: effects that were asked for and show, but that no reference within the limits tells from the
+            effects like them.
         summary: sentences about range, peaks, duration and content.
     """
 
@@ -73,6 +79,7 @@ class Excitation:
     expected: dict[str, float]
     efficiency: dict[str, float]
     hidden: tuple[str, ...]
+    inseparable: tuple[str, ...]
     summary: tuple[str, ...]
 
     @property
@@ -107,7 +114,8 @@ def design_excitation(
         centre: middle of the window of ``limits.stroke`` that the motion stays in [m]; None for ``start``.
 
     Raises:
-        ConfigurationError: the question cannot be answered, the start is outside the window, or time is too short.
+        HiddenError: nothing that is asked for can be shown within the limits.
+        ConfigurationError: the question is none, the start is outside the window, or time is too short.
     """
     question = Question.of(asked, axis)
     middle = start if centre is None else centre
@@ -132,7 +140,7 @@ def design_excitation(
         raise ConfigurationError([f"duration = {seconds:g} s is too short within these limits; allow more time"])
     goals = goals_of(question, axis, limits, place, segments, period, left)
     if not goals.goals:
-        raise ConfigurationError(
+        raise HiddenError(
             [f"{', '.join(question.effects)} cannot be shown within these limits; allow more stroke, speed or time"]
         )
     durations = np.array([len(velocity) * period for _segment, velocity in segments])
@@ -150,7 +158,8 @@ def design_excitation(
     sections = _sections(order, {segments[k][0].name: text for k, text in shows.items()}, place, limits, rate, start)
     return Excitation(
         np.arange(len(velocity)) / rate, position, velocity, sections, expected, efficiency, goals.hidden,
-        _summary(axis, limits, position, velocity, rate, sections, expected, efficiency, goals.hidden),
+        goals.inseparable,
+        _summary(axis, limits, position, velocity, rate, sections, expected, efficiency, question, goals),
     )  # fmt: skip
 
 
@@ -229,7 +238,8 @@ def _sections(
 
 def _summary(
     axis: AxisSettings, limits: ExcitationLimits, position: Floats, velocity: Floats, rate: float,
-    sections: Sequence[Section], expected: dict[str, float], efficiency: dict[str, float], hidden: Sequence[str],
+    sections: Sequence[Section], expected: dict[str, float], efficiency: dict[str, float], question: Question,
+    goals: Goals,
 ) -> tuple[str, ...]:  # fmt: skip
     """Return sentences about range, peaks, duration and content."""
     readable = limits.units.readable
@@ -257,10 +267,15 @@ def _summary(
             + ", ".join(f"{name} ({_percent(efficiency[name])})" for name in least)
             + " of what the best single kind of motion would bring in the same time"
         )
-    if hidden:
+    if goals.hidden:
         lines.append(
-            f"Warning: {axis.name}: within these limits no reference tells {', '.join(hidden)} from the parameters and"
-            " the other effects of the file; allow more stroke, speed or time."
+            f"Warning: {axis.name}: within these limits no reference tells {', '.join(goals.hidden)} from the"
+            " parameters and the other effects of the file; allow more stroke, speed or time."
+        )
+    if goals.inseparable and not question.is_everything:
+        lines.append(
+            f"Warning: {axis.name}: within these limits no reference tells {', '.join(goals.inseparable)} from the"
+            " effects that look like it; allow more stroke, speed or time."
         )
     return tuple(lines)
 

@@ -25,7 +25,6 @@ from sgms_observer.application.commission.motion import (
     representative_motion,
     sign_motion,
 )
-from sgms_observer.application.commission.next_experiment import separable_pair
 from sgms_observer.application.commission.table import Heard, HeldUp, Topics
 from sgms_observer.application.commission.tracking import Tracker
 from sgms_observer.errors import ConfigurationError, DataError
@@ -156,15 +155,6 @@ def test_the_ledger_goes_on_where_it_ended(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="another config"):
         Ledger.open(tmp_path, {**request, "config": "b.yaml"}, False)
     assert not Ledger.open(tmp_path, request, True).steps
-
-
-def test_only_what_motion_can_separate_is_tried() -> None:
-    def found(name: str, *others: str) -> dict[str, Any]:
-        return {"name": name, "alternatives": list(others)}
-
-    assert separable_pair([found("cogging")]) == ()
-    assert separable_pair([found("cogging", "spring"), found("offset")]) == ("cogging", "spring")
-    assert separable_pair([found("actuator_gain", "mass_error")]) == ()
 
 
 def test_faults_of_the_topics_are_told_at_once() -> None:

@@ -35,17 +35,23 @@ START = """/**:
       compensation: {limit: 10.0}
 """
 HIDDEN = "effects: {names: [cogging], cogging: {amplitude: 1.4, pitch: 2.0e-3, phase: 0.3}}"
-TABLE = """      stage:
-        reference: {kind: topic}
-        encoder: {resolution: 1.0e-9, noise: 2.0e-9}
-        force_noise: 0.02
+WEAK = "effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.03}}"
+"""Friction that depends on the direction: an offset wherever the axis slides. In much noise the first recording, which
+reverses little, does not tell the two apart."""
+QUIET, NOISY = (
+    f"""      stage:
+        reference: {{kind: topic}}
+        encoder: {{resolution: {resolution}, noise: {noise}}}
+        force_noise: {force}
 """
+    for resolution, noise, force in (("1.0e-9", "2.0e-9", 0.02), ("1.0e-8", "2.0e-8", 0.2))
+)
 
 
-def table(*stage: str, axis: str = "") -> str:
+def table(*stage: str, axis: str = "", signals: str = QUIET) -> str:
     """Return the parameter file of a table; further lines of its stage and of its axis."""
     own = f"      {axis}\n" if axis else ""
-    return START + own + TABLE + "".join(f"        {line}\n" for line in stage)
+    return START + own + signals + "".join(f"        {line}\n" for line in stage)
 
 
 class Commission:
@@ -166,6 +172,41 @@ def test_the_whole_way(start: Start, commission: Any, tmp_path: Path) -> None:
     code, said = again.end()
     assert code == 0 and said.count("done before") == 10, said
     assert [one["state"] for one in again.result()["steps"]] == ["skipped"] * 10
+
+
+def test_the_experiment_for_what_is_ambiguous(start: Start, graph: Graph, commission: Any) -> None:
+    """The first diagnosis names two effects; Ctrl-C in the experiment for them; the rerun plays it and goes on."""
+    start("stage_node", table(axis=WEAK, signals=NOISY))
+    graph.listen("friction_compensation", "reference")
+    run = commission("--time", "1500")
+    designed = run.out / "experiment_1.csv"
+
+    sent: list[int] = []
+
+    def plays() -> bool:
+        assert run.process.poll() is None, run.end()
+        sent.append(len(graph.messages["reference"]) if designed.exists() else 0)
+        return sent[-1] > 4000 + next((count for count in sent if count), sent[-1])
+
+    wait_until(plays, "the experiment", 10 * PATIENCE)
+    run.process.send_signal(signal.SIGINT)
+    code, said = run.end()
+    assert code == 130, said
+    stopped(run, "next_experiment", "interrupted by the user")
+    first = run.result()["effects"]
+    pair = {"asymmetric_coulomb", "offset"}
+    assert len(first) == 1 and {first[0]["name"], *first[0]["alternatives"]} == pair, first
+    velocities = np.array([decode_joint_state(message)[3][0] for message in graph.messages["reference"]])
+    assert velocities[-1] == 0.0 and np.max(np.abs(np.diff(velocities[-200:]))) <= 1.0 * 1e-3 * 1.02
+    assert not graph.messages["friction_compensation"]  # no observer ran: no force was ever sent
+    again = commission("--time", "1500")
+    code, said = again.end(15 * PATIENCE)
+    result = again.result()
+    sentence = next(one["sentence"] for one in result["steps"] if one["name"] == "next_experiment")
+    assert sentence.startswith("experiment 1 for "), said
+    assert {one["name"] for one in result["effects"]} <= pair and result["effects"], said
+    assert code == 0 and result["usable"] is True, said
+    assert said.count("done before") == 5
 
 
 def test_ctrl_c_leaves_no_force_and_is_resumed(start: Start, graph: Graph, commission: Any, tmp_path: Path) -> None:

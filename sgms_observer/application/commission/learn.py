@@ -39,9 +39,14 @@ from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import read_recordings
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.load import load_settings
+from sgms_observer.settings.write import write_settings
 
 LONGEST_RECORD, RECORD_SHARE = 25.0, 0.08
 """Length of the recording to learn from [s], and at most this share of the time for everything."""
+OFFSET = "offset"
+"""The effect that identification adds to a file."""
+WITHOUT_OFFSET = "identification/without_offset.yaml"
+"""The identified file without the offset that identification added."""
 CLEARLY_BETTER = 0.8
 """Identified values replace the file's where they leave less than this multiple of its gap on the own motion."""
 
@@ -94,12 +99,17 @@ def identify(session: Session) -> Found:
     """Identify the axis; its values replace the file's where they predict the own motion clearly better."""
     request, axis = session.plan.request, session.axis
     learn, own = str(session.path(LEARN_BAG)), str(session.path(OWN_BAG))
-    job = IdentifyJob((learn,), request.config, str(session.path(IDENTIFIED)), (axis.name,), is_overwriting=True)
+    job = IdentifyJob(
+        (learn,), request.config, str(session.path(IDENTIFIED)), (axis.name,), axis.friction.model, is_overwriting=True
+    )
     identified = identify_bags(job, _titled(session))
     found = next(one for one in load_settings(identified.path).axes if one.name == axis.name)
     given, fitted = (unexplained(own, one) for one in (axis, found))
     is_better = fitted < CLEARLY_BETTER * given
-    session.ledger.facts["model"] = IDENTIFIED if is_better else None
+    if is_better:
+        session.ledger.facts["model"] = _without_new_offset(session, found)
+    else:
+        session.ledger.facts["model"] = None
     verdict = (
         "the identified values go on" if is_better else "not clearly less, so the file's values go on to the diagnosis"
     )
@@ -110,8 +120,28 @@ def identify(session: Session) -> Found:
     )
 
 
+def _without_new_offset(session: Session, found: AxisSettings) -> str:
+    """Return the file to diagnose: the identified one, without an offset that the user's own file does not list.
+
+    While the axis slides, an offset stands for every force that depends on the direction. The diagnosis says which one
+    it is, and what else it may be; an offset in its file would hide that.
+
+    Args:
+        session: the session.
+        found: the identified axis.
+    """
+    own = {item.name for item in session.axis.effects}
+    kept = [item.name for item in found.effects if item.name != OFFSET or item.name in own]
+    if len(kept) == len(found.effects):
+        return IDENTIFIED
+    changes: dict[str, Any] = {"effects.names": kept, "effects.offset": None}
+    write_settings(load_settings(session.path(IDENTIFIED)), session.path(WITHOUT_OFFSET), {session.axis.name: changes})
+    return WITHOUT_OFFSET
+
+
 def diagnose(session: Session) -> Found:
     """Find what the model misses."""
+    session.ledger.facts["experiments"] = []
     return diagnose_bags_of(session, [LEARN_BAG], "diagnosis")
 
 

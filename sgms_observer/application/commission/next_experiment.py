@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from sgms_observer.application.commission.learn import Found, diagnose_bags_of
 from sgms_observer.application.commission.motion import Motion, checked
 from sgms_observer.application.commission.session import LEARN_BAG, Session
 from sgms_observer.excitation.limits import ExcitationLimits
-from sgms_observer.excitation.question import NO_REFERENCE_SHOWS
-from sgms_observer.excitation.reference import design_excitation
+from sgms_observer.excitation.question import NO_REFERENCE_SHOWS, is_possible
+from sgms_observer.excitation.reference import HiddenError, design_excitation
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.load import load_settings
 
@@ -22,65 +23,142 @@ DIAGNOSIS_MARGIN = 1.5
 """Time of a diagnosis with one more recording, as a multiple of the one before."""
 TIME_TO_COMPENSATE = 90.0
 """Time that observer and compensation need behind the last diagnosis [s]."""
+_OF_A_DIAGNOSIS = ("gap", "verdict", "diagnosis", "bags")
+"""Facts of the ledger that a diagnosis writes."""
+EXPERIMENTS = "experiments"
+"""Fact of the ledger: the experiments that were recorded since the first diagnosis."""
 
 
-def separable_pair(effects: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """Return an effect and its rivals, as far as a motion can tell them apart; empty where it cannot.
+@dataclass(frozen=True)
+class Experiment:
+    """A motion that tells effects apart.
+
+    Attributes:
+        effects: their names.
+        motion: the motion, relative to the middle of the stroke.
+    """
+
+    effects: tuple[str, ...]
+    motion: Motion
+
+
+def ambiguous_sets(effects: Sequence[Mapping[str, Any]], axis: AxisSettings) -> list[tuple[str, ...]]:
+    """Return the sets of effects that a motion may tell apart: each effect with all its rivals, then with each of them.
 
     Args:
         effects: as in result.json.
+        axis: settings.
     """
+    found: list[tuple[str, ...]] = []
     for effect in effects:
-        if effect["alternatives"]:
-            names = (effect["name"], *effect["alternatives"])
-            shown = tuple(name for name in names if name not in NO_REFERENCE_SHOWS)
-            if shown:
-                return shown
-    return ()
+        name, rivals = effect["name"], effect["alternatives"]
+        if not rivals:
+            continue
+        for names in ((name, *rivals), *((name, rival) for rival in rivals)):
+            shown = tuple(one for one in names if one not in NO_REFERENCE_SHOWS and is_possible(one, axis))
+            if shown and shown not in found:
+                found.append(shown)
+    return found
 
 
-def experiment(
-    pair: Sequence[str], axis: AxisSettings, limits: ExcitationLimits, origin: float, period: float, seconds: float
-) -> Motion:
-    """Return the motion that makes effects most distinguishable.
+def separating(
+    sets: Sequence[Sequence[str]],
+    axis: AxisSettings,
+    limits: ExcitationLimits,
+    origin: float,
+    period: float,
+    seconds: float = EXPERIMENT_SECONDS,
+) -> Experiment | None:
+    """Return the motion for the first set of effects that a motion within the limits tells apart; None if none does.
 
     Args:
-        pair: names of the effects.
+        sets: names of effects, the most urgent first.
         axis: the model so far.
         limits: what the table may do.
         origin: middle of the stroke [m].
         period: time between two samples [s].
         seconds: longest duration [s].
     """
-    designed = design_excitation(axis, limits, pair, origin, seconds, 1.0 / period, origin)
-    return Motion(period, designed.position - origin)
+    for names in sets:
+        try:
+            designed = design_excitation(axis, limits, names, origin, seconds, 1.0 / period, origin)
+        except HiddenError:
+            continue
+        if set(names) - {*designed.hidden, *designed.inseparable}:
+            return Experiment(tuple(names), Motion(period, designed.position - origin))
+    return None
 
 
 def next_experiment(session: Session) -> Found:
-    """Separate what is ambiguous, experiment by experiment."""
+    """Separate what is ambiguous, experiment by experiment; a rerun goes on with what is recorded already."""
+    ledger = session.ledger
+    done = [one for one in ledger.facts.get(EXPERIMENTS, []) if session.path(one["bag"]).exists()]
+    ledger.facts[EXPERIMENTS] = done
+    reason = ""
+    while not reason:
+        if done and not _is_diagnosed(session, done[-1]):
+            reason = _diagnose_again(session, done)
+            ledger.write()
+            session.say(f"  {done[-1]['sentence']}")
+        else:
+            reason = _run_another(session, done)
+    told = [one["sentence"] for one in done if "sentence" in one]
+    files = [name for one in done for name in (one["bag"], f"{one['diagnosis']}/result.json")]
+    if done:
+        files.append(f"{done[-1]['diagnosis']}/augmented.yaml")
+    return "; ".join([*told, reason]), [*files, "commission.json"]
+
+
+def _is_diagnosed(session: Session, experiment: Mapping[str, Any]) -> bool:
+    """Return whether an experiment was diagnosed, together with those before it."""
+    return "sentence" in experiment and session.path(f"{experiment['diagnosis']}/augmented.yaml").exists()
+
+
+def _diagnose_again(session: Session, done: list[dict[str, Any]]) -> str:
+    """Diagnose with the last experiment too; return why no other one follows, or nothing.
+
+    The diagnosis before stays where it predicts the own motion surely better.
+    """
+    ledger = session.ledger
+    earlier: dict[str, Any] = {name: ledger.facts.get(name) for name in _OF_A_DIAGNOSIS}
+    effects = ledger.effects
+    bags = [LEARN_BAG, *(one["bag"] for one in done)]
+    sentence, _ = diagnose_bags_of(session, bags, done[-1]["diagnosis"])
+    done[-1]["sentence"] = f"experiment {len(done)} for {', '.join(done[-1]['effects'])}: {sentence}"
+    if ledger.facts["gap"]["after"] <= earlier["gap"]["interval_after"][1]:
+        return ""
+    ledger.facts |= earlier
+    ledger.effects = effects
+    return (
+        f"the diagnosis before predicts your own motion better (gap {earlier['gap']['after']:.3g} %), so it goes on and"
+        f" {', '.join(done[-1]['effects'])} stay ambiguous"
+    )
+
+
+def _run_another(session: Session, done: list[dict[str, Any]]) -> str:
+    """Design and record one more experiment; return why there is none, or nothing."""
     ledger, plan = session.ledger, session.plan
-    bags, files, told = [LEARN_BAG], [], []
-    for number in range(1, MOST_EXPERIMENTS + 1):
-        pair = separable_pair(ledger.effects)
-        if not pair:
-            break
-        needed = EXPERIMENT_SECONDS + DIAGNOSIS_MARGIN * float(ledger.facts["diagnosis_seconds"]) + TIME_TO_COMPENSATE
-        if session.seconds_left < needed:
-            told.append(f"no time is left to separate {', '.join(pair)} (about {needed:.0f} s)")
-            break
-        model = load_settings(session.path(f"{ledger.facts['diagnosis']}/augmented.yaml"))
-        axis = next(one for one in model.axes if one.name == session.axis.name)
-        period = plan.settings.sample_period
-        motion = experiment(pair, axis, plan.limits, session.origin, period, EXPERIMENT_SECONDS)
-        checked(motion, plan.limits, session.origin, "the experiment")
-        bag, out = f"recordings/experiment_{number}", f"diagnosis_{number}"
-        motion.write(session.path(f"experiment_{number}.csv"))
-        session.confirm_motion(motion, f"experiment {number}, to tell {', '.join(pair)} apart")
-        session.record(motion, bag)
-        bags.append(bag)
-        sentence, written = diagnose_bags_of(session, bags, out)
-        files += [bag, *written]
-        told.append(f"experiment {number} for {', '.join(pair)}: {sentence}")
-    if not told:
-        return "nothing is ambiguous that a motion could separate", ["commission.json"]
-    return "; ".join(told), [*files, "commission.json"]
+    tried = [tuple(one["effects"]) for one in done]
+    sets = sorted(ambiguous_sets(ledger.effects, session.axis), key=tried.count)  # stable: what is not tried goes first
+    if not sets:
+        return "nothing is ambiguous that a motion could separate"
+    names = ", ".join(sets[0])
+    if len(done) >= MOST_EXPERIMENTS:
+        return f"{names} stay ambiguous after {len(done)} experiments"
+    needed = EXPERIMENT_SECONDS + DIAGNOSIS_MARGIN * float(ledger.facts["diagnosis_seconds"]) + TIME_TO_COMPENSATE
+    if session.seconds_left < needed:
+        return f"no time is left to separate {names} (about {needed:.0f} s; --time gives more)"
+    model = load_settings(session.path(f"{ledger.facts['diagnosis']}/augmented.yaml"))
+    axis = next(one for one in model.axes if one.name == session.axis.name)
+    found = separating(sets, axis, plan.limits, session.origin, plan.settings.sample_period)
+    if found is None:
+        return f"no motion within these limits separates {names}; allow more stroke or speed, or accept that"
+    number = len(done) + 1
+    bag = f"recordings/experiment_{number}"
+    motion = checked(found.motion, plan.limits, session.origin, "the experiment")
+    motion.write(session.path(f"experiment_{number}.csv"))
+    session.confirm_motion(motion, f"experiment {number}, to tell {', '.join(found.effects)} apart")
+    session.record(motion, bag)
+    done.append({"effects": list(found.effects), "bag": bag, "diagnosis": f"diagnosis_{number}"})
+    ledger.write()
+    return ""

@@ -1,0 +1,67 @@
+"""The experiment of a commissioning on the simulated stage, without a graph: diagnosed, designed, played, diagnosed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sgms_observer.application.commission.motion import Motion, learning_motion, representative_motion
+from sgms_observer.application.commission.next_experiment import separating
+from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
+from sgms_observer.application.simulate import Simulation, simulate
+from sgms_observer.excitation.limits import limits_of
+from sgms_observer.settings.load import load_settings
+
+START = """/**:
+  ros__parameters:
+    axes: [x]
+    sample_period: 1.0e-3
+    x:
+      mass: 3.0
+      friction: {model: gms}
+      filter: {window: 8.0e-3}
+"""
+HIDDEN = """      effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.02}}
+      stage:
+        reference: {kind: file, file: FILE}
+        encoder: {resolution: 1.0e-8, noise: 2.0e-8}
+        force_noise: 0.2
+"""
+PERIOD = 1.0e-3
+
+
+def test_the_designed_motion_separates_what_the_first_recording_does_not(tmp_path: Path) -> None:
+    """While it slides, an asymmetric friction is an offset; the motion that is designed for the pair reverses often."""
+    start = tmp_path / "start.yaml"
+    start.write_text(START)
+    (axis,) = load_settings(start).axes
+    limits = limits_of(axis.joint_type, None, None, None)
+
+    def played(motion: Motion, name: str, seed: int) -> str:
+        motion.write(tmp_path / f"{name}.csv")
+        table = tmp_path / f"{name}.yaml"
+        table.write_text(START + HIDDEN.replace("FILE", str(tmp_path / f"{name}.csv")))
+        stage = Simulation(load_settings(table), motion.duration, seed, False)
+        simulate(stage, str(tmp_path / name), "mcap", True, lambda _: None)
+        return str(tmp_path / name)
+
+    def named(bags: list[str], out: str) -> list[dict[str, Any]]:
+        diagnose_bags(DiagnoseRequest(bags, str(start), str(tmp_path / out), [own], axis.name))
+        effects: list[dict[str, Any]] = json.loads((tmp_path / out / "result.json").read_text())["effects"]
+        return effects
+
+    own = played(representative_motion(limits, PERIOD), "own", 1)
+    friction = axis.friction
+    deflections = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
+    first_motion = learning_motion(limits, PERIOD, 2.0 * float(deflections.max()), friction.stribeck_velocity, 25.0)
+    learn = played(first_motion, "learn", 1)
+    first = named([learn], "first")
+    assert [(one["name"], one["alternatives"]) for one in first] == [("asymmetric_coulomb", ["offset"])]
+    (model,) = load_settings(tmp_path / "first" / "augmented.yaml").axes
+    found = separating([("asymmetric_coulomb", "offset")], model, limits, 0.0, PERIOD)
+    assert found is not None
+    second = named([learn, played(found.motion, "experiment", 6)], "second")
+    assert [(one["name"], one["alternatives"]) for one in second] == [("asymmetric_coulomb", [])]
