@@ -106,6 +106,10 @@ def test_a_series_is_cut_into_blocks_of_about_one_length() -> None:
     motions = [SimpleNamespace(residual_period=0.01), SimpleNamespace(residual_period=0.02)]
     parts = in_blocks([series, series], motions, 0.5)  # type: ignore[arg-type]
     assert [len(part) for part in parts] == [50] * 2 + [25] * 4
+    with pytest.raises(ValueError, match="argument 2"):
+        in_blocks([series], motions, 0.5)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="argument 2"):
+        improvement([series], [series, series])
 
 
 def test_residuals_of_blocks_are_the_recordings_in_their_order(data: WhitenedData) -> None:

@@ -72,7 +72,7 @@ class TestIntake:
 
     def test_foreign_and_short_messages_are_counted_and_told(self) -> None:
         intake = Intake(["x"], 1.0e-3)
-        intake.position(JointStateEncoder(["other"], ("position",)).encode(1, [1.0]))
+        assert not intake.position(JointStateEncoder(["other"], ("position",)).encode(1, [1.0]))
         intake.position(JointStateEncoder(["x"], ("effort",)).encode(2, [1.0]))
         assert (intake.counts.foreign, intake.counts.short) == (1, 1)
         assert len(intake.counts.sentences(["x"])) == 2
@@ -112,7 +112,8 @@ class TestIntake:
         take(JointStateEncoder(["a", "x"], (field,)).encode(SECOND, [5.0, 6.0]))
         assert intake.counts.short == 0
         take(JointStateEncoder(["a", "x"], ("velocity",)).encode(2 * SECOND, [5.0, 6.0]))
-        assert intake.counts.short == 1 and sum(asdict(intake.pairings[1].counts).values()) == 0
+        take(JointStateEncoder(["x", "a"], ("velocity",)).encode(3 * SECOND, [5.0, 6.0]))
+        assert intake.counts.short == 2 and sum(asdict(intake.pairings[1].counts).values()) == 0
 
     def test_a_set_point_may_leave_its_velocity_out(self) -> None:
         intake = Intake(["x"], 1.0e-3)
