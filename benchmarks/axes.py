@@ -14,7 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from sgms_observer.bench.live import time_live
+from sgms_observer.bench.live_run import time_live
 
 
 def main() -> int:

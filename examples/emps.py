@@ -39,7 +39,7 @@ from sgms_observer.identification.least_squares import (
     fit_inverse_model,
     inverse_model_error,
 )
-from sgms_observer.nodes.domain import claim_domain
+from sgms_observer.nodes.transport import claim_domain
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.offline.recording import Recording, join_samples, read_recordings, recordings_from_samples

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.stage import ReferenceSettings
 from sim_plant.followed_reference import FollowedReference
-from sim_plant.piecewise import PiecewiseCubic
+from sim_plant.piecewise_motion import PiecewiseCubic, back_and_forth
 from sim_plant.reference_file import read_reference_file
-from sim_plant.s_curve import back_and_forth
 
 Floats = NDArray[np.float64]
 

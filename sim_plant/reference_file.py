@@ -10,8 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.whole_file import write_text
-from sim_plant.piecewise import PiecewiseCubic
-from sim_plant.s_curve import s_curve
+from sim_plant.piecewise_motion import PiecewiseCubic, s_curve
 
 Floats = NDArray[np.float64]
 

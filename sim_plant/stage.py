@@ -14,12 +14,11 @@ from sgms_observer.errors import ConfigurationError
 from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.axis import AxisSettings
 from sim_plant import kernel
-from sim_plant.buffer import RecordBuffer
 from sim_plant.controller import ControllerGains, controller_gains
 from sim_plant.followed_reference import FollowedReference
 from sim_plant.integration import EffectArrays
 from sim_plant.plan import SAMPLES_PER_PLAN, Plan
-from sim_plant.record import StageRecord
+from sim_plant.record import RecordBuffer, StageRecord
 from sim_plant.reference import Reference, make_reference
 from sim_plant.true_friction import TrueFriction, true_friction
 

@@ -13,7 +13,7 @@ from browser import NAMES, Browser, executable
 from hypothesis import HealthCheck, settings
 from selection import LIVE, QUICK
 
-from sgms_observer.nodes.domain import claim_domain
+from sgms_observer.nodes.transport import claim_domain
 
 # Property tests: the same examples in every run, and none fails because the machine was slow or compiled a kernel.
 # ``--hypothesis-profile search`` draws others.

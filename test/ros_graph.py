@@ -25,7 +25,7 @@ from sensor_msgs.msg import JointState
 
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
-from sgms_observer.nodes.question import Question
+from sgms_observer.nodes.conductor import RepeatedRequest
 from sgms_observer.nodes.topics import SAMPLE_QOS
 
 ONE_AXIS = """/**:
@@ -184,7 +184,7 @@ class Graph:
         """Call a service and return its answer; ask again where none comes."""
         client = self.node.create_client(kind, name)
         wait_until(client.service_is_ready, f"the service {name}")
-        answer = wait_until(Question(client, request, ASK_AGAIN).answer, f"the answer of {name}")
+        answer = wait_until(RepeatedRequest(client, request, ASK_AGAIN).answer, f"the answer of {name}")
         self.node.destroy_client(client)
         return answer
 

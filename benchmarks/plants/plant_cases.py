@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_plant.plants.effects import KINDS, menu
-from sim_plant.plants.plants import PLANTS, draw_plant
+from sim_plant.plants.machine import PLANTS, draw_plant
 
 SECOND = "second"
 """The plant that is read from outside of the repository, with ``--shared``."""

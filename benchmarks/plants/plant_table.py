@@ -7,7 +7,7 @@ from statistics import median
 
 from plant_score import NAMING, Score
 
-from sim_plant.blind.interval import count
+from sim_plant.blind.table import count
 
 ALL = "all"
 

@@ -26,7 +26,7 @@ from plant_cases import SECOND, cases  # noqa: E402
 from plant_files import files_of, make_case  # noqa: E402
 from run import diagnose_in_process, read_json  # noqa: E402
 
-from sim_plant.plants.plants import PLANTS  # noqa: E402
+from sim_plant.plants.machine import PLANTS  # noqa: E402
 
 CHANGED_BY_FACTOR = 3.0
 

@@ -10,20 +10,16 @@ from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.load import load_settings
 from sgms_observer.whole_file import write_bytes
 
-TARGETS = ("c", "fmu", "ros2_control")
-REALS = ("double", "float")
-FMI_VERSIONS = (2, 3)
-
 
 @dataclass(frozen=True)
 class ExportOptions:
     """What to export, and how.
 
     Attributes:
-        target: one of ``TARGETS``.
+        target: ``c``, ``fmu`` or ``ros2_control``.
         axes: names of axes, none for all (an FMU: for the first).
-        real: type of the numbers in C, one of ``REALS``.
-        fmi: version of an FMU, one of ``FMI_VERSIONS``.
+        real: type of the numbers in C, ``double`` or ``float``.
+        fmi: version of an FMU, 2 or 3.
         overwrite: replace what is there.
     """
 

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from sgms_observer import jit
+from sgms_observer.child_process import child_command, child_environment
 
 
 @dataclass(frozen=True)
@@ -156,18 +155,13 @@ def compile_ahead(names: Sequence[str] = tuple(PARTS), show: Callable[[float], N
 
 def _started(name: str) -> subprocess.Popen[bytes]:
     """Return the process that compiles a part; it ends with this one, and what it says can be read without waiting."""
-    root = str(Path(__file__).resolve().parents[2])
-    paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
     process = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "sgms_observer.nodes.beside", str(os.getpid())),
-            *("sgms_observer.application.kernel_part", name),
-        ],
+        child_command("sgms_observer.application.kernel_part", [name]),
         stdin=subprocess.DEVNULL,
         bufsize=0,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        env=child_environment(),
     )
     if process.stdout is not None:
         os.set_blocking(process.stdout.fileno(), False)

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.bags.byte_loops import read_rows
 from sgms_observer.bags.cdr import JointStateEncoder, JointStateLayout
 from sgms_observer.bags.rows import MessageRows
-from sgms_observer.bags.scanning import read_rows
 from sgms_observer.errors import DataError
 from sgms_observer.jit import HAS_NUMBA
 

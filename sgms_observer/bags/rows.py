@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.scanning import write_rows
+from sgms_observer.bags.byte_loops import write_rows
 from sgms_observer.jit import HAS_NUMBA
 
 Bytes = NDArray[np.uint8]

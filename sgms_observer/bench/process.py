@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from sgms_observer.child_process import child_environment
 from sgms_observer.errors import DataError
 
 # What the parent sees of a child's peak contains the parent's own, so the child says it last.
@@ -44,15 +45,13 @@ def run_python(arguments: Sequence[str], environment: Mapping[str, str] | None =
     Raises:
         DataError: it failed; its last sentence.
     """
-    root = str(Path(__file__).resolve().parents[2])
-    paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
     start = time.perf_counter()
     process = subprocess.Popen(
         [sys.executable, *arguments],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), **(environment or {})},
+        env=child_environment(environment),
         text=True,
     )
     output = process.stdout.read() if process.stdout is not None else ""

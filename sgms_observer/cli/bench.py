@@ -17,7 +17,6 @@ from sgms_observer.cli.options import add_output_options, add_overwrite_option
 if TYPE_CHECKING:
     from sgms_observer.cli.progress import Progress
 
-NAME = "bench"
 HELP = "measure run times of the estimators, beside other solvers, and of live runs, beside a bare relay"
 
 PARTS = ("speed", "accuracy", "peers", "growth", "start", "replay", "live")
@@ -219,7 +218,7 @@ def _live(args: argparse.Namespace, result: dict[str, Any], folder: Path) -> Non
     if importlib.util.find_spec("rclpy") is None:
         print("rclpy is not installed, so there is no live run: pip install 'sgms_observer[ros]'", file=sys.stderr)
         return
-    from sgms_observer.bench.live import RATES, time_live
+    from sgms_observer.bench.live_run import RATES, time_live
 
     runs = [time_live(folder, args.live_seconds, args.publish_every, rate) for rate in RATES]
     result["live"] = {**runs[-1], "rates": runs[:-1]}

@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 
-from sgms_observer.cli.options import add_bag_options, add_output_options
+from sgms_observer.cli.options import add_bag_options, add_output_options, topics_from
 from sgms_observer.outcome import EXIT_DONE, EXIT_FAILED, Outcome
 
-NAME = "check"
 HELP = "check a parameter file, and whether it fits a recording; print all faults at once"
 
 
@@ -23,7 +22,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``registry.Command``."""
     from sgms_observer.application.check import Checked, check
-    from sgms_observer.cli.options import topics_from
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.settings.load import load_settings
 

@@ -17,7 +17,6 @@ from sgms_observer.cli.options import (
 )
 from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
-NAME = "commission"
 HELP = "lead a machine to its compensation: check, excite, record, identify, diagnose, observe, compensate, compare"
 
 
@@ -59,7 +58,7 @@ def run(args: argparse.Namespace) -> Outcome:
         raise ConfigurationError(
             ["sgms commission asks before every motion and stdin is no terminal; run it in a terminal, or give --yes"]
         )
-    axis = axis_from(args.axis, NAME)
+    axis = axis_from(args.axis, "commission")
     out = Path(args.out)
     request = Request(args.config, out, axis, args.stroke, args.speed, args.acceleration, args.motion, args.time)
     plan = Plan.of(request)

@@ -7,7 +7,6 @@ import time
 
 from sgms_observer.cli.options import add_output_options
 
-NAME = "compile"
 HELP = "compile the numerical kernels now, so that no node or command waits for that at its first start"
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 
-NAME = "completion"
 HELP = "print a completion script for a shell: source <(sgms completion bash)"
 
 _SHELLS = ("bash", "zsh")

@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from sgms_observer.cli.options import add_output_options, add_overwrite_option
+from sgms_observer.cli.options import add_output_options, add_overwrite_option, add_storage_option
 from sgms_observer.outcome import Outcome
 
-NAME = "convert"
 HELP = "turn a log (text or MAT) into a bag that replay, identify and diagnose read"
 
 
@@ -42,9 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write the first SHARE of the time into BAG and the rest into BAG_rest, for --holdout",
     )
     parser.add_argument("--axis", default="x", metavar="NAME", help="name of the axis in the bag (default: x)")
-    parser.add_argument(
-        "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the bag (default: mcap)"
-    )
+    add_storage_option(parser)
     add_overwrite_option(parser)
     add_output_options(parser)
 

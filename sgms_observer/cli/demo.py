@@ -15,7 +15,6 @@ from sgms_observer.outcome import Outcome
 if TYPE_CHECKING:
     from sgms_observer.nodes.conductor import Conductor
 
-NAME = "demo"
 HELP = "run a simulated stage and its observer on the ROS graph, without and with compensation, and write a report"
 
 STAGE, OBSERVER, RECORDER = "stage_node", "observer_node", "recorder"

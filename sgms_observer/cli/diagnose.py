@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.many import add_fleet_arguments
+from sgms_observer.cli.fleet_commands import add_fleet_arguments
 from sgms_observer.cli.options import (
     ONE_AXIS,
     add_bag_options,
@@ -22,7 +22,6 @@ from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 if TYPE_CHECKING:
     from sgms_observer.application.diagnose import DiagnoseResult
 
-NAME = "diagnose"
 HELP = "find the effects that the model lacks, name them, add them to the model, and show how far the gap falls"
 
 
@@ -79,9 +78,9 @@ def run(args: argparse.Namespace) -> int | Outcome:
         raise ConfigurationError([f"--tolerance {args.tolerance:g} must lie between 0 and 1; 0.05 is five per cent"])
     if args.workers < 0 or args.seed < 0:
         raise ConfigurationError(["--workers and --seed must not be negative; leave them out for the defaults"])
-    axis = axis_from(args.axis, NAME)
+    axis = axis_from(args.axis, "diagnose")
     if args.each:
-        from sgms_observer.cli.many import diagnose_each
+        from sgms_observer.cli.fleet_commands import diagnose_each
 
         return diagnose_each(args)
     if args.scheduler is not None:

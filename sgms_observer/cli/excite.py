@@ -19,7 +19,6 @@ from sgms_observer.outcome import Outcome
 if TYPE_CHECKING:
     from sgms_observer.excitation.reference import Excitation, Floats
 
-NAME = "excite"
 HELP = "design the motion that shows most of what is asked for, within the machine's limits; write or publish it"
 
 
@@ -80,7 +79,7 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.out:
         refuse_existing_files([args.out], args.overwrite)
     settings = load_settings(args.config)
-    wanted = axis_from(args.axis, NAME)
+    wanted = axis_from(args.axis, "excite")
     axis = settings.wanted_axes([wanted] if wanted else (), args.config)[0]
     limits = limits_of(axis.joint_type, args.stroke, args.speed, args.acceleration, args.smallest)
     asked = [word.strip() for word in (args.asked or "").split(",") if word.strip()]

@@ -8,7 +8,6 @@ import sys
 from sgms_observer.cli.options import add_axis_option, add_output_options, add_overwrite_option
 from sgms_observer.outcome import Outcome
 
-NAME = "export"
 HELP = "write observer and compensation as C (or a ros2_control controller), or the simulated stage as FMU"
 
 

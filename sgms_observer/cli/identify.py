@@ -14,7 +14,6 @@ from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 if TYPE_CHECKING:
     from sgms_observer.identification.answer import Answer
 
-NAME = "identify"
 HELP = "identify mass, friction, offset and delay from recordings, with intervals"
 
 

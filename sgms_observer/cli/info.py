@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 
-from sgms_observer.cli.options import add_bag_options, add_output_options
+from sgms_observer.cli.options import add_bag_options, add_output_options, topics_from
 from sgms_observer.outcome import Outcome
 
-NAME = "info"
 HELP = "show what a bag holds (topics, joints, rates, gaps, encoder step, signs) and what it can be used for"
 
 
@@ -27,7 +26,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``registry.Command``."""
     from sgms_observer.application.bag_info import inspect_bag
-    from sgms_observer.cli.options import topics_from
 
     info = inspect_bag(args.bag, topics_from(args.topic), args.axis, args.joint_type)
     for line in info.lines():

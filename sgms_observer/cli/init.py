@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 
-from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option
+from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option, topics_from
 from sgms_observer.outcome import Outcome
 
-NAME = "init"
 HELP = "write a commented parameter file: a template, or with rates, resolution, rough mass and friction of a bag"
 
 
@@ -44,7 +43,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``registry.Command``."""
     from sgms_observer.application.init import InitOptions, init
-    from sgms_observer.cli.options import topics_from
     from sgms_observer.settings.units import Units
 
     options = InitOptions(args.joint_type, args.position_scale, args.effort_scale, args.overwrite)

@@ -35,6 +35,18 @@ def add_overwrite_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--overwrite", action="store_true", help="replace the output if it exists")
 
 
+def add_storage_option(parser: argparse.ArgumentParser, of: str = "the bag") -> None:
+    """Declare how the bag that the command writes is stored.
+
+    Args:
+        parser: the command's own parser.
+        of: which bag, for the help text.
+    """
+    parser.add_argument(
+        "--storage", choices=("mcap", "sqlite3"), default="mcap", help=f"storage of {of} (default: mcap)"
+    )
+
+
 def add_bag_options(parser: argparse.ArgumentParser, axes: str) -> None:
     """Declare which part of a bag is meant.
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from sgms_observer.cli.options import add_output_options, add_overwrite_option
 
-NAME = "paper"
 HELP = "make the paper's Table II and Figures 2, 3, 5-7 again, and the package's best result on the same signals"
 
 
@@ -29,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do the job, as ``registry.Command``."""
     from sgms_observer.cli.progress import Progress
-    from sgms_observer.paper.beyond import beyond, beyond_markdown, runs_beyond
+    from sgms_observer.paper.best_configuration import beyond, beyond_markdown, runs_beyond
     from sgms_observer.paper.figures_estimation import figure_five, figures_six_and_seven
     from sgms_observer.paper.figures_friction import figure_three, figure_two
     from sgms_observer.paper.report import paper_page

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from sgms_observer.bags.schedule import Schedule
     from sgms_observer.cli.progress import Progress
 
-NAME = "play"
 HELP = "play a bag into the live graph where `ros2 bag` is not installed; moves a machine that follows reference"
 
 _DEPTH = 10_000  # messages, a second at 10 kHz

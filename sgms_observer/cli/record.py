@@ -9,7 +9,7 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.options import add_output_options, add_overwrite_option, require_ros
+from sgms_observer.cli.options import add_output_options, add_overwrite_option, add_storage_option, require_ros
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.nodes.recording import RecorderNode
 
-NAME = "record"
 HELP = "record topics of the live graph into a bag, where `ros2 bag` is not installed"
 
 _SPIN_AT_ONCE = 0.1  # s; signals are seen in between
@@ -33,9 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--duration", type=float, metavar="S", help="stop after this time [s] (default: at Ctrl-C or SIGTERM)"
     )
-    parser.add_argument(
-        "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the bag (default: mcap)"
-    )
+    add_storage_option(parser)
     add_overwrite_option(parser)
     add_output_options(parser, has_result=False)
 

@@ -5,11 +5,16 @@ from __future__ import annotations
 import argparse
 import time
 
-from sgms_observer.cli.many import add_fleet_arguments
-from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option
+from sgms_observer.cli.fleet_commands import add_fleet_arguments
+from sgms_observer.cli.options import (
+    add_bag_options,
+    add_output_options,
+    add_overwrite_option,
+    add_storage_option,
+    topics_from,
+)
 from sgms_observer.outcome import Outcome
 
-NAME = "replay"
 HELP = "run the observer over a recorded bag and write its estimates into another; deterministic"
 
 
@@ -23,9 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BAG2",
         help="folder of the new bag; for several, the folder of the new bags and of one summary, report.html",
     )
-    parser.add_argument(
-        "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the new bag (default: mcap)"
-    )
+    add_storage_option(parser, "the new bag")
     add_bag_options(parser, "all axes of the file")
     add_fleet_arguments(parser)
     add_overwrite_option(parser)
@@ -35,11 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int | Outcome:
     """Do the job, as ``registry.Command``."""
     from sgms_observer.application.replay import replay_bag
-    from sgms_observer.cli.options import topics_from
     from sgms_observer.cli.progress import Progress
 
     if len(args.bags) > 1 or args.scheduler is not None:
-        from sgms_observer.cli.many import replay_many
+        from sgms_observer.cli.fleet_commands import replay_many
 
         return replay_many(args, topics_from(args.topic))
     start = time.perf_counter()

@@ -6,10 +6,9 @@ import argparse
 import math
 import time
 
-from sgms_observer.cli.options import add_output_options, add_overwrite_option
+from sgms_observer.cli.options import add_output_options, add_overwrite_option, add_storage_option
 from sgms_observer.outcome import Outcome
 
-NAME = "simulate"
 HELP = "run the simulated stage of a parameter file, faster than real time, into a bag"
 
 
@@ -28,9 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="run the observer in the loop as well: its compensation moves the stage, its topics go into the bag",
     )
-    parser.add_argument(
-        "--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the bag (default: mcap)"
-    )
+    add_storage_option(parser)
     add_overwrite_option(parser)
     add_output_options(parser)
 

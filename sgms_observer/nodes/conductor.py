@@ -6,7 +6,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -17,14 +16,15 @@ import rclpy
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
+from rclpy.client import Client
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from sgms_observer.application.kernels import compile_ahead
+from sgms_observer.child_process import child_command, child_environment
 from sgms_observer.errors import DataError
-from sgms_observer.nodes.domain import claim_domain
-from sgms_observer.nodes.question import Question
-from sgms_observer.nodes.transport import prepare_transport
+from sgms_observer.nodes.transport import claim_domain, prepare_transport
 
 _PATIENCE = 180.0  # s; a first start compiles every kernel
 _NO_ROOM = 100_000  # bytes; with fewer, not even a log can be written
@@ -53,6 +53,32 @@ def prepare_graph() -> int:
     prepare_transport()
     compile_ahead()  # two processes that each compile the same kernels would share the cores that they need
     return int(os.environ["ROS_DOMAIN_ID"])
+
+
+class RepeatedRequest:
+    """A request that may be repeated.
+
+    rmw_fastrtps drops an answer where the asked node has not met the asker's reader within 0.1 s.
+
+    Args:
+        client: of the service; somebody else spins its node.
+        request: what is asked; asked twice, the service must do no harm.
+        again: time after which it is asked once more [s].
+    """
+
+    def __init__(self, client: Client, request: Any, again: float) -> None:
+        self._client = client
+        self._request = request
+        self._futures: list[Future] = []
+        self._again = again
+        self._ask_at = 0.0
+
+    def answer(self) -> Any | None:
+        """Ask if it is time to; return the answer, or None while there is none."""
+        if time.monotonic() >= self._ask_at:
+            self._futures.append(self._client.call_async(self._request))
+            self._ask_at = time.monotonic() + self._again
+        return next((future.result() for future in self._futures if future.done()), None)
 
 
 class Conductor:
@@ -103,16 +129,14 @@ class Conductor:
             module: full name, run with ``python -m``.
             arguments: its command line.
         """
-        root = str(Path(__file__).resolve().parents[2])
-        paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
         with (self._folder / f"{name}.log").open("wb") as log:
             self._processes[name] = subprocess.Popen(
-                [sys.executable, "-m", "sgms_observer.nodes.beside", str(os.getpid()), module, *arguments],
+                child_command(module, arguments),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # Ctrl-C reaches this process alone, which then ends the others in order
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+                env=child_environment(),
             )
 
     def process_id(self, name: str) -> int:
@@ -238,18 +262,18 @@ class Conductor:
     def _call(self, kind: Any, service: str, request: Any) -> Any:
         """Call a service, again if no answer comes, and return its answer."""
         client = self._node.create_client(kind, service)
-        question = Question(client, request, _ASK_AGAIN)
+        repeated = RepeatedRequest(client, request, _ASK_AGAIN)
         try:
             self.wait(client.service_is_ready, f"the service {service}")
 
             def is_answered() -> bool:
-                is_there = question.answer() is not None
+                is_there = repeated.answer() is not None
                 if not is_there:
                     rclpy.spin_once(self._node, timeout_sec=0.2)
                 return is_there
 
             self.wait(is_answered, f"the answer of {service}")
-            return question.answer()
+            return repeated.answer()
         finally:
             self._node.destroy_client(client)
 

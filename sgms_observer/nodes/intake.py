@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from sgms_observer.bags.cdr import JointStateDecoder
+from sgms_observer.bags.cdr import JointStateDecoder, JointStateFields
 from sgms_observer.errors import DataError
 from sgms_observer.observer.pairing import Pairing
 from sgms_observer.observer.samples import Samples
@@ -14,8 +14,8 @@ from sgms_observer.settings.units import ScaledAxes, scales_by_axis
 
 _KEPT_NAME_LISTS = 64
 _Places = list[tuple[Pairing, int]]
-_Numbers = tuple[float, ...]
-_Push = Callable[[Pairing, int, int, _Numbers, _Numbers, _Numbers], bool]
+_Push = Callable[[Pairing, int, JointStateFields], bool]
+"""Hands one axis's numbers in a decoded message, at their place, to its pairing; False where they are missing."""
 
 
 @dataclass
@@ -75,7 +75,7 @@ class Intake:
         self._decoders = {topic: JointStateDecoder() for topic in ("position", "control_effort", "reference")}
 
     def position(self, message: bytes) -> bool:
-        """Take in a message of the topic ``position``, as bytes.
+        """Take in a message of the topic ``position``.
 
         Args:
             message: a serialized JointState.
@@ -86,35 +86,26 @@ class Intake:
         return self._take("position", message, _push_position)
 
     def effort(self, message: bytes) -> bool:
-        """Take in a message of the topic ``control_effort``, as bytes.
+        """Take in a message of the topic ``control_effort``, as ``position``.
 
         Args:
             message: a serialized JointState.
-
-        Returns:
-            Whether ``pop`` would yield anything of the axes that it names.
         """
         return self._take("control_effort", message, _push_effort)
 
     def position_and_effort(self, message: bytes) -> bool:
-        """Take in a message of a topic that is ``position`` and ``control_effort`` at once, as bytes.
+        """Take in a message of a topic that is ``position`` and ``control_effort`` at once, as ``position``.
 
         Args:
             message: a serialized JointState.
-
-        Returns:
-            Whether ``pop`` would yield anything of the axes that it names.
         """
         return self._take("position", message, _push_both)
 
     def reference(self, message: bytes) -> bool:
-        """Take in a message of the topic ``reference``, as bytes.
+        """Take in a message of the topic ``reference``, as ``position``.
 
         Args:
             message: a serialized JointState.
-
-        Returns:
-            Whether ``pop`` would yield anything of the axes that it names.
         """
         return self._take("reference", message, _push_reference)
 
@@ -127,19 +118,19 @@ class Intake:
     def _take(self, topic: str, message: bytes, push: _Push) -> bool:
         self.counts.messages += 1
         try:
-            stamp, names, position, velocity, effort = self._decoders[topic].decode(message)
+            decoded = self._decoders[topic].decode(message)
         except DataError:
             self.counts.malformed += 1
             return False
-        places = self._known.get(names)
+        places = self._known.get(decoded[1])
         if places is None:
-            places = self._find(names)
+            places = self._find(decoded[1])
         if not places:
             self.counts.foreign += 1
             return False
         has_samples = False
         for pairing, place in places:
-            if not push(pairing, place, stamp, position, velocity, effort):
+            if not push(pairing, place, decoded):
                 self.counts.short += 1
             has_samples = has_samples or pairing.has_samples
         return has_samples
@@ -157,37 +148,32 @@ class Intake:
         return places
 
 
-def _push_position(
-    pairing: Pairing, place: int, stamp: int, position: _Numbers, velocity: _Numbers, effort: _Numbers
-) -> bool:
+def _push_position(pairing: Pairing, place: int, message: JointStateFields) -> bool:
+    position = message[2]
     if place >= len(position):
         return False
-    pairing.push_position(stamp, position[place])
+    pairing.push_position(message[0], position[place])
     return True
 
 
-def _push_effort(
-    pairing: Pairing, place: int, stamp: int, position: _Numbers, velocity: _Numbers, effort: _Numbers
-) -> bool:
+def _push_effort(pairing: Pairing, place: int, message: JointStateFields) -> bool:
+    effort = message[4]
     if place >= len(effort):
         return False
-    pairing.push_effort(stamp, effort[place])
+    pairing.push_effort(message[0], effort[place])
     return True
 
 
-def _push_both(
-    pairing: Pairing, place: int, stamp: int, position: _Numbers, velocity: _Numbers, effort: _Numbers
-) -> bool:
+def _push_both(pairing: Pairing, place: int, message: JointStateFields) -> bool:
     """Push the position first, as replay does."""
-    has_position = _push_position(pairing, place, stamp, position, velocity, effort)
-    has_effort = _push_effort(pairing, place, stamp, position, velocity, effort)
+    has_position = _push_position(pairing, place, message)
+    has_effort = _push_effort(pairing, place, message)
     return has_position and has_effort
 
 
-def _push_reference(
-    pairing: Pairing, place: int, stamp: int, position: _Numbers, velocity: _Numbers, effort: _Numbers
-) -> bool:
+def _push_reference(pairing: Pairing, place: int, message: JointStateFields) -> bool:
+    position, velocity = message[2], message[3]
     if place >= len(position):
         return False
-    pairing.push_reference(stamp, position[place], velocity[place] if place < len(velocity) else math.nan)
+    pairing.push_reference(message[0], position[place], velocity[place] if place < len(velocity) else math.nan)
     return True

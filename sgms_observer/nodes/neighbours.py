@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 
-from sgms_observer.nodes.commands import COMMANDS
+from sgms_observer.nodes.topics import COMMANDS
 from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, JOINT_STATE_TOPICS
+from sgms_observer.settings.axis import Settings
 
 _COMMAND_LINE = "_ros2cli"  # how the nodes of `ros2 topic echo` and `hz` are called
 
@@ -46,3 +49,13 @@ class Neighbours:
             " take rates from /diagnostics"
             for name, names in self._readers.items()
         ]
+
+
+def without_compensation(settings: Settings) -> Settings:
+    """Return settings whose compensation is switched off on every axis.
+
+    Args:
+        settings: any settings.
+    """
+    axes = (replace(axis, compensation=replace(axis.compensation, enabled=False)) for axis in settings.axes)
+    return replace(settings, axes=tuple(axes))

@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     with silent_interrupts():
         from sgms_observer.nodes.command_line import start
-    return start(NAME, HELP, "observing.ObserverNode", arguments)
+    return start(NAME, HELP, "observer_lifecycle.ObserverNode", arguments)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The observer node's ``/diagnostics`` and ``friction_parameters``, as entries of a DiagnosticArray. No ROS in here."""
+"""The observer node's ``/diagnostics``, as entries of a DiagnosticArray. No ROS in here."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 
 from sgms_observer.bags.diagnostics_cdr import ERROR, OK, WARN, DiagnosticStatus
+from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.intake import IntakeCounts
-from sgms_observer.nodes.statistics import AxisStatistics, StepTimes
+from sgms_observer.nodes.statistics import AxisStatistics, Growth, StepTimes
 from sgms_observer.observer.pairing import PairingCounts
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.status import Status
@@ -142,3 +143,39 @@ def node_entry(
     level = ERROR if faults else WARN if sentences else OK
     sentence = sentences[0] if sentences else f"the node is {state}"
     return DiagnosticStatus(level, name, sentence, "", tuple(values.items()))
+
+
+class Report:
+    """Looks at an engine now and then, and knows what it said the last time."""
+
+    def __init__(self) -> None:
+        self._growth = Growth()
+
+    def take(
+        self, name: str, engine: Engine, seconds: float, faults: Sequence[str], remarks: Sequence[str]
+    ) -> tuple[list[DiagnosticStatus], list[str]]:
+        """Return the entries about the time since the last call, and all that is to be said in the log.
+
+        Args:
+            name: the active node's full name.
+            engine: of the node; the statistics of its axes start anew.
+            seconds: time since the last call [s].
+            faults: sentences about what keeps the node from its work.
+            remarks: sentences about what disturbs it.
+        """
+        counts, clock = engine.intake.counts, engine.clock
+        new = self._growth.take("messages", counts)
+        entries = [
+            node_entry(
+                *(name, engine.axes, "active", counts, new, clock.take(), clock.deadline_misses, seconds),
+                *(faults, remarks),
+            )
+        ]
+        sentences = [*faults, *remarks, *new.sentences(engine.axes)]
+        for axis, statistics, pairing in zip(engine.axes, engine.statistics, engine.intake.pairings, strict=True):
+            grown = self._growth.take(axis, pairing.counts)
+            entry = axis_entry(name, axis, statistics, pairing.counts, grown, seconds)
+            entries.append(entry)
+            sentences += [f"axis {axis}: {sentence}" for sentence in axis_sentences(entry, statistics, grown)]
+            statistics.start_anew()
+        return entries, sentences

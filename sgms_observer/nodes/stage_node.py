@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     with silent_interrupts():
         from sgms_observer.nodes.command_line import start
-    return start(NAME, HELP, "moving.StageNode", arguments)
+    return start(NAME, HELP, "stage_lifecycle.StageNode", arguments)
 
 
 if __name__ == "__main__":

@@ -30,9 +30,8 @@ from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import DataError
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.nodes.axis_listener import COMPENSATION, EFFORT, POSITION, REFERENCE, AxisListener
-from sgms_observer.nodes.conductor import Conductor
+from sgms_observer.nodes.conductor import Conductor, RepeatedRequest
 from sgms_observer.nodes.horizons import BEFORE, EVERY
-from sgms_observer.nodes.question import Question
 from sgms_observer.nodes.reference_player import braking
 from sgms_observer.nodes.spin import leave_graph, make_executor
 from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
@@ -344,10 +343,10 @@ class TableLink:
 
     def _answered(self, gain: float) -> SetParameters.Response:
         """Return the observer's answer to a gain."""
-        question = Question(self._parameters, self._gain_request(gain), _ASK_AGAIN)
+        repeated = RepeatedRequest(self._parameters, self._gain_request(gain), _ASK_AGAIN)
         end = time.monotonic() + _PATIENCE
         while time.monotonic() < end:
-            answer = question.answer()
+            answer = repeated.answer()
             if answer is not None:
                 return answer
             self._conductor.watch()

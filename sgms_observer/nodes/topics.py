@@ -1,8 +1,10 @@
-"""Topics of the nodes: quality of service, and blocks of messages sent as prepared bytes."""
+"""Topics of the nodes: quality of service, blocks of messages as prepared bytes, commands of ros2_control."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import struct
+import time
+from collections.abc import Callable, Sequence
 
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -11,28 +13,42 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.bags.blocks import BY_ARRAYS, encode_joint_states
 from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.compensation.safety import safe_output
 from sgms_observer.observer.outgoing import OutgoingBlock
+from sgms_observer.settings.axis import Settings
+
+COMMANDS = "~/commands"
+
+
+def reliable(depth: int) -> QoSProfile:
+    """Return a reliable quality of service.
+
+    Args:
+        depth: messages that wait at most.
+    """
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+
 
 #: A depth of 10 loses samples at 1 kHz; this one holds a second at 10 kHz.
-SAMPLE_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10_000,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+SAMPLE_QOS = reliable(10_000)
 #: Horizons: a newer one replaces the one before it.
-HORIZON_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+HORIZON_QOS = reliable(10)
+#: As the command topics of ros2_controllers: only the latest counts.
+_COMMAND_QOS = reliable(1)
 #: How long the last messages of a node that ends are waited for, by whoever wants them acknowledged.
 LAST_WORDS = Duration(seconds=0.2)
+
+_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 
 
 def subscribe(
@@ -105,3 +121,64 @@ class JointStateTopics:
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
         self._publishers.clear()
+
+
+def encode_commands(forces: Sequence[float]) -> bytes:
+    """Return a Float64MultiArray without dimensions as bytes (XCDR1).
+
+    Args:
+        forces: data, in order [N].
+    """
+    return _LITTLE_ENDIAN + struct.pack(f"<IIIxxxx{len(forces)}d", 0, 0, len(forces), *forces)
+
+
+class CommandTopic:
+    """Sends the latest compensation of all axes, in the order of ``axes``, as commands of ros2_control.
+
+    The message has no stamp: the receiver holds the last one, so the node sends zeros when it stops or hears nothing.
+
+    Of samples that are too old it sends zero instead: it goes there, and back, within the slew limit of each axis.
+
+    Args:
+        node: the node; remap ``~/commands`` to the controller's own topic.
+        settings: of all axes.
+
+    Attributes:
+        settings: as given; may be replaced.
+    """
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self.settings = settings
+        self._node = node
+        self._sent = [0.0] * len(settings.axes)
+        self._sent_at = time.monotonic()
+        self._is_apart = False
+        self._publisher = node.create_publisher(Float64MultiArray, COMMANDS, _COMMAND_QOS)
+
+    def publish(self, forces: Sequence[float], is_late: bool = False) -> None:
+        """Send the forces [N], if anybody listens.
+
+        Args:
+            forces: one per axis [N], in the order of ``axes``.
+            is_late: whether their samples are too old to be of use.
+        """
+        now = time.monotonic()
+        if is_late or self._is_apart:
+            wanted = [0.0] * len(forces) if is_late else list(forces)
+            axes = zip(self._sent, wanted, self.settings.axes, strict=True)
+            forces = [
+                safe_output(sent, force, now - self._sent_at, axis.compensation.limit, axis.compensation.slew_limit)
+                for sent, force, axis in axes
+            ]
+            self._is_apart = is_late or forces != wanted
+        self._sent, self._sent_at = list(forces), now
+        if self._publisher.get_subscription_count():
+            self._publisher.publish(encode_commands(forces))
+
+    def wait_acknowledged(self) -> None:
+        """Wait until the latest message has arrived, for ``LAST_WORDS`` at most."""
+        self._publisher.wait_for_all_acked(LAST_WORDS)
+
+    def destroy(self) -> None:
+        """Remove the publisher from the graph."""
+        self._node.destroy_publisher(self._publisher)

@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from sgms_observer.formulas import friction as formulas
-from sgms_observer.friction.gms import gms_step
-from sgms_observer.friction.sgms import sgms_step
 from sgms_observer.jit import njit
 from sgms_observer.observer.samples import Floats
 from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, TRUTH, sheet
 from sgms_observer.report.page import Picture
 from sgms_observer.settings.friction import FrictionSettings
+from sim_plant.true_friction import Integers, TrueFriction, advance_elements, level_of, true_friction
 
 _N = 8
 EIGHT = FrictionSettings(
@@ -40,40 +38,23 @@ SLIP_DISTANCE = EIGHT.element_fraction[0] * EIGHT.static_force / EIGHT.element_s
 MOST_POINTS = 5_000
 """Points of a line in a figure."""
 _STEP = 1.0e-4  # s
-_level: Any = njit(formulas.stribeck_level)
 
 
 @njit
-def _friction_along(
-    is_gms: bool,
-    kappa: Floats,
-    nu: Floats,
-    constants: Floats,
-    velocity: Floats,
-    period: float,
-    force: Floats,
-    slip: Floats,
-) -> Floats:
-    """Friction after each step of a prescribed motion [N]; ``force`` and ``slip`` are the elements', updated."""
-    static, coulomb, stribeck, rate, lam, zeta, gamma = constants
+def _friction_along(friction: TrueFriction, velocity: Floats, period: float, force: Floats, mode: Integers) -> Floats:
+    """Friction after each step of a prescribed motion [N]; ``force`` and ``mode`` are the elements', updated."""
     total = np.zeros(velocity.shape[0])
     for k in range(velocity.shape[0]):
-        v = velocity[k]
-        s = _level(v, static, coulomb, stribeck)
-        for i in range(kappa.shape[0]):
-            if is_gms:
-                force[i], mode = gms_step(force[i], int(slip[i]), v, period, kappa[i], nu[i], s, rate)
-                slip[i] = mode
-            else:
-                gain = gamma * abs(v) / stribeck
-                force[i] = sgms_step(force[i], v, period, kappa[i], nu[i] * s, lam, zeta, gain)
+        level = level_of(friction, velocity[k])
+        advance_elements(friction, level, velocity[k], period, force, mode, force, mode)
+        for i in range(force.shape[0]):
             total[k] += force[i]
     return total
 
 
 @dataclass
 class Elements:
-    """The elements of a model with what they remember.
+    """The elements of a model, with the paper's reset, and what they remember.
 
     Args:
         settings: the model.
@@ -85,7 +66,9 @@ class Elements:
 
     def __post_init__(self) -> None:
         count = len(self.settings.element_stiffness)
-        self.force, self.slip = np.zeros(count), np.zeros(count)
+        self.force, self._mode = np.zeros(count), np.zeros(count, dtype=np.int64)
+        model = "gms" if self.is_gms else "sgms"
+        self._friction = true_friction(replace(self.settings, model=model, reset="paper"))
 
     def follow(self, velocity: Floats, period: float = _STEP) -> Floats:
         """Return the friction after each step of a prescribed motion [N].
@@ -94,15 +77,7 @@ class Elements:
             velocity: over each step [m/s].
             period: of a step [s].
         """
-        p = self.settings
-        constants = np.array(
-            [p.static_force, p.coulomb_force, p.stribeck_velocity, p.attraction_rate,
-             p.smoothing_lambda, p.smoothing_zeta, p.smoothing_gamma]
-        )  # fmt: skip
-        friction: Floats = _friction_along(
-            self.is_gms, np.array(p.element_stiffness), np.array(p.element_fraction), constants,
-            velocity, period, self.force, self.slip,
-        )  # fmt: skip
+        friction: Floats = _friction_along(self._friction, velocity, period, self.force, self._mode)
         return friction
 
 

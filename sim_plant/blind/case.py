@@ -10,49 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.random import Generator
 from numpy.typing import NDArray
 
 from sgms_observer.bags.writer import BagWriter
 from sim_plant.blind import menu, sizing
-from sim_plant.blind.hidden import Hidden, Kind, Maker
+from sim_plant.blind.hidden_effect import Hidden, Kind, Maker
 from sim_plant.blind.motion import HELD_OUT, PERIOD, Motion, held_out_motion, rich_motion
+from sim_plant.blind.owner import NominalModel, nominal_model, write_owner_file
 from sim_plant.blind.recording import Track, coloured_noise, record
-from sim_plant.blind.reduction import NominalModel, nominal_model
 from sim_plant.blind.seal import seal
-from sim_plant.blind.slots import NOMINAL_RESOLUTION
 from sim_plant.blind.stage import TrueStage, draw_stage
-
-
-def axis_tree(nominal: NominalModel) -> dict[str, Any]:
-    """Return one axis of the YAML."""
-    return {
-        "mass": nominal.mass,
-        "friction": {
-            "model": nominal.model,
-            "reset": "rate_independent",
-            "element_stiffness": list(nominal.stiffness),
-            "element_fraction": list(nominal.fraction),
-            "element_damping": [0.0] * len(nominal.stiffness),
-            "viscous_coefficient": nominal.viscous,
-            "static_force": nominal.static_force,
-            "coulomb_force": nominal.coulomb_force,
-            "stribeck_velocity": nominal.knee,
-            "attraction_rate": nominal.attraction,
-        },
-        "stage": {"encoder": {"resolution": NOMINAL_RESOLUTION}},
-        "filter": {"kind": "savgol", "window": 0.011, "degree": 3},
-        "estimator": {"correction_every": 2},
-    }
-
-
-def write_owner_file(path: Path, axes: dict[str, NominalModel]) -> None:
-    """Write the YAML of the axes by name."""
-    tree: dict[str, Any] = {"axes": list(axes), "sample_period": PERIOD}
-    tree |= {name: axis_tree(nominal) for name, nominal in axes.items()}
-    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": tree}}, sort_keys=False), encoding="utf-8")
-
 
 Floats = NDArray[np.float64]
 START_NS = 1_700_000_000_000_000_000

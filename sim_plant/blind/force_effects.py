@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 
 from sim_plant.blind import slots as s
-from sim_plant.blind.hidden import Around, Floats, Hidden, Kind, Maker
+from sim_plant.blind.hidden_effect import Around, Floats, Hidden, Kind, Maker
 from sim_plant.blind.motion import Motion
 from sim_plant.blind.stage import TrueStage
 

@@ -9,7 +9,7 @@ from numpy.random import Generator
 
 from sim_plant.blind import slots as s
 from sim_plant.blind.force_effects import sign
-from sim_plant.blind.hidden import Hidden, Kind, Maker
+from sim_plant.blind.hidden_effect import Hidden, Kind, Maker
 from sim_plant.blind.motion import PERIOD, Motion
 from sim_plant.blind.stage import TrueStage
 

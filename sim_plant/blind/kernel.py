@@ -96,10 +96,10 @@ def run(
         if abs(effort) < gains[4]:
             integral += gains[2] * error * period
         effort = min(max(effort, -gains[4]), gains[4])
-        out[k, 0] = shown
-        out[k, 1] = effort
-        out[k, 2] = x
-        out[k, 3] = v
+        out[k, SHOWN] = shown
+        out[k, EFFORT] = effort
+        out[k, TRUE_X] = x
+        out[k, TRUE_V] = v
         hidden_sum = 0.0
         friction_sum = 0.0
         level_sum = 0.0
@@ -216,8 +216,8 @@ def run(
             hidden_sum += link + (p[s.EXTRA_MASS] - link_mass) * acceleration
             friction_sum += resisted
             level_sum += level
-        out[k, 4] = (v - v_start) / period
-        out[k, 5] = hidden_sum / steps
-        out[k, 6] = friction_sum / steps
-        out[k, 7] = level_sum / steps
+        out[k, TRUE_A] = (v - v_start) / period
+        out[k, HIDDEN] = hidden_sum / steps
+        out[k, FRICTION] = friction_sum / steps
+        out[k, LEVEL] = level_sum / steps
     return out

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from sim_plant.blind import force_effects, friction_effects, outside_effects, path_effects
-from sim_plant.blind.hidden import Around, Floats, Hidden, Kind, Series
+from sim_plant.blind.hidden_effect import Around, Floats, Hidden, Kind, Series
 
 NOTHING = "nothing"
 """Name of a case with nothing hidden."""

@@ -7,7 +7,7 @@ from numpy.random import Generator
 from scipy.signal import lfilter
 
 from sim_plant.blind import slots as s
-from sim_plant.blind.hidden import Around, Floats, Hidden, Kind, Maker
+from sim_plant.blind.hidden_effect import Around, Floats, Hidden, Kind, Maker
 from sim_plant.blind.motion import PERIOD, Motion
 from sim_plant.blind.stage import TrueStage
 

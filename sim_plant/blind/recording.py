@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt, lfilter
 
 from sim_plant.blind import kernel, slots
-from sim_plant.blind.hidden import Around, Hidden
+from sim_plant.blind.hidden_effect import Around, Hidden
 from sim_plant.blind.motion import PERIOD, Motion
 
 Floats = NDArray[np.float64]

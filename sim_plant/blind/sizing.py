@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.signal import butter, filtfilt
 
-from sim_plant.blind.hidden import Hidden, Kind, Maker
+from sim_plant.blind.hidden_effect import Hidden, Kind, Maker
 from sim_plant.blind.motion import PERIOD
 from sim_plant.blind.recording import FORCE_BAND, Track
 

@@ -7,21 +7,19 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from sgms_observer.jit import njit
-from sim_plant.plants import bouc_wen, elasto_plastic, leuven, lugre, rate_state
-from sim_plant.plants.bouc_wen import step as bouc_wen_step
-from sim_plant.plants.elasto_plastic import step as elasto_plastic_step
+from sim_plant.plants import leuven, rate_state, single_state_laws
 from sim_plant.plants.leuven import step as leuven_step
-from sim_plant.plants.lugre import step as lugre_step
 from sim_plant.plants.rate_state import step as rate_state_step
+from sim_plant.plants.single_state_laws import bouc_wen_step, elasto_plastic_step, lugre_step
 
 Floats = NDArray[np.float64]
 LAWS = ("lugre", "elasto_plastic", "bouc_wen", "rate_state", "leuven")
 """Names of the contact laws; their place here is their number in the compiled step."""
 
 _DRAWS = {
-    "lugre": lugre.draw,
-    "elasto_plastic": elasto_plastic.draw,
-    "bouc_wen": bouc_wen.draw,
+    "lugre": single_state_laws.draw_lugre,
+    "elasto_plastic": single_state_laws.draw_elasto_plastic,
+    "bouc_wen": single_state_laws.draw_bouc_wen,
     "rate_state": rate_state.draw,
     "leuven": leuven.draw,
 }

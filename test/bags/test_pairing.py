@@ -6,15 +6,18 @@ import math
 from dataclasses import asdict
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sgms_observer.observer.block_pairing import Messages, push_block
-from sgms_observer.observer.pairing import Pairing
+from sgms_observer.observer.pairing import Pairing, PairingCounts
 from sgms_observer.observer.samples import Samples
+from sgms_observer.settings.units import Scales
 
 PERIOD = 1.0e-3
 STEP = 1_000_000
+SECOND = 1_000_000_000
 NAN = math.nan
 
 Event = tuple[int, int, float, float]  # stream, stamp, first value, second value
@@ -288,3 +291,231 @@ def test_blocks_that_were_handed_out_never_change() -> None:
         kept += drain(pairing)
     table = rows(kept)
     assert [row[1] for row in table] == [float(i) for i in range(20_000)]
+
+def counted(pairing: Pairing) -> dict[str, int]:
+    """Return the counts that are not zero."""
+    return {name: count for name, count in asdict(pairing.counts).items() if count}
+
+
+def test_nothing_is_counted_before_the_first_message_nor_of_regular_ones() -> None:
+    pairing = Pairing(PERIOD)
+    assert set(asdict(pairing.counts).values()) == {0} and pairing.counts.sentences() == ()
+    assert pairing.pop() is None and not pairing.has_samples
+    start = -5 * SECOND  # a clock before 1970 is a clock too
+    push(pairing, [(stream, start + i * STEP, 1.0, 2.0) for i in range(5) for stream in (1, 2, 0)])
+    assert pairing.has_samples and counted(pairing) == {"samples": 5}
+    assert rows(drain(pairing)) == [(start + i * STEP, 1.0, 1.0, 1.0, 2.0) for i in range(5)]
+    assert not pairing.has_samples
+
+
+@pytest.mark.parametrize("name", [name for name in asdict(PairingCounts()) if name != "samples"])
+def test_each_trouble_is_told_in_one_sentence_with_its_count(name: str) -> None:
+    (sentence,) = PairingCounts(samples=9, **{name: 3}).sentences()
+    assert sentence.startswith("3 ") and len(sentence.split()) > 5
+
+
+@pytest.mark.parametrize("stream", [1, 2])
+@pytest.mark.parametrize(
+    ("shift", "is_paired"), [(250_000, True), (250_001, False), (-250_000, True), (-250_001, False)]
+)
+def test_stamps_are_equal_within_a_quarter_of_a_period(stream: int, shift: int, is_paired: bool) -> None:
+    pairing = Pairing(PERIOD)
+    other = 3 - stream
+    for i in range(4):
+        push(pairing, [(other, i * STEP, 7.0, 8.0), (stream, i * STEP + shift, 1.0, 2.0), (0, i * STEP, 5.0, NAN)])
+    pairing.flush()
+    samples = rows(drain(pairing))[1:]
+    assert len(samples) == 3
+    column = {1: 2, 2: 3}[stream]
+    assert [row[column] for row in samples] == [1.0 if is_paired else None] * 3
+    unmatched = {1: pairing.counts.unmatched_efforts, 2: pairing.counts.unmatched_references}[stream]
+    assert unmatched == (0 if is_paired else 3 + (shift < 0)), "one that is too late for its own waits for the next"
+
+
+@pytest.mark.parametrize(("period", "limit"), [(1.0e-3, 500), (1.0e-2, 50), (0.1, 16), (1.0e-5, 4096)])
+def test_positions_wait_half_a_second_for_a_silent_effort(period: float, limit: int) -> None:
+    pairing, step = Pairing(period), round(period * SECOND)
+    for i in range(limit):
+        pairing.push_position(i * step, 1.0)
+    assert not pairing.has_samples
+    pairing.push_position(limit * step, 1.0)
+    assert counted(pairing) == {"samples": limit + 1, "missing_efforts": limit + 1}
+    pairing.push_position((limit + 1) * step, 1.0)
+    assert pairing.counts.samples == limit + 2, "a silent effort is not waited for again"
+    pairing.push_effort((limit + 1) * step, 1.0)
+    pairing.push_position((limit + 2) * step, 1.0)
+    assert pairing.counts.samples == limit + 2, "one that speaks is"
+
+
+@pytest.mark.parametrize(("period", "limit"), [(1.0e-3, 20), (1.0e-2, 8), (1.0e-4, 163)])
+def test_a_silent_reference_is_waited_for_a_fiftieth_of_a_second(period: float, limit: int) -> None:
+    pairing, step = Pairing(period), round(period * SECOND)
+    push(pairing, [(2, 0, 1.0, 0.0), (1, 0, 1.0, NAN), (0, 0, 1.0, NAN)])
+    for i in range(1, limit + 1):
+        push(pairing, [(1, i * step, 1.0, NAN), (0, i * step, 1.0, NAN)])
+    assert counted(pairing) == {"samples": 1}
+    push(pairing, [(1, (limit + 1) * step, 1.0, NAN), (0, (limit + 1) * step, 1.0, NAN)])
+    assert counted(pairing) == {"samples": limit + 2}
+
+
+def test_a_reference_waits_with_the_effort_where_both_are_silent() -> None:
+    pairing = Pairing(PERIOD)
+    pairing.push_reference(0, 1.0, 0.0)
+    for i in range(500):
+        pairing.push_position(i * STEP, 1.0)
+    assert not pairing.has_samples
+    pairing.push_position(500 * STEP, 1.0)
+    assert counted(pairing) == {"samples": 1, "missing_efforts": 1}, "the first has its set-point"
+    pairing.push_position(501 * STEP, 1.0)
+    assert counted(pairing) == {"samples": 502, "missing_efforts": 502}
+
+
+def test_a_reference_is_not_given_up_while_the_effort_is_waited_for() -> None:
+    pairing = Pairing(PERIOD)
+    for stream in (2, 1, 0):
+        push(pairing, [(stream, 0, 1.0, 0.0)])
+    for stream in (0, 1, 2):
+        push(pairing, [(stream, i * STEP, 1.0, 0.0) for i in range(1, 100)])
+    assert rows(drain(pairing)) == [(i * STEP, 1.0, 1.0, 1.0, 0.0) for i in range(100)]
+
+
+def test_efforts_and_set_points_may_be_ahead() -> None:
+    pairing = Pairing(PERIOD)
+    for stream in (2, 1, 0):
+        push(pairing, [(stream, i * STEP, float(i), 0.0) for i in range(5)])
+    assert rows(drain(pairing)) == [(i * STEP, float(i), float(i), float(i), 0.0) for i in range(5)]
+
+
+def test_a_reference_alone_is_waited_for_briefly_where_no_effort_comes() -> None:
+    pairing = Pairing(PERIOD)
+    for i in range(501):
+        pairing.push_position(i * STEP, 1.0)
+    assert pairing.counts.samples == 501  # the effort counts as absent now
+    push(pairing, [(2, 501 * STEP, 1.0, 0.0), (0, 501 * STEP, 1.0, NAN)])
+    for i in range(502, 522):
+        pairing.push_position(i * STEP, 1.0)
+    assert pairing.counts.samples == 502
+    pairing.push_position(522 * STEP, 1.0)
+    assert pairing.counts.samples == 523
+
+
+@pytest.mark.parametrize(
+    ("back", "counts"), [(0, "duplicates"), (1, "late"), (SECOND, "late"), (SECOND + 1, "clock_resets")]
+)
+def test_a_position_from_more_than_a_second_before_is_a_restarted_clock(back: int, counts: str) -> None:
+    pairing = Pairing(PERIOD)
+    for stream in (0, 1):
+        push(pairing, [(stream, 20 * SECOND, 1.0, NAN)])
+    push(pairing, [(0, 20 * SECOND - back, 2.0, NAN)])
+    assert {name for name in counted(pairing) if name != "samples"} == {counts}
+    pairing.flush()
+    assert [row[1] for row in rows(drain(pairing)[:1])] == [1.0]
+    assert pairing.counts.samples == 1 + (counts == "clock_resets")
+
+
+@pytest.mark.parametrize("stream", [1, 2])
+@pytest.mark.parametrize(
+    ("back", "counts"), [(0, "duplicates"), (1, "late"), (SECOND, "late"), (SECOND + 1, "stream_resets")]
+)
+def test_so_is_an_effort_or_a_reference(stream: int, back: int, counts: str) -> None:
+    pairing = Pairing(PERIOD)
+    waiting = (pairing.effort, pairing.reference)[stream - 1].queue
+    unmatched = ("unmatched_efforts", "unmatched_references")[stream - 1]
+    push(pairing, [(stream, 20 * SECOND - STEP, 1.0, 0.0), (stream, 20 * SECOND, 1.0, 0.0)])
+    push(pairing, [(stream, 20 * SECOND - back, 2.0, 0.0)])
+    if counts == "stream_resets":
+        assert counted(pairing) == {"stream_resets": 1, unmatched: 2} and len(waiting) == 1
+    else:
+        assert counted(pairing) == {counts: 1} and len(waiting) == 2
+
+
+@pytest.mark.parametrize("stream", [1, 2])
+def test_what_finds_no_position_is_kept_for_half_a_second(stream: int) -> None:
+    pairing = Pairing(PERIOD)
+    push(pairing, [(stream, i * STEP, 1.0, 0.0) for i in range(500)])
+    assert counted(pairing) == {}
+    push(pairing, [(stream, 500 * STEP, 1.0, 0.0)])
+    assert counted(pairing) == {("unmatched_efforts", "unmatched_references")[stream - 1]: 1}
+
+
+def test_a_restarted_clock_keeps_what_belongs_to_it_and_counts_the_rest() -> None:
+    pairing = Pairing(PERIOD)
+    old, new = 100 * SECOND, 5 * SECOND
+    push(pairing, [(stream, old + i * STEP, 1.0, 2.0) for i in (0, 1) for stream in (1, 2, 0)])
+    push(pairing, [(2, old + 9 * STEP, 1.0, 2.0)])  # a set-point of the time before
+    push(pairing, [(1, new, 3.0, NAN), (1, new + STEP, 4.0, NAN), (1, new + SECOND, 5.0, NAN)])
+    push(pairing, [(0, new, 6.0, NAN), (0, new + STEP, 7.0, NAN)])
+    push(pairing, [(2, new + STEP, 8.0, 9.0)])
+    blocks = drain(pairing)
+    assert [int(block.stamp_ns[0]) for block in blocks] == [old, new]
+    assert rows(blocks)[2:] == [(new, 6.0, 3.0, None, None), (new + STEP, 7.0, 4.0, 8.0, 9.0)]
+    assert counted(pairing) == {"samples": 4, "unmatched_references": 1, "clock_resets": 1, "stream_resets": 1}
+    assert list(pairing.effort.queue) == [(new + SECOND, 5.0, pairing.effort.queue[0][2])]
+
+
+def test_an_effort_of_the_time_before_does_not_hold_up_a_restarted_clock() -> None:
+    pairing = Pairing(PERIOD)
+    push(pairing, [(1, 100 * SECOND, 1.0, NAN), (1, 100 * SECOND + STEP, 1.0, NAN), (0, 100 * SECOND, 1.0, NAN)])
+    push(pairing, [(0, 5 * SECOND, 2.0, NAN), (1, 5 * SECOND, 3.0, NAN)])
+    assert rows(drain(pairing))[1:] == [(5 * SECOND, 2.0, 3.0, None, None)]
+    assert counted(pairing) == {"samples": 2, "unmatched_efforts": 1, "clock_resets": 1}
+
+
+@pytest.mark.parametrize(("back", "is_late"), [(SECOND * 4 // 5, True), (SECOND, True), (SECOND + 1, False)])
+def test_a_restarted_clock_restarts_the_effort_where_that_is_a_second_ahead(back: int, is_late: bool) -> None:
+    pairing = Pairing(PERIOD)
+    now = 100 * SECOND
+    push(pairing, [(1, now, 1.0, NAN), (0, now, 1.0, NAN), (0, now + SECOND // 2, 1.0, NAN)])
+    push(pairing, [(0, now - back, 2.0, NAN), (1, now - back, 3.0, NAN)])
+    assert pairing.counts.clock_resets == 1 and pairing.counts.late == is_late
+    assert len(rows(drain(pairing))) == 2 + (not is_late)
+
+
+def test_a_restarted_clock_goes_on_behind_the_efforts_that_it_keeps() -> None:
+    pairing = Pairing(PERIOD)
+    push(pairing, [(1, 100 * SECOND, 1.0, NAN), (0, 100 * SECOND, 1.0, NAN)])
+    push(pairing, [(1, 5 * SECOND + i * STEP, 1.0, NAN) for i in range(3)])
+    push(pairing, [(1, 8 * SECOND, 1.0, NAN), (0, 5 * SECOND, 1.0, NAN)])
+    push(pairing, [(1, 5 * SECOND + 2 * STEP, 9.0, NAN), (1, 5 * SECOND + STEP, 9.0, NAN)])
+    assert (pairing.counts.duplicates, pairing.counts.late, pairing.counts.unmatched_efforts) == (1, 1, 1)
+    push(pairing, [(0, 5 * SECOND + i * STEP, 1.0, NAN) for i in range(1, 4)])
+    push(pairing, [(1, 5 * SECOND + 3 * STEP, 4.0, NAN)])
+    assert [row[2] for row in rows(drain(pairing))] == [1.0, 1.0, 1.0, 1.0, 4.0]
+
+
+def test_a_restarted_clock_hands_on_what_waits() -> None:
+    pairing = Pairing(PERIOD)
+    push(pairing, [(0, 100 * SECOND, 1.0, NAN), (0, 5 * SECOND, 2.0, NAN)])
+    assert rows(drain(pairing)) == [(100 * SECOND, 1.0, None, None, None)]
+    push(pairing, [(1, 5 * SECOND, 3.0, NAN)])
+    assert rows(drain(pairing)) == [(5 * SECOND, 2.0, 3.0, None, None)]
+
+
+def test_what_is_no_number_is_counted_and_left_out() -> None:
+    pairing = Pairing(PERIOD)
+    push(pairing, [(0, 0, NAN, NAN), (0, 0, math.inf, NAN), (1, 0, NAN, NAN), (2, 0, NAN, 1.0), (2, 0, 1.0, math.inf)])
+    assert counted(pairing) == {"invalid": 5}
+    push(pairing, [(2, 0, 1.0, NAN), (1, 0, 2.0, NAN), (0, 0, 3.0, NAN)])
+    assert rows(drain(pairing)) == [(0, 3.0, 2.0, 1.0, None)], "the velocity of a set-point may be unknown"
+
+
+def test_samples_come_in_si() -> None:
+    pairing = Pairing(PERIOD, scales=Scales(position=-0.5, effort=4.0))
+    push(pairing, [(2, 0, 2.0, 6.0), (1, 0, 3.0, NAN), (0, 0, 8.0, NAN)])
+    assert rows(drain(pairing)) == [(0, -4.0, 12.0, -1.0, -3.0)]
+
+
+def test_the_end_hands_on_what_waits_and_a_cut_begins_a_new_block() -> None:
+    pairing = Pairing(PERIOD)
+    push(pairing, [(1, 0, 1.0, NAN), (0, 0, 1.0, NAN)])
+    pairing.cut()
+    pairing.cut()
+    assert pairing.has_samples
+    push(pairing, [(0, STEP, 2.0, NAN)])
+    assert pairing.counts.samples == 1
+    pairing.flush()
+    assert [block.stamp_ns.tolist() for block in drain(pairing)] == [[0], [STEP]]
+    push(pairing, [(0, 2 * STEP, 3.0, NAN)])
+    assert not pairing.has_samples, "after the end of a recording the next one waits for its efforts again"
+    push(pairing, [(2, 3 * STEP, 0.0, 0.0), (1, 3 * STEP, 0.0, NAN)])
+    assert [block.stamp_ns.tolist() for block in drain(pairing)] == [[2 * STEP]]

@@ -13,10 +13,10 @@ from sgms_observer.jit import HAS_NUMBA
 from sim_plant.blind import kernel, menu, slots
 from sim_plant.blind.case import chance, make_scene, recording_noise
 from sim_plant.blind.contact import carry, sliding_curve
-from sim_plant.blind.hidden import Around, Hidden
+from sim_plant.blind.hidden_effect import Around, Hidden
 from sim_plant.blind.motion import HELD_OUT, PERIOD, held_out_motion, rich_motion
+from sim_plant.blind.owner import nominal_model, reduce_contact, virgin_curve
 from sim_plant.blind.recording import NOISE_SHARE, coloured_noise, record
-from sim_plant.blind.reduction import nominal_model, reduce_contact, virgin_curve
 from sim_plant.blind.sizing import measured_size
 from sim_plant.blind.stage import draw_stage
 

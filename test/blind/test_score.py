@@ -7,11 +7,18 @@ from typing import Any
 
 import pytest
 
-from sim_plant.blind.comparison import compare
-from sim_plant.blind.confusion import confusion_picture, confusion_text, matrix
-from sim_plant.blind.interval import Share, count
-from sim_plant.blind.score import CaseScore, closure, score_case
-from sim_plant.blind.table import figures, lower_tenth, per_effect_text, table_text
+from sim_plant.blind.score import CaseScore, closure, compare, score_case
+from sim_plant.blind.table import (
+    Share,
+    confusion_picture,
+    confusion_text,
+    count,
+    figures,
+    lower_tenth,
+    matrix,
+    per_effect_text,
+    table_text,
+)
 
 
 def truth(*effects: str, size: float = 0.2, is_inside: bool = True, **parameters: dict[str, float]) -> dict[str, Any]:

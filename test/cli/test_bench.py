@@ -14,7 +14,7 @@ pytest.importorskip("casadi", reason="CasADi is not installed")
 
 from sgms_observer.bench import stages, timing
 from sgms_observer.bench.accuracy import accuracy, converged, newest_force
-from sgms_observer.bench.live import time_live
+from sgms_observer.bench.live_run import time_live
 from sgms_observer.bench.peers import time_casadi, time_peers
 from sgms_observer.bench.problem import make_problem
 from sgms_observer.bench.process import run_python, seconds_used

@@ -1,6 +1,8 @@
 """Predictive evidence: blocks left out, improvements with their chance, free-form terms, the ceiling."""
 
-from dataclasses import replace
+import math
+from dataclasses import asdict, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +12,15 @@ from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.criteria import Criteria, at_least, at_most
 from sgms_observer.diagnosis.decision import decide, free_form_prediction, free_form_tests, physical_tests, range_tests
 from sgms_observer.diagnosis.evaluation import evidence_of
-from sgms_observer.diagnosis.evidence import blocks_of, improvement, left_out_residuals
+from sgms_observer.diagnosis.evidence import (
+    Improvement,
+    blocks_of,
+    fit_residuals,
+    held_out_residuals,
+    improvement,
+    in_blocks,
+    left_out_residuals,
+)
 from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_with_own_noise
 from sgms_observer.diagnosis.free_form import ALL, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual
@@ -66,6 +76,61 @@ def test_an_improvement_counts_chance_and_nothing_else() -> None:
     assert improvement(noise, noise).z_score == 0.0
     chance = [improvement([one + 0.01 * rng.normal(size=50) for one in noise], noise).z_score for _ in range(200)]
     assert np.mean(np.abs(chance) > 3.0) < 0.05
+
+
+def test_an_improvement_is_the_decrease_of_the_square_over_its_standard_error() -> None:
+    before = [np.array([2.0, 0.0]), np.array([1.0, 2.0]), np.array([0.0, 0.0])]
+    after = [np.array([1.0, 0.0]), np.array([3.0, 0.0]), np.array([0.5, 0.0])]
+    found = improvement(before, after)
+    assert found.decrease == pytest.approx(4.0 - 1.0 + 5.0 - 9.0 - 0.25)
+    chance = 2.0 * np.array([1.0 * 1.0, 3.0 * -2.0, 0.5 * -0.5])
+    assert found.z_score == pytest.approx(found.decrease / np.sqrt(chance @ chance))
+    assert found.before == pytest.approx(9.0)
+    tiny = [0.1 * one for one in before], [0.1 * one for one in after]
+    assert improvement(*tiny).z_score == pytest.approx(found.z_score)
+    assert improvement(before, [0.0 * one for one in before]).z_score == 0.0  # no residual, no standard error
+
+
+def test_the_share_of_an_improvement_lies_between_nothing_and_all() -> None:
+    assert Improvement(2.0, 1.0, 8.0).share == 0.25 and Improvement(0.02, 1.0, 0.08).share == pytest.approx(0.25)
+    assert Improvement(-2.0, -1.0, 8.0).share == 0.0
+    assert Improvement(0.0, 0.0, 0.0).share == Improvement(-1.0, 0.0, 0.0).share == 0.0
+
+
+def test_a_series_is_cut_into_blocks_of_about_one_length() -> None:
+    series = np.arange(100.0)
+    for length, count in ((0.25, 4), (0.3, 3), (0.5, 2), (0.8, 1), (60.0, 1)):
+        blocks = blocks_of(series, 0.01, length)
+        assert len(blocks) == count and np.array_equal(np.concatenate(blocks), series)
+        assert max(map(len, blocks)) - min(map(len, blocks)) <= 1
+    motions = [SimpleNamespace(residual_period=0.01), SimpleNamespace(residual_period=0.02)]
+    parts = in_blocks([series, series], motions, 0.5)  # type: ignore[arg-type]
+    assert [len(part) for part in parts] == [50] * 2 + [25] * 4
+
+
+def test_residuals_of_blocks_are_the_recordings_in_their_order(data: WhitenedData) -> None:
+    residual = data.residual(MODEL)
+    found = Refit(MODEL, np.zeros(4), (), residual, 0.0, np.zeros((data.count, 4)), np.zeros(0), ())
+    whole = np.concatenate([series[:, 0] for series in as_time_series(residual[:, None], data)])
+    for blocks in (fit_residuals(found, data, 0.5), held_out_residuals(MODEL, data, 0.5)):
+        assert len(blocks) == 18  # 5 s and 4 s
+        assert all(block.ndim == 1 for block in blocks)
+        assert np.array_equal(np.concatenate(blocks), whole)
+    assert held_out_residuals(MODEL, replace(data, motions=()), 0.5) == []
+
+
+def test_criteria_are_the_conventions_that_the_docs_give_reasons_for() -> None:
+    from scipy import stats
+
+    assert round(1.0 / stats.norm.sf(CRITERIA.min_z_score), -1) == 740.0
+    assert pytest.approx(stats.norm.ppf(0.95), abs=5e-4) == CRITERIA.interval_z_score
+    others = {name: value for name, value in asdict(CRITERIA).items() if not name.endswith("z_score")}
+    assert others == {
+        "min_closed_share": 0.05, "max_gap_over_noise": 10.0, "max_unexplained": 1.0 / 3.0, "max_rate_share": 0.4,
+        "min_gap_over_floor": 1.1, "min_predictable_share": 0.1, "block": 0.5, "max_effects": 4,
+    }  # fmt: skip
+    assert CRITERIA.is_noise(2.2, 2.0) and CRITERIA.is_noise(0.0, 2.0) and not CRITERIA.is_noise(2.21, 2.0)
+    assert Criteria(min_z_score=50.0).z_score_of(1) == math.inf  # beyond what a number can hold
 
 
 def test_what_the_best_of_many_needs_keeps_the_chance_of_all_together() -> None:

@@ -32,7 +32,7 @@ from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.effects.catalogue import names
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
-from sim_plant.blind.comparison import NINETY_PERCENT
+from sim_plant.blind.score import NINETY_PERCENT
 
 MODEL = Model.of(AXIS)
 OFFSET = EffectSettings("offset", (0.6,))

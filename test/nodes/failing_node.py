@@ -25,7 +25,7 @@ class FailingEngine(Engine):
 
 
 if __name__ == "__main__":
-    from sgms_observer.nodes import observing
+    from sgms_observer.nodes import observer_lifecycle
 
-    observing.Engine = FailingEngine  # type: ignore[misc]
+    observer_lifecycle.Engine = FailingEngine  # type: ignore[misc]
     sys.exit(observer_node.main())

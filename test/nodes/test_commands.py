@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("std_msgs.msg")
 
-from sgms_observer.nodes import commands
+from sgms_observer.nodes import topics
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.observer import CompensationSettings
 
@@ -20,9 +20,9 @@ def test_late_commands_go_to_zero_and_back_within_the_slew_limit(monkeypatch: py
         get_subscription_count=lambda: 1, publish=lambda data: sent.append(struct.unpack("<d", data[-8:])[0])
     )
     now = [0.0]
-    monkeypatch.setattr(commands.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(topics.time, "monotonic", lambda: now[0])
     axis = AxisSettings(compensation=CompensationSettings(enabled=True, slew_limit=100.0))
-    topic = commands.CommandTopic(SimpleNamespace(create_publisher=lambda *_: publisher), Settings(axes=(axis,)))
+    topic = topics.CommandTopic(SimpleNamespace(create_publisher=lambda *_: publisher), Settings(axes=(axis,)))
     for is_late in [False] * 2 + [True] * 5 + [False] * 5:
         now[0] += 0.01
         topic.publish([3.0], is_late)

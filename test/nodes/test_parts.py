@@ -6,23 +6,25 @@ import math
 import os
 import subprocess
 import sys
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bags.diagnostics_cdr import ERROR, WARN
-from sgms_observer.nodes.domain import claim_domain
 from sgms_observer.nodes.engine import Engine
-from sgms_observer.nodes.intake import Intake
+from sgms_observer.nodes.intake import Intake, IntakeCounts
 from sgms_observer.nodes.pace import LONGEST_CATCH_UP, Pace
 from sgms_observer.nodes.report import NO_SAMPLES, axis_entry
 from sgms_observer.nodes.statistics import AxisStatistics, Growth, Sentences, StepClock
+from sgms_observer.nodes.transport import claim_domain
 from sgms_observer.observer.outgoing import ELEMENTS, ESTIMATE, Outgoing
 from sgms_observer.observer.pairing import PairingCounts
 from sgms_observer.observer.parameter_changes import parameter_changes
 from sgms_observer.observer.samples import Estimates
 from sgms_observer.settings.load import settings_from_tree
+from sgms_observer.settings.units import Scales
 from sgms_observer.status import Status
 
 SECOND = 1_000_000_000
@@ -74,6 +76,66 @@ class TestIntake:
         intake.position(JointStateEncoder(["x"], ("effort",)).encode(2, [1.0]))
         assert (intake.counts.foreign, intake.counts.short) == (1, 1)
         assert len(intake.counts.sentences(["x"])) == 2
+
+    def test_nothing_is_counted_of_good_messages(self) -> None:
+        intake = Intake(["x"], 1.0e-3)
+        assert asdict(intake.counts) == dict.fromkeys(asdict(intake.counts), 0) and intake.counts.sentences(["x"]) == ()
+        assert not intake.reference(JointStateEncoder(["x"], ("position", "velocity")).encode(SECOND, [3.0], [4.0]))
+        assert not intake.effort(JointStateEncoder(["x"], ("effort",)).encode(SECOND, [2.0]))
+        assert intake.position(JointStateEncoder(["x"], ("position",)).encode(SECOND, [1.0]))
+        ((number, samples),) = intake.pop()
+        columns = samples.position, samples.effort, samples.reference_position, samples.reference_velocity
+        assert (number, [column.tolist() for column in columns]) == (0, [[1.0], [2.0], [3.0], [4.0]])
+        assert asdict(intake.counts) == {**dict.fromkeys(asdict(intake.counts), 0), "messages": 3}
+
+    @pytest.mark.parametrize("name", [name for name in asdict(IntakeCounts()) if name != "messages"])
+    def test_each_trouble_is_told_in_one_sentence_with_its_count(self, name: str) -> None:
+        (sentence,) = IntakeCounts(messages=9, **{name: 3}).sentences(["x"])
+        assert sentence.startswith("3 ") and len(sentence.split()) > 5
+
+    def test_one_topic_may_carry_position_and_effort(self) -> None:
+        intake = Intake(["y", "x"], 1.0e-3)
+        both = JointStateEncoder(["x", "other"], ("position", "effort"))
+        assert intake.position_and_effort(both.encode(SECOND, [1.0, 9.0], [2.0, 9.0]))
+        ((number, samples),) = intake.pop()
+        assert (number, samples.position.tolist(), samples.effort.tolist()) == (1, [1.0], [2.0])
+        assert (intake.counts.short, intake.counts.foreign) == (0, 0)
+        for fields in (("position",), ("effort",), ("velocity",)):
+            intake.position_and_effort(JointStateEncoder(["x"], fields).encode(2 * SECOND, [1.0]))
+        assert (intake.counts.short, intake.pairings[1].counts.samples) == (3, 2)
+
+    @pytest.mark.parametrize("topic", ["position", "effort", "reference"])
+    def test_a_number_that_a_name_has_not_is_short_and_nothing_else(self, topic: str) -> None:
+        intake = Intake(["x", "y"], 1.0e-3)
+        field = "effort" if topic == "effort" else "position"
+        take = getattr(intake, topic)
+        take(JointStateEncoder(["a", "x"], (field,)).encode(SECOND, [5.0, 6.0]))
+        assert intake.counts.short == 0
+        take(JointStateEncoder(["a", "x"], ("velocity",)).encode(2 * SECOND, [5.0, 6.0]))
+        assert intake.counts.short == 1 and sum(asdict(intake.pairings[1].counts).values()) == 0
+
+    def test_a_set_point_may_leave_its_velocity_out(self) -> None:
+        intake = Intake(["x"], 1.0e-3)
+        intake.reference(JointStateEncoder(["x"], ("position",)).encode(SECOND, [3.0]))
+        intake.effort(JointStateEncoder(["x"], ("effort",)).encode(SECOND, [2.0]))
+        intake.position(JointStateEncoder(["x"], ("position",)).encode(SECOND, [1.0]))
+        ((_, samples),) = intake.pop()
+        assert samples.reference_position.tolist() == [3.0] and np.isnan(samples.reference_velocity).all()
+
+    def test_an_axis_that_is_named_twice_counts_once_with_its_first_entry(self) -> None:
+        intake = Intake(["x", "y"], 1.0e-3)
+        for names in (("y", "x", "x"), ("y", "x", "x"), ("z", "z", "x", "y")):
+            intake.position(JointStateEncoder(names, ("position",)).encode(SECOND, list(range(len(names)))))
+        assert intake.counts.repeated_names == 1  # of a list of names, not of every message with it
+        intake.effort(JointStateEncoder(["x"], ("effort",)).encode(SECOND, [2.0]))
+        ((number, samples),) = intake.pop()
+        assert (number, samples.position.tolist()) == (0, [1.0])
+
+    def test_samples_are_in_si(self) -> None:
+        intake = Intake({"x": Scales(2.0, 10.0)}, 1.0e-3)
+        intake.position_and_effort(JointStateEncoder(["x"], ("position", "effort")).encode(SECOND, [1.0], [1.0]))
+        ((_, samples),) = intake.pop()
+        assert (samples.position.tolist(), samples.effort.tolist()) == ([2.0], [10.0])
 
     def test_memory_of_names_is_bounded(self) -> None:
         intake = Intake(["x"], 1.0e-3)
@@ -211,7 +273,7 @@ def test_the_engine_starts_a_new_block_when_the_clock_was_reset() -> None:
 
 
 def test_two_runs_never_share_a_domain() -> None:
-    code = "from sgms_observer.nodes.domain import claim_domain; print(claim_domain(), flush=True); input()"
+    code = "from sgms_observer.nodes.transport import claim_domain; print(claim_domain(), flush=True); input()"
     others = [
         subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         for _ in range(5)

@@ -11,7 +11,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from ros_graph import Graph, Sender, Start, wait_until
 from std_msgs.msg import Float64MultiArray
 
-from sgms_observer.nodes.commands import encode_commands
+from sgms_observer.nodes.topics import encode_commands
 from sgms_observer.settings.load import load_settings
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -16,11 +16,10 @@ from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.jit import HAS_NUMBA
 from sgms_observer.settings.load import load_settings
 from sim_plant.plants.effects import KINDS, MAP_POINTS, menu, random_shape
-from sim_plant.plants.machine import Machine, draw
+from sim_plant.plants.machine import PLANTS, Machine, draw, draw_plant
 from sim_plant.plants.motion import KINDS as MOTIONS
 from sim_plant.plants.motion import make_motion
 from sim_plant.plants.owner import OFF, nominal_model, write_yaml
-from sim_plant.plants.plants import PLANTS, draw_plant
 from sim_plant.plants.recording import Recording, force_size, hidden_in, record, write_bag
 
 pytestmark = pytest.mark.skipif(not HAS_NUMBA, reason="hundreds of thousands of steps in plain Python")

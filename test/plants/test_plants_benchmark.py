@@ -13,7 +13,7 @@ import pytest
 from sgms_observer.jit import HAS_NUMBA
 from sgms_observer.settings.load import load_settings
 from sim_plant.plants.effects import KINDS
-from sim_plant.plants.plants import PLANTS
+from sim_plant.plants.machine import PLANTS
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "benchmarks" / "plants"))

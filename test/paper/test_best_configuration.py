@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sgms_observer.paper import beyond
+from sgms_observer.paper import best_configuration as best
 from sgms_observer.paper.conditions import CHOSEN, ROWS, simulate
 
 SEEDS = (21, 22)
@@ -13,12 +13,12 @@ SEEDS = (21, 22)
 
 @pytest.fixture(scope="module")
 def records():
-    return [simulate(CHOSEN, beyond.PERIODS, seed) for seed in SEEDS]
+    return [simulate(CHOSEN, best.PERIODS, seed) for seed in SEEDS]
 
 
 @pytest.mark.parametrize("row", ROWS)
 def test_half_a_percent_and_kappa_within_ten(records, row):
-    result = beyond.score(beyond.BEST, records)[row]
+    result = best.score(best.BEST, records)[row]
     assert result["nrmse"] <= 0.5
     assert result["worst_kappa_error"] <= 0.1
 
@@ -33,19 +33,19 @@ def test_the_best_sees_position_and_effort_only(records):
         for name in record.__dataclass_fields__
     })  # fmt: skip
     np.testing.assert_array_equal(
-        beyond.run(beyond.BEST, record, 0.8).live, beyond.run(beyond.BEST, blind, 0.8).live
+        best.run(best.BEST, record, 0.8).live, best.run(best.BEST, blind, 0.8).live
     )
 
 
 def test_each_structural_lever_carries(records):
     few = records[:1]
-    best = beyond.score(beyond.BEST, few)["minus20"]["nrmse"]
+    least = best.score(best.BEST, few)["minus20"]["nrmse"]
     for name in ("the effort's alignment", "slip memory and attraction (S-GMS)", "estimating kappa"):
-        assert beyond.score(beyond.WITHOUT[name], few)["minus20"]["nrmse"] > 2.0 * best, name
+        assert best.score(best.WITHOUT[name], few)["minus20"]["nrmse"] > 2.0 * least, name
 
 
 def test_consistency():
-    found = beyond.consistency(12)
+    found = best.consistency(12)
     lower, upper = found["bounds"]
     for row in ROWS:
         assert lower <= found[row]["nis_mean"] <= upper
@@ -54,8 +54,8 @@ def test_consistency():
 
 
 def test_every_run_is_counted(monkeypatch):
-    monkeypatch.setattr(beyond, "LADDER", {"best": beyond.BEST})
-    monkeypatch.setattr(beyond, "WITHOUT", {})
+    monkeypatch.setattr(best, "LADDER", {"best": best.BEST})
+    monkeypatch.setattr(best, "WITHOUT", {})
     runs: list[int] = []
-    result = beyond.beyond(2, 2, lambda: runs.append(1))
-    assert len(runs) == beyond.runs_beyond(2, 2) and set(result["ladder"]) == {"best"}
+    result = best.beyond(2, 2, lambda: runs.append(1))
+    assert len(runs) == best.runs_beyond(2, 2) and set(result["ladder"]) == {"best"}

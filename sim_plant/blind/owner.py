@@ -1,14 +1,19 @@
-"""What the owner of a stage knows: a four-element model of its contact, every figure off by up to five per cent."""
+"""What the owner of a stage knows, and its YAML: four elements of contact, every figure off by up to five per cent."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import yaml
 from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from sim_plant.blind.motion import PERIOD
+from sim_plant.blind.slots import NOMINAL_RESOLUTION
 from sim_plant.blind.stage import TrueStage
 
 Floats = NDArray[np.float64]
@@ -84,3 +89,32 @@ def nominal_model(
         knee=off(stage.knee),
         attraction=off(stage.attraction),
     )
+
+
+def axis_tree(nominal: NominalModel) -> dict[str, Any]:
+    """Return one axis of the YAML."""
+    return {
+        "mass": nominal.mass,
+        "friction": {
+            "model": nominal.model,
+            "reset": "rate_independent",
+            "element_stiffness": list(nominal.stiffness),
+            "element_fraction": list(nominal.fraction),
+            "element_damping": [0.0] * len(nominal.stiffness),
+            "viscous_coefficient": nominal.viscous,
+            "static_force": nominal.static_force,
+            "coulomb_force": nominal.coulomb_force,
+            "stribeck_velocity": nominal.knee,
+            "attraction_rate": nominal.attraction,
+        },
+        "stage": {"encoder": {"resolution": NOMINAL_RESOLUTION}},
+        "filter": {"kind": "savgol", "window": 0.011, "degree": 3},
+        "estimator": {"correction_every": 2},
+    }
+
+
+def write_owner_file(path: Path, axes: dict[str, NominalModel]) -> None:
+    """Write the YAML of the axes by name."""
+    tree: dict[str, Any] = {"axes": list(axes), "sample_period": PERIOD}
+    tree |= {name: axis_tree(nominal) for name, nominal in axes.items()}
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": tree}}, sort_keys=False), encoding="utf-8")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -19,13 +18,12 @@ from trajectory_msgs.msg import JointTrajectory
 from sgms_observer.application.kernels import OF_OBSERVER
 from sgms_observer.bags.diagnostics_cdr import encode_diagnostics, parameter_entry
 from sgms_observer.errors import SgmsError
-from sgms_observer.nodes.commands import CommandTopic
 from sgms_observer.nodes.engine import Engine, save_learnt
 from sgms_observer.nodes.lifecycle import ManagedNode
-from sgms_observer.nodes.neighbours import Neighbours
-from sgms_observer.nodes.report import axis_entry, axis_sentences, node_entry, scale_sentences
-from sgms_observer.nodes.statistics import Growth, Sentences
-from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe
+from sgms_observer.nodes.neighbours import Neighbours, without_compensation
+from sgms_observer.nodes.report import Report, scale_sentences
+from sgms_observer.nodes.statistics import Sentences
+from sgms_observer.nodes.topics import HORIZON_QOS, CommandTopic, JointStateTopics, subscribe
 from sgms_observer.nodes.watchdog import SHORTEST_PERIOD, Watchdog
 from sgms_observer.observer.outgoing import (
     COMPENSATION,
@@ -36,7 +34,6 @@ from sgms_observer.observer.outgoing import (
     OutgoingBlock,
 )
 from sgms_observer.settings.arguments import NodeArguments
-from sgms_observer.settings.axis import Settings
 
 _REPORT_PERIOD = 1.0  # s
 _LONGEST_END = 1.0  # s for the compensation to go to zero within its slew limit when the node stops
@@ -81,7 +78,7 @@ class ObserverNode(ManagedNode):
         self._task = self.guarded(self._process)
         self._reported_at = time.monotonic()
         self._sentences = Sentences()
-        self._growth = Growth()
+        self._diagnosed = Report()
         self._rivals: tuple[str, ...] = ()
         self._neighbours = Neighbours(self)
         self._watchdog: Watchdog | None = None
@@ -296,25 +293,9 @@ class ObserverNode(ManagedNode):
         self._reported_at = now
         name = self.get_fully_qualified_name().lstrip("/")
         faults, readers = self._judge_rivals(), self._neighbours.judge_readers()
-        counts = engine.intake.counts
-        new = self._growth.take("messages", counts)
-        clock = engine.clock
-        entries = [
-            node_entry(
-                *(name, engine.axes, "active", counts, new, clock.take(), clock.deadline_misses, seconds),
-                *(faults, readers),
-            )
-        ]
-        sentences = [*readers, *new.sentences(engine.axes)]
-        for axis, statistics, pairing in zip(engine.axes, engine.statistics, engine.intake.pairings, strict=True):
-            grown = self._growth.take(axis, pairing.counts)
-            entry = axis_entry(name, axis, statistics, pairing.counts, grown, seconds)
-            entries.append(entry)
-            sentences += [f"axis {axis}: {sentence}" for sentence in axis_sentences(entry, statistics, grown)]
-            statistics.start_anew()
-        sentences += scale_sentences(self.settings.axes)
+        entries, sentences = self._diagnosed.take(name, engine, seconds, faults, readers)
         self._diagnostics.publish(encode_diagnostics(self.get_clock().now().nanoseconds, entries))
-        for sentence in self._sentences.new([*faults, *sentences]):
+        for sentence in self._sentences.new([*sentences, *scale_sentences(self.settings.axes)]):
             if sentence in faults:
                 self.get_logger().error(sentence)
             else:
@@ -353,13 +334,3 @@ class ObserverNode(ManagedNode):
         except Exception as error:  # the answer is the place to say it
             response.success, response.message = False, str(error)
         return response
-
-
-def without_compensation(settings: Settings) -> Settings:
-    """Return settings whose compensation is switched off on every axis.
-
-    Args:
-        settings: any settings.
-    """
-    axes = (replace(axis, compensation=replace(axis.compensation, enabled=False)) for axis in settings.axes)
-    return replace(settings, axes=tuple(axes))

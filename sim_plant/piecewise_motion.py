@@ -1,15 +1,72 @@
-"""Jerk-limited moves from rest to rest."""
+"""Periodic motions made of cubic pieces, which reference files become, and jerk-limited moves from rest to rest."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_plant.piecewise import PiecewiseCubic, from_jerks
-
 Floats = NDArray[np.float64]
 
-_SIGNS = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])
+_JERK_SIGNS = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class PiecewiseCubic:
+    """Position over time as cubic pieces that repeat after the last knot.
+
+    Attributes:
+        knots: start of each piece and, last, the end of the period [s], increasing from 0, shape (n + 1,).
+        coefficients: position, velocity, acceleration and jerk at the start of each piece
+            [m, m/s, m/s^2, m/s^3], shape (n, 4).
+    """
+
+    knots: Floats
+    coefficients: Floats
+
+    @property
+    def period(self) -> float:
+        """Return the time after which the motion repeats [s]."""
+        return float(self.knots[-1])
+
+    def at(self, time: Floats) -> tuple[Floats, Floats, Floats]:
+        """Evaluate the motion.
+
+        Args:
+            time: times [s], from 0 on, shape (n,).
+
+        Returns:
+            Position [m], velocity [m/s] and acceleration [m/s^2], each of shape (n,).
+        """
+        phase = np.mod(time, self.period)
+        piece = np.clip(np.searchsorted(self.knots, phase, side="right") - 1, 0, len(self.coefficients) - 1)
+        since = phase - self.knots[piece]
+        start, rate, curvature, jerk = self.coefficients[piece].T
+        position = start + since * (rate + since * (curvature / 2.0 + since * jerk / 6.0))
+        velocity = rate + since * (curvature + since * jerk / 2.0)
+        return position, velocity, curvature + since * jerk
+
+
+def from_jerks(start: float, durations: Floats, jerks: Floats) -> tuple[Floats, float]:
+    """Integrate a sequence of constant jerks from rest.
+
+    Args:
+        start: first position [m].
+        durations: length of each piece [s], shape (n,).
+        jerks: jerk in each piece [m/s^3], shape (n,).
+
+    Returns:
+        Coefficients as in ``PiecewiseCubic``, shape (n, 4), and the last position [m].
+    """
+    rows = np.zeros((len(durations), 4))
+    position, velocity, acceleration = start, 0.0, 0.0
+    for i, (duration, jerk) in enumerate(zip(durations, jerks, strict=True)):
+        rows[i] = position, velocity, acceleration, jerk
+        position += duration * (velocity + duration * (acceleration / 2.0 + duration * jerk / 6.0))
+        velocity += duration * (acceleration + duration * jerk / 2.0)
+        acceleration += duration * jerk
+    return rows, position
 
 
 def s_curve_durations(stroke: float, velocity: float, acceleration: float, jerk: float) -> Floats:
@@ -58,7 +115,7 @@ def s_curve(
         Durations of the pieces [s], shape (7,), and their coefficients as in ``PiecewiseCubic``, shape (7, 4).
     """
     durations = s_curve_durations(abs(stroke), velocity, acceleration, jerk)
-    coefficients, _ = from_jerks(start, durations, np.copysign(jerk, stroke) * _SIGNS)
+    coefficients, _ = from_jerks(start, durations, np.copysign(jerk, stroke) * _JERK_SIGNS)
     return durations, coefficients
 
 
