@@ -51,6 +51,7 @@ _AHEAD = 0.5  # s of the motion that is told ahead; a compensation_horizon of th
 _ACTIVE = "active: axes"  # how a node says that it is
 _ASK_AGAIN = 2.0  # s after which a service is asked once more
 _ACK_TIME = 2.0  # s for the last set-points to arrive
+_LOOK = 0.1  # s in which stamps that waited pass by faster than time does
 _LAST_SAMPLES = 0.2  # s for the last messages of a recording to arrive
 
 
@@ -141,6 +142,7 @@ class TableLink:
             bag: where to record it; None to record nothing.
         """
         with self._deferred_signals():
+            self._catch_up()
             self._listener.forget()
             self._await(lambda: len(self._listener.positions) > 2, f"no message of {POSITION} arrives; start the table")
             if math.isnan(self.set_point):
@@ -364,6 +366,17 @@ class TableLink:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self._spin(_TURN)
+
+    def _catch_up(self) -> None:
+        """Take in the messages that waited during a long computation: the table's time is that of the latest stamp."""
+        end = time.monotonic() + _PATIENCE
+        while time.monotonic() < end and not self._stopped_by:
+            begun, heard = time.monotonic(), self._listener.positions
+            before = heard[-1][0] if heard else 0
+            self._spin_for(_LOOK)
+            after = heard[-1][0] if heard else 0
+            if after - before < 1.5e9 * (time.monotonic() - begun):
+                return
 
     def _await(self, condition: Callable[[], bool], sentence: str) -> None:
         """Wait for a condition, or say the sentence."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from node_sentences import HOLE, ROOT
 
-ERRORS = ("ConfigurationError", "RecordingError", "DataError", "SgmsError", "HeldUp", "_Silence")
+ERRORS = ("ConfigurationError", "RecordingError", "DataError", "SgmsError", "HiddenError", "HeldUp", "_Silence")
 PREFIX = "Warning: "
 ELSEWHERE = ("settings", "nodes", "export", "effects", "formulas")
 """Folders whose sentences are of one kind each, which the page explains as one, or that `node_sentences` reads."""
