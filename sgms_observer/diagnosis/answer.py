@@ -168,6 +168,8 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         data.gap_weights if has_held_out else diagnosis.evaluation.fit_data.gap_weights,
     )  # fmt: skip
 
+    noise = min(noise, gap_of(before), gap_of(after))  # a residual on data that nothing was fitted to bounds the noise
+
     def over_noise(parts: Sequence[Floats]) -> float:
         return gap_of(parts) / noise if noise > 0.0 else math.inf
 

@@ -108,7 +108,7 @@ def check(answer: Answer, learn: Recording) -> None:
                 assert (test.of, test.name) in names
             if number.accepted is decision:
                 assert decision.passed
-    assert 0.0 <= gap.floor <= gap.after + 1e-9
+    assert 0.0 <= gap.noise <= gap.floor + 1e-9 <= gap.after + 2e-9
     if answer.verdict == "cannot_tell" and answer.diagnosis.is_poor:
         assert answer.warnings and not answer.usable and not named
 
