@@ -22,7 +22,7 @@ demo: setup
 # The inner loop: about a minute.
 check: lint
 	$(VENV)/bin/sgms compile
-	OPENBLAS_NUM_THREADS=1 $(VENV)/bin/python -m pytest --quick -q --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(VENV)/bin/python -m pytest --quick -q --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 test: setup
 	@tools/run_tests $(VENV)/bin/python $(JOBS) $(PYTEST_ARGS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from sgms_observer.diagnosis.evidence import (
     left_out_residuals,
 )
 from sgms_observer.diagnosis.fit import Refit, WhitenedData
+from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
@@ -37,6 +38,7 @@ class EvaluationData:
         reported_floor, reported_gap: the same two with the weights of the reported gap [N].
         criteria: thresholds.
         seed: seed of the free-form regression.
+        predictions: free-form predictions so far, by coordinates and model.
     """
 
     fit_motions: tuple[Motion, ...]
@@ -49,6 +51,7 @@ class EvaluationData:
     reported_gap: float
     criteria: Criteria
     seed: int
+    predictions: dict[tuple[tuple[str, ...], Model], FreeForm] = field(default_factory=dict, compare=False)
 
     @property
     def has_held_out(self) -> bool:
