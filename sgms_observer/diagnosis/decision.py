@@ -214,10 +214,11 @@ def free_form_tests(item: Candidate, before: Refit, evaluation: EvaluationData) 
     others = tuple(name for name in ALL if name not in names)
     without_effect = min((_rest(before.model, one, evaluation) for one in (names, ALL)), key=lambda rest: rest.rms)
     block, most = evaluation.criteria.block, evaluation.criteria.min_z_score
+    title = f"z-score of a free-form term over {', '.join(names)}"
     for one in ((), others):  # the second regression takes time and is needed only if the effect alone does not match
         with_effect = _rest(item.refit.model, one, evaluation)
         better = improvement(with_effect.blocks(block), without_effect.blocks(block))
-        test = at_most(item.name, f"z-score of a free-form term over {', '.join(names)}", better.z_score, most)
+        test = at_most(item.name, title, better.z_score, most)
         if test.passed:
             break
     return [test]

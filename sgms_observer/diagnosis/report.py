@@ -135,9 +135,9 @@ def sentence(answer: Answer) -> str:
             return f"The model misses something like {names}, but these recordings cannot tell {pairs}; {shrink}."
         case "unknown_effect":
             where = f", most visibly over {answer.located[0].coordinate}" if answer.located else ""
-            looks = "; and ".join(item.sentence for item in answer.learnt)
+            sentences = "; and ".join(item.sentence for item in answer.learnt)
             maps = "a learnt map of it was" if len(answer.learnt) == 1 else "learnt maps of them were"
-            learnt = f" It looks like {looks}; {maps} added." if answer.learnt else ""
+            learnt = f" It looks like {sentences}; {maps} added." if answer.learnt else ""
             return f"The model misses something that has no name in the catalogue{where}.{learnt}"
         case "cannot_tell":
             return "These recordings cannot show whether the model misses anything."
