@@ -11,7 +11,7 @@ from scipy import signal
 
 from sgms_observer.compensation.trust import standstill_velocity
 from sgms_observer.diagnosis.evidence import blocks_of
-from sgms_observer.diagnosis.motion import HELD_LAG, Motion, delayed, motion_of
+from sgms_observer.diagnosis.motion import HELD_LAG, PLAY_HALF_WIDTH, Motion, delayed, motion_of, play_operator
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.recording import Recording
@@ -32,8 +32,8 @@ class CompensationCheck:
             follows the motion count; NaN if there are none.
         blocks: the same residual for the feedforward along the measured motion, in blocks of time [N]; 0 while the
             stage rests, because the effort at rest does not show what the feedforward should have been. The feedforward
-            takes the motion for a reference: neither the measured effort nor a filter with a lag hides an error of the
-            model.
+            takes the motion, without encoder jitter, for a reference: neither the measured effort nor a filter with a
+            lag hides an error of the model.
         share: share of the time in which the feedforward follows the motion.
         has_reference: whether ``friction_not_cancelled`` is computed along the recorded reference.
     """
@@ -80,7 +80,8 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
         applied = delayed(np.nan_to_num(feedforward), motion.lag)[:: motion.step]
         return motion.low_pass(needed - applied)[counted]
 
-    left_along_measured = left_along(signal.sosfiltfilt(motion.smoothing, record.position))
+    measured = np.asarray(signal.sosfiltfilt(motion.smoothing, record.position), dtype=np.float64)
+    left_along_measured = left_along(play_operator(measured, PLAY_HALF_WIDTH * motion.resolution))
     standstill = axis.compensation.standstill_velocity or standstill_velocity(axis.filter, period)
     slides = motion.thinned(np.abs(estimates.velocity)[:: motion.step] > standstill)[counted]
     reference = record.whole_reference
