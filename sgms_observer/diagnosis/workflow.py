@@ -218,9 +218,8 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
     """Return the hypothesis that predicts best, in order of credibility.
 
     1. An effect that closes the gap to the floor is returned.
-    2. A contact law effect is returned only if nothing else passes.
-    3. An effect that a contact can imitate must predict significantly better than every passing change of the contact.
-    4. Any other effect is preferred to a change of the contact that moves more values, unless that change or another
+    2. An effect that a contact can imitate must predict significantly better than every passing change of the contact.
+    3. Any other effect is preferred to a change of the contact that moves more values, unless that change or another
        effect predicts significantly better.
 
     Args:
@@ -228,22 +227,18 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
         evaluation: evaluation data.
     """
     most = evaluation.criteria.min_z_score
-    contact_law_effects = [item for item in passed if item.candidate.is_contact_law]
-    others = [item for item in passed if item not in contact_law_effects]
-    effects = [item for item in others if item.candidate.settings is not None]
+    effects = [item for item in passed if item.candidate.settings is not None]
     if not evaluation.is_noise(evaluation.gap):
-        for item in (*effects, *contact_law_effects):
+        for item in effects:
             if evaluation.is_gap_closed(item.candidate.refit.model):
                 return item
-    if not others:
-        return contact_law_effects[0]
-    changes = [item for item in others if item.candidate.settings is None]
+    changes = [item for item in passed if item.candidate.settings is None]
     waiting = [
         item for item in effects
         if is_confusable_with_contact(item.candidate.name)
         and any(z_score_between(item, change) <= most for change in changes)
     ]  # fmt: skip
-    best = next((item for item in effects if z_score_between(item, others[0]) > most), others[0])
+    best = next((item for item in effects if z_score_between(item, passed[0]) > most), passed[0])
     if best in waiting:
         best = changes[0]
     if best.candidate.settings is None:
