@@ -212,6 +212,12 @@ def _normal_equations(
     return cost / rows, gradient / rows, matrix / rows
 
 
+def _damped_step(matrix: Floats, gradient: Floats, damping: float) -> Floats:
+    """Return the Levenberg-Marquardt step, limited in each variable."""
+    diagonal = np.maximum(np.diag(matrix), 1e-9 * float(np.max(np.diag(matrix))))
+    return np.clip(-np.linalg.solve(matrix + damping * np.diag(diagonal), gradient), -1.5, 1.5)
+
+
 def search(
     data: Sequence[Prepared],
     masks: Sequence[Booleans],
@@ -248,13 +254,9 @@ def search(
         steps += 1
         at_bound = ((variables <= low) & (gradient > 0.0)) | ((variables >= high) & (gradient < 0.0))
         moving = free[~at_bound[free]]
-        block = matrix[np.ix_(moving, moving)]
-        diagonal = np.maximum(np.diag(block), 1e-9 * float(np.max(np.diag(block))))
-        step = np.zeros(len(variables))
-        step[moving] = -np.linalg.solve(block + damping * np.diag(diagonal), gradient[moving])
-        step = np.clip(step, -1.5, 1.5)
+        step = _damped_step(matrix[np.ix_(moving, moving)], gradient[moving], damping)
         trial = variables.copy()
-        trial[moving] = np.clip(variables[moving] + step[moving], low[moving], high[moving])
+        trial[moving] = np.clip(variables[moving] + step, low[moving], high[moving])
         candidate = from_search(trial, start, scales)
         new_cost, new_gradient, new_matrix = _normal_equations(data, masks, candidate, shape, scales)
         if not new_cost < cost:
