@@ -15,8 +15,8 @@ from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import SCRATCH, CompiledEffects
 from sgms_observer.effects.user_kernels import user_step_lines
 from sgms_observer.estimators import memory as at
+from sgms_observer.export.program import Program, Source, source_of
 from sgms_observer.export.sample import observe_sample
-from sgms_observer.export.translator import Source, Translator, source_of
 from sgms_observer.export.values import (
     FIELD_OFFSET,
     INT,
@@ -204,7 +204,7 @@ class AxisProgram:
     locals: dict[str, int]
 
 
-def translate_axis(program: Translator, observer: AxisObserver, prefix: str) -> AxisProgram:
+def translate_axis(program: Program, observer: AxisObserver, prefix: str) -> AxisProgram:
     """Translate the observer of one axis.
 
     Args:

@@ -183,3 +183,27 @@ def cast(value: Value, wanted: Scalar) -> Value:
     if wanted.rank > value.type.rank and wanted is not REAL:
         return replace(value, type=wanted)
     return replace(value, text=f"({wanted.c}){value.inside(90)}", type=wanted, precedence=90)
+
+
+def argument_text(wanted: Value, argument: Value) -> str:
+    """Return an argument as a C function takes it.
+
+    Args:
+        wanted: the parameter.
+        argument: what is handed over.
+    """
+    if isinstance(argument.type, (Struct, Record)):
+        return argument.text if argument.is_pointer else f"&{argument.inside(100)}"
+    return number_as(wanted.type, argument)
+
+
+def number_as(kind: Any, value: Value) -> str:
+    """Return a value's text, as another number where that is wanted.
+
+    Args:
+        kind: the wanted type.
+        value: the value.
+    """
+    if isinstance(kind, Scalar):
+        return cast(value, kind).text
+    return f"*{value.text}" if isinstance(kind, Struct) and value.is_pointer else value.text
