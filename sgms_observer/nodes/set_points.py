@@ -1,0 +1,203 @@
+"""The set-points of one motion, with the stamps of samples: sent as they come due, told ahead, brought to rest."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.duration import Duration
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from sgms_observer.application.commission.motion import Motion
+from sgms_observer.application.commission.table import LEAD, HeldUp
+from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.bags.trajectory_cdr import encode_trajectory
+from sgms_observer.nodes.axis_listener import REFERENCE, AxisListener
+from sgms_observer.nodes.horizons import BEFORE, EVERY
+from sgms_observer.nodes.reference_player import braking
+from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
+from sgms_observer.observer.outgoing import REFERENCE_HORIZON
+from sgms_observer.settings.axis import AxisSettings
+
+Floats = NDArray[np.float64]
+
+_LATEST = 0.05  # s that a set-point may be sent behind its stamp; then the motion is stopped rather than caught up
+_START = 0.2  # s from the first message to the first set-point's stamp, beyond the lead
+_AHEAD = 0.5  # s of the motion that is told ahead; a compensation_horizon of the default length and its pauses
+_ACK_TIME = 2.0  # s for the last set-points to arrive
+
+
+class SetPoints:
+    """Publishes set-points of one axis.
+
+    Args:
+        node: publishes them.
+        axis: its name and scale are those of the messages.
+        listener: knows the table's time, and records what is sent.
+    """
+
+    def __init__(self, node: Node, axis: AxisSettings, listener: AxisListener) -> None:
+        self._axis, self._listener = axis, listener
+        self._encoder = JointStateEncoder((axis.name,), ("position", "velocity"))
+        self._publisher = node.create_publisher(JointState, REFERENCE, SAMPLE_QOS)
+        self._ahead = node.create_publisher(JointTrajectory, REFERENCE_HORIZON, HORIZON_QOS)
+
+    @property
+    def reader_count(self) -> int:
+        """Return how many nodes subscribe to the set-points."""
+        return int(self._publisher.get_subscription_count())
+
+    def wait_acknowledged(self) -> None:
+        """Wait until the last set-points have arrived."""
+        self._publisher.wait_for_all_acked(Duration(seconds=_ACK_TIME))
+
+    def playing(self, motion: Motion, origin: float, lead: float) -> Playing:
+        """Return a motion that begins a little later than now, on the stamps of the samples.
+
+        Args:
+            motion: relative to the origin.
+            origin: position of its zero [m].
+            lead: how long before its stamp a set-point is sent [s].
+        """
+        period_ns = round(motion.period * 1e9)
+        grid_ns = self._listener.positions[-1][0]  # the observer pairs set-points and samples by their stamps
+        ahead_ns = self._listener.now_ns() + (lead + _START) * 1e9 - grid_ns
+        return Playing(self, motion, origin, lead, grid_ns + math.ceil(ahead_ns / period_ns) * period_ns)
+
+    def send(self, stamp_ns: int, position: float, velocity: float) -> None:
+        """Publish one set-point.
+
+        Args:
+            stamp_ns: its stamp [ns].
+            position: of the axis [m].
+            velocity: of the axis [m/s].
+        """
+        scale = self._axis.position_scale
+        message = self._encoder.encode(stamp_ns, [position / scale], [velocity / scale])
+        self._publisher.publish(message)
+        self._listener.record(REFERENCE, stamp_ns, message)
+
+    def tell_ahead(self, times_ns: NDArray[np.int64], position: Floats, velocity: Floats) -> None:
+        """Publish the motion to come, if a node subscribes to it: then the network does not matter.
+
+        Args:
+            times_ns: of each sample [ns], shape (n,).
+            position: of the axis [m], shape (n,).
+            velocity: of the axis [m/s], shape (n,).
+        """
+        if self._ahead.get_subscription_count() == 0:
+            return
+        scale = self._axis.position_scale
+        values = {"positions": position[:, np.newaxis] / scale, "velocities": velocity[:, np.newaxis] / scale}
+        self._ahead.publish(encode_trajectory(int(times_ns[0]), (self._axis.name,), times_ns, values))
+
+    def now_ns(self, otherwise: int) -> int:
+        """Return the table's time [ns].
+
+        Args:
+            otherwise: where nothing was heard yet [ns].
+        """
+        return self._listener.now_ns() if self._listener.positions else otherwise
+
+
+class Playing:
+    """One motion on its way.
+
+    Args:
+        set_points: publishes it.
+        motion: relative to the origin.
+        origin: position of its zero [m].
+        lead: how long before its stamp a set-point is sent [s].
+        begin_ns: stamp of the first set-point [ns].
+
+    Attributes:
+        begin_ns: stamp of the first set-point [ns].
+        end_ns: stamp of the last one [ns].
+        sent: how many were sent.
+    """
+
+    def __init__(self, set_points: SetPoints, motion: Motion, origin: float, lead: float, begin_ns: int) -> None:
+        self._set_points, self._motion, self._lead = set_points, motion, lead
+        self._period_ns = round(motion.period * 1e9)
+        self._position, self._velocity = origin + motion.position, motion.velocity
+        self._told_ns = 0
+        self.begin_ns, self.end_ns = begin_ns, begin_ns + (len(motion.position) - 1) * self._period_ns
+        self.sent = 0
+
+    @property
+    def last_set_point(self) -> float:
+        """Return where the motion ends [m]."""
+        return float(self._position[-1])
+
+    def send_due(self, now_ns: int) -> None:
+        """Publish the set-points that are due, and from time to time the motion to come.
+
+        Args:
+            now_ns: the table's time [ns].
+
+        Raises:
+            HeldUp: this machine is too late.
+        """
+        due = min(len(self._position), int((now_ns + self._lead * 1e9 - self.begin_ns) // self._period_ns) + 1)
+        if self.sent < due and now_ns - (self.begin_ns + self.sent * self._period_ns) > _LATEST * 1e9:
+            raise HeldUp(
+                f"this machine was busy and sent the reference {_LATEST:g} s late; the motion was stopped;"
+                " start again on a machine with less load"
+            )
+        self._send(self._position, self._velocity, self.begin_ns, range(self.sent, due))
+        self.sent = max(self.sent, due)
+        if now_ns >= self._told_ns + round(EVERY * 1e9):
+            self._told_ns = now_ns
+            self._tell_ahead(now_ns)
+
+    def at(self, stamps: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
+        """Return samples since the beginning [-], set-point [m] and its velocity [m/s] at some stamps.
+
+        Args:
+            stamps: of samples [ns], shape (n,).
+        """
+        index = np.asarray((stamps - self.begin_ns) * 1e-9 / self._motion.period, dtype=np.float64)
+        grid = np.arange(len(self._position))
+        velocity = np.interp(index, grid, self._velocity, left=0.0, right=0.0)
+        return index, np.interp(index, grid, self._position), velocity
+
+    def brake(self, acceleration: float, wait: Callable[[], None]) -> float:
+        """Bring the axis to rest from where the set-point is now, and return where that is [m].
+
+        Args:
+            acceleration: deceleration, not exceeded [m/s^2].
+            wait: is called between two set-points.
+        """
+        period = self._motion.period
+        now_ns = self._set_points.now_ns(self.begin_ns) + 10_000_000
+        at = min(max(0, math.ceil((now_ns - self.begin_ns) / self._period_ns)), self.sent - 1)
+        places, speeds = braking(float(self._position[at]), float(self._velocity[at]), acceleration, period)
+        rest = np.full(round(2.0 * LEAD / period), places[-1])
+        places, speeds = np.concatenate([places, rest]), np.concatenate([speeds, 0.0 * rest])
+        start_ns = self.begin_ns + (at + 1) * self._period_ns
+        done, begun = 0, time.monotonic()  # by this machine's clock: the table may say nothing any more
+        while done < len(places):
+            ahead = time.monotonic() - begun + 0.5 * self._lead
+            due = min(len(places), int((now_ns + ahead * 1e9 - start_ns) // self._period_ns) + 1)
+            self._send(places, speeds, start_ns, range(done, due))
+            done = max(done, due)
+            wait()
+        return float(places[-1])
+
+    def _send(self, position: Floats, velocity: Floats, begin_ns: int, numbers: range) -> None:
+        for i in numbers:
+            self._set_points.send(begin_ns + i * self._period_ns, float(position[i]), float(velocity[i]))
+
+    def _tell_ahead(self, now_ns: int) -> None:
+        """Publish the motion from a little before now on."""
+        first = (now_ns - self.begin_ns) // self._period_ns - math.ceil(BEFORE / self._motion.period)
+        number = np.arange(first, first + math.ceil((BEFORE + _AHEAD) / self._motion.period))
+        at = np.clip(number, 0, len(self._position) - 1)
+        moves = (number >= 0) & (number < len(self._position))
+        velocity = np.where(moves, self._velocity[at], 0.0)
+        self._set_points.tell_ahead(self.begin_ns + number * self._period_ns, self._position[at], velocity)
