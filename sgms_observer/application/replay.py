@@ -81,8 +81,8 @@ def replay_bag(
     """
     from dataclasses import replace
 
+    from sgms_observer.bags.metadata import refuse_existing_bag
     from sgms_observer.bags.reader import BagSamples
-    from sgms_observer.bags.replacement import refuse_existing_bag
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.settings.load import load_settings
 

@@ -111,7 +111,7 @@ def topics_from(arguments: Sequence[str]) -> dict[str, str]:
     Raises:
         ConfigurationError: one of them is malformed or has an unknown key.
     """
-    from sgms_observer.bags.reader import INPUTS
+    from sgms_observer.bags.source import INPUTS
 
     found: dict[str, str] = {}
     for argument in arguments:

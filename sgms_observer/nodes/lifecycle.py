@@ -19,7 +19,7 @@ from rclpy.parameter import Parameter
 
 from sgms_observer import jit
 from sgms_observer.application.kernels import Compilation, missing_parts
-from sgms_observer.bags.blocks import warm_up_encoding
+from sgms_observer.bags.rows import warm_up_encoding
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import is_told
 from sgms_observer.nodes.parameters import NodeParameters

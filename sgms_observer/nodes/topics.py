@@ -16,8 +16,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from sgms_observer.bags.blocks import BY_ARRAYS, encode_joint_states
 from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.bags.rows import BY_ARRAYS, encode_joint_states
 from sgms_observer.compensation.safety import safe_output
 from sgms_observer.observer.outgoing import OutgoingBlock
 from sgms_observer.settings.axis import Settings

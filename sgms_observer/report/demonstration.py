@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.bags.message_types import TRAJECTORY
-from sgms_observer.bags.reader import BagSamples, find_topic, read_joint_states
-from sgms_observer.bags.source import BagReader
+from sgms_observer.bags.reader import BagSamples, read_joint_states
+from sgms_observer.bags.source import BagReader, find_topic
 from sgms_observer.bags.trajectory_cdr import decode_trajectory
 from sgms_observer.errors import DataError
 from sgms_observer.observer.axis_observer import AxisObserver
