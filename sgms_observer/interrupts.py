@@ -84,3 +84,39 @@ def ignore_signals() -> None:
 def is_told() -> bool:
     """Return whether the process was told to stop."""
     return bool(_noted)
+
+
+class DeferredSignals:
+    """Notes SIGINT and SIGTERM while a block runs, and obeys them at its end.
+
+    Attributes:
+        first: number of the first signal that came in the block; 0 for none.
+    """
+
+    def __init__(self) -> None:
+        self.first = 0
+
+    @contextmanager
+    def deferred(self) -> Iterator[None]:
+        """Note the signals while the block runs.
+
+        Raises:
+            KeyboardInterrupt: at the end of the block, if a signal came and its handler does not end the process.
+        """
+        numbers = (signal.SIGINT, signal.SIGTERM)
+        before = [signal.getsignal(number) for number in numbers]
+
+        def note(number: int, _frame: FrameType | None) -> None:
+            self.first = self.first or number
+
+        for number in numbers:
+            signal.signal(number, note)
+        try:
+            yield
+        finally:
+            for number, handler in zip(numbers, before, strict=True):
+                signal.signal(number, handler)
+            first, self.first = self.first, 0
+            if first:
+                signal.raise_signal(first)
+                raise KeyboardInterrupt

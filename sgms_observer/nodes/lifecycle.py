@@ -23,8 +23,7 @@ from sgms_observer.bags.rows import warm_up_encoding
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import is_told
 from sgms_observer.nodes.parameters import NodeParameters
-from sgms_observer.nodes.spin import LONG_WORK
-from sgms_observer.outcome import SHOW_TRACEBACK
+from sgms_observer.outcome import LONG_WORK, SHOW_TRACEBACK
 from sgms_observer.settings.arguments import NodeArguments
 from sgms_observer.settings.axis import Settings
 

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import numpy as np
 import rclpy
@@ -24,6 +21,7 @@ from sgms_observer.application.kernels import compile_ahead
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import DataError
 from sgms_observer.excitation.limits import ExcitationLimits
+from sgms_observer.interrupts import DeferredSignals
 from sgms_observer.nodes.axis_listener import COMPENSATION, EFFORT, POSITION, REFERENCE, AxisListener
 from sgms_observer.nodes.conductor import Conductor, RepeatedRequest
 from sgms_observer.nodes.set_points import Playing, SetPoints
@@ -54,6 +52,11 @@ class TableLink:
         axis: its name and scales are those of the messages.
         limits: what the table may do.
         folder: where the logs of the processes go.
+
+    Attributes:
+        has_observer: whether an observer of this commissioning's own runs.
+        set_point: where the set-point is [m]; NaN before the first motion.
+        lead: how long before its stamp a set-point is sent [s].
     """
 
     def __init__(self, axis: AxisSettings, limits: ExcitationLimits, folder: Path) -> None:
@@ -61,8 +64,8 @@ class TableLink:
         self._conductor = Conductor(folder)
         self._never: Future = Future()
         self._listener = AxisListener(axis)
-        self._stopped_by = 0
-        self._has_observer = False
+        self._signals = DeferredSignals()
+        self.has_observer = False
         self.set_point = math.nan
         self.lead = LEAD
 
@@ -94,16 +97,16 @@ class TableLink:
             seconds: how long to listen [s].
         """
         end = time.monotonic() + _PATIENCE
-        with self._deferred_signals():
+        with self._signals.deferred():
             while (
                 not (self._listener.positions and self._listener.effort_count)
                 and time.monotonic() < end
-                and not self._stopped_by
+                and not self._signals.first
             ):
                 self._spin(0.05)
             self._listener.forget()
             begun = time.monotonic()
-            while time.monotonic() < begun + seconds and not self._stopped_by:
+            while time.monotonic() < begun + seconds and not self._signals.first:
                 self._spin(_TURN)
         node = self._node
         samples = self._listener.samples(self._listener.positions)
@@ -126,7 +129,7 @@ class TableLink:
             watch: is shown the samples as they come.
             bag: where to record it; None to record nothing.
         """
-        with self._deferred_signals():
+        with self._signals.deferred():
             self._catch_up()
             self._listener.forget()
             self._await(lambda: len(self._listener.positions) > 2, f"no message of {POSITION} arrives; start the table")
@@ -155,16 +158,16 @@ class TableLink:
         Args:
             config: parameter file.
         """
-        with self._deferred_signals():
+        with self._signals.deferred():
             self._conductor.start(OBSERVER, "sgms_observer.nodes.observer_node", ["--config", str(config)])
-            self._has_observer = True
+            self.has_observer = True
             self._conductor.wait(lambda: _ACTIVE in self._conductor.said(OBSERVER), f"{OBSERVER} to become active")
             self._await(self._parameters.service_is_ready, f"{OBSERVER} offers no service; see its log")
             self._await(lambda: bool(self._listener.ages), f"{OBSERVER} publishes no {COMPENSATION}; see its log")
 
     def stop_observer(self) -> None:
         """Stop the observer; see ``Table.stop_observer``."""
-        self._has_observer = False
+        self.has_observer = False
         self._conductor.stop(OBSERVER)
 
     def compensate(self, gain: float) -> None:
@@ -173,7 +176,7 @@ class TableLink:
         Args:
             gain: share of the predicted friction [-]; 0 switches it off.
         """
-        with self._deferred_signals():
+        with self._signals.deferred():
             results = self._answered(gain).results
         refused = [result.reason for result in results if not result.successful]
         if refused:
@@ -190,11 +193,6 @@ class TableLink:
             return math.nan, math.nan
         return float(np.median(self._listener.ages)), float(np.percentile(self._listener.ages, 99.0))
 
-    @property
-    def has_observer(self) -> bool:
-        """Return whether an observer of this commissioning's own runs."""
-        return self._has_observer
-
     def _run(self, motion: Motion, origin: float, first: int, watch: Watch, recorded: int = 0) -> None:
         """Publish the set-points; the motion begins with sample ``first``, its recording with ``recorded``."""
         self._await(
@@ -210,7 +208,7 @@ class TableLink:
             while not self._listener.positions or self._listener.positions[-1][0] < playing.end_ns:
                 playing.send_due(self._set_points.now_ns(grid_ns))
                 self._spin(_TURN)
-                if self._stopped_by:
+                if self._signals.first:
                     raise KeyboardInterrupt
                 self._raise_silence()
                 ready = self._listener.ready(seen)
@@ -240,7 +238,7 @@ class TableLink:
         """Return whether a silent topic speaks again within a while: then a busy computer was the reason."""
         self._listener.forget()
         end = time.monotonic() + _COMES_BACK
-        while time.monotonic() < end and not self._stopped_by:
+        while time.monotonic() < end and not self._signals.first:
             self._spin(_TURN)
             if self._listener.positions and self._listener.effort_count:
                 return True
@@ -285,7 +283,7 @@ class TableLink:
     def _catch_up(self) -> None:
         """Take in the messages that waited during a long computation: the table's time is that of the latest stamp."""
         end = time.monotonic() + _PATIENCE
-        while time.monotonic() < end and not self._stopped_by:
+        while time.monotonic() < end and not self._signals.first:
             begun, heard = time.monotonic(), self._listener.positions
             before = heard[-1][0] if heard else 0
             self._spin_for(_LOOK)
@@ -296,29 +294,8 @@ class TableLink:
     def _await(self, condition: Callable[[], bool], sentence: str) -> None:
         """Wait for a condition, or say the sentence."""
         end = time.monotonic() + _PATIENCE
-        while not condition() and not self._stopped_by:
+        while not condition() and not self._signals.first:
             if time.monotonic() > end:
                 raise DataError(sentence)
             self._conductor.watch()
             self._spin(0.02)
-
-    @contextmanager
-    def _deferred_signals(self) -> Iterator[None]:
-        """Note Ctrl-C and SIGTERM while the block runs, and obey them at its end, when the axis is at rest."""
-        numbers = (signal.SIGINT, signal.SIGTERM)
-        before = [signal.getsignal(number) for number in numbers]
-
-        def note(number: int, _frame: Any) -> None:
-            self._stopped_by = self._stopped_by or number
-
-        for number in numbers:
-            signal.signal(number, note)
-        try:
-            yield
-        finally:
-            for number, handler in zip(numbers, before, strict=True):
-                signal.signal(number, handler)
-            stopped_by, self._stopped_by = self._stopped_by, 0
-            if stopped_by:
-                signal.raise_signal(stopped_by)
-                raise KeyboardInterrupt
