@@ -1,4 +1,4 @@
-"""Topics of the nodes: quality of service, blocks of messages as prepared bytes, commands, what an observer gives out."""
+"""Topics of the nodes: quality of service, prepared bytes of messages, commands, what an observer gives out."""
 
 from __future__ import annotations
 
