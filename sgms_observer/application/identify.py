@@ -21,6 +21,7 @@ from sgms_observer.identification.identify import Identification, IdentifyOption
 from sgms_observer.identification.least_squares import fit_inverse_model, is_reversed
 from sgms_observer.identification.report import IdentifiedAxis, identification_page, report_path
 from sgms_observer.identification.trace import Traces, least_squares_traces, traces_of, unexplained_share
+from sgms_observer.observer.all_axes import COUPLING
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recordings, read_recordings
 from sgms_observer.report.page import render_page
@@ -33,7 +34,6 @@ from sgms_observer.whole_file import refuse_existing_files, try_folder, write_te
 LEAST_SQUARES = "least_squares"
 HIGHEST_LEAST_SQUARES_CUTOFF = 100.0
 """Highest corner of the inverse dynamic model [Hz]: rigid bodies end there."""
-COUPLING = "cross_axis_coupling"
 _PROVENANCE = "Identified by sgms identify"
 _STALE = ("(95 %)", "not identifiable")
 
