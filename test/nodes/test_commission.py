@@ -16,6 +16,7 @@ import pytest
 from program import PATIENCE
 from ros_fixtures import Start
 from ros_graph import Graph, NodeProcess, wait_until
+from start_file import WINDOW, start_file
 
 from sgms_observer.application.commission.ledger import DONE, Ledger
 from sgms_observer.application.commission.motion import representative_motion
@@ -23,17 +24,9 @@ from sgms_observer.application.commission.session import Plan, Request
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
 
 ROOT = Path(__file__).resolve().parents[2]
-START = """/**:
-  ros__parameters:
-    axes: [x]
-    sample_period: 1.0e-3
-    x:
-      mass: 3.0
-      friction: {model: gms}
-      filter: {window: 8.0e-3}
-      estimator: {kind: mhe, correction_every: 2, parameters: [kappa]}
-      compensation: {limit: 10.0}
-"""
+START = start_file(
+    WINDOW, "estimator: {kind: mhe, correction_every: 2, parameters: [kappa]}", "compensation: {limit: 10.0}"
+)
 HIDDEN = "effects: {names: [cogging], cogging: {amplitude: 1.4, pitch: 2.0e-3, phase: 0.3}}"
 WEAK = "effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.03}}"
 """Friction that depends on the direction: an offset wherever the axis slides. In much noise the first recording, which
