@@ -25,13 +25,12 @@ from sgms_observer.application.commission.motion import SETTLING_SHARE, Motion, 
 from sgms_observer.application.commission.table import LEAD, Heard, HeldUp, Topics, Watch
 from sgms_observer.application.kernels import compile_ahead
 from sgms_observer.bags.cdr import JointStateEncoder
-from sgms_observer.bags.trajectory_cdr import encode_trajectory
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import DataError
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.nodes.axis_listener import COMPENSATION, EFFORT, POSITION, REFERENCE, AxisListener
 from sgms_observer.nodes.conductor import Conductor, RepeatedRequest
-from sgms_observer.nodes.horizons import BEFORE, EVERY
+from sgms_observer.nodes.horizons import EVERY, encode_motion_ahead
 from sgms_observer.nodes.reference_player import braking
 from sgms_observer.nodes.spin import leave_graph, make_executor
 from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
@@ -47,7 +46,6 @@ _SILENCE = 0.5  # s without a position or an effort after which the topic counts
 _COMES_BACK = 2.0  # s for a topic that was silent to speak again
 _START = 0.2  # s from the first message to the first set-point's stamp, beyond the lead
 _PATIENCE = 10.0  # s for the graph to answer
-_AHEAD = 0.5  # s of the motion that is told ahead; a compensation_horizon of the default length and its pauses
 _ACTIVE = "active: axes"  # how a node says that it is
 _ASK_AGAIN = 2.0  # s after which a service is asked once more
 _ACK_TIME = 2.0  # s for the last set-points to arrive
@@ -287,18 +285,8 @@ class TableLink:
         """Publish the motion to come: then the network does not matter for the compensation."""
         if self._ahead.get_subscription_count() == 0:
             return
-        period_ns = round(self._period * 1e9)
-        first = (now_ns - begin_ns) // period_ns - math.ceil(BEFORE / self._period)
-        number = np.arange(first, first + math.ceil((BEFORE + _AHEAD) / self._period))
-        at = np.clip(number, 0, len(position) - 1)
-        scale = self._axis.position_scale
-        moves = (number >= 0) & (number < len(position))
-        values = {
-            "positions": (origin + position[at])[:, np.newaxis] / scale,
-            "velocities": np.where(moves, velocity[at], 0.0)[:, np.newaxis] / scale,
-        }
-        times = begin_ns + number * period_ns
-        self._ahead.publish(encode_trajectory(int(times[0]), (self._axis.name,), times, values))
+        motion = origin + position, velocity
+        self._ahead.publish(encode_motion_ahead(self._axis, self._period, begin_ns, now_ns, *motion))
 
     def _brake(self, position: Any, velocity: Any, origin: float, begin_ns: int, sent: int) -> None:
         """Bring the axis to rest from where the set-point is now, within the allowed acceleration."""
