@@ -8,6 +8,8 @@ from pathlib import Path
 from sgms_observer.bags.metadata import METADATA
 from sgms_observer.errors import RecordingError
 
+REPORT = "report.html"
+"""The page about a bag, in its folder."""
 _BAG_FILES = (".mcap", ".db3", ".zstd", ".db3-wal", ".db3-shm")
 
 
@@ -51,8 +53,8 @@ def take_place(new: Path, path: Path) -> None:
 
 
 def _is_bag(path: Path) -> bool:
-    """Return whether a folder holds files of a bag and nothing else."""
+    """Return whether a folder holds files of a bag, a report of ours about it, and nothing else."""
     if path.is_symlink() or not path.is_dir():
         return False
     names = [entry.name for entry in path.iterdir()]
-    return bool(names) and all(name == METADATA or name.endswith(_BAG_FILES) for name in names)
+    return bool(names) and all(name in (METADATA, REPORT) or name.endswith(_BAG_FILES) for name in names)
