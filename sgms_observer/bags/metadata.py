@@ -15,6 +15,8 @@ from sgms_observer.errors import RecordingError
 
 _BAG_FILES = (".mcap", ".db3", ".zstd", ".db3-wal", ".db3-shm")
 METADATA = "metadata.yaml"
+REPORT = "report.html"
+"""The page about a bag, in its folder."""
 STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
 
 
@@ -188,8 +190,8 @@ def take_place(new: Path, path: Path) -> None:
 
 
 def _is_bag(path: Path) -> bool:
-    """Return whether a folder holds files of a bag and nothing else."""
+    """Return whether a folder holds files of a bag, a report of ours about it, and nothing else."""
     if path.is_symlink() or not path.is_dir():
         return False
     names = [entry.name for entry in path.iterdir()]
-    return bool(names) and all(name == METADATA or name.endswith(_BAG_FILES) for name in names)
+    return bool(names) and all(name in (METADATA, REPORT) or name.endswith(_BAG_FILES) for name in names)

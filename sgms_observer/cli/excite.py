@@ -101,7 +101,8 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.publish:
         from sgms_observer.nodes.reference_player import play_reference
 
-        finished = play_reference(axis, reference_from, 1.0 / rate, limits.acceleration)
+        period = settings.sample_period
+        finished = play_reference(axis, reference_from, 1.0 / rate, period, limits.acceleration)
         print("published to the end" if finished else "interrupted: the reference was brought to rest")
     else:
         reference_from((args.centre or 0.0) if args.start is None else args.start)

@@ -16,9 +16,8 @@ from trajectory_msgs.msg import JointTrajectory
 from sgms_observer.application.commission.motion import Motion
 from sgms_observer.application.commission.table import LEAD, HeldUp
 from sgms_observer.bags.cdr import JointStateEncoder
-from sgms_observer.bags.trajectory_cdr import encode_trajectory
 from sgms_observer.nodes.axis_listener import REFERENCE, AxisListener
-from sgms_observer.nodes.horizons import BEFORE, EVERY
+from sgms_observer.nodes.horizons import EVERY, encode_motion_ahead
 from sgms_observer.nodes.reference_player import braking
 from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
 from sgms_observer.observer.outgoing import REFERENCE_HORIZON
@@ -28,7 +27,6 @@ Floats = NDArray[np.float64]
 
 _LATEST = 0.05  # s that a set-point may be sent behind its stamp; then the motion is stopped rather than caught up
 _START = 0.2  # s from the first message to the first set-point's stamp, beyond the lead
-_AHEAD = 0.5  # s of the motion that is told ahead; a compensation_horizon of the default length and its pauses
 _ACK_TIME = 2.0  # s for the last set-points to arrive
 
 
@@ -82,19 +80,18 @@ class SetPoints:
         self._publisher.publish(message)
         self._listener.record(REFERENCE, stamp_ns, message)
 
-    def tell_ahead(self, times_ns: NDArray[np.int64], position: Floats, velocity: Floats) -> None:
+    def tell_ahead(self, period: float, begin_ns: int, now_ns: int, position: Floats, velocity: Floats) -> None:
         """Publish the motion to come, if a node subscribes to it: then the network does not matter.
 
         Args:
-            times_ns: of each sample [ns], shape (n,).
-            position: of the axis [m], shape (n,).
-            velocity: of the axis [m/s], shape (n,).
+            period: time between two set-points [s].
+            begin_ns: stamp of the first one [ns].
+            now_ns: the table's time [ns].
+            position: of every set-point [m], shape (n,).
+            velocity: of every set-point [m/s], shape (n,).
         """
-        if self._ahead.get_subscription_count() == 0:
-            return
-        scale = self._axis.position_scale
-        values = {"positions": position[:, np.newaxis] / scale, "velocities": velocity[:, np.newaxis] / scale}
-        self._ahead.publish(encode_trajectory(int(times_ns[0]), (self._axis.name,), times_ns, values))
+        if self._ahead.get_subscription_count():
+            self._ahead.publish(encode_motion_ahead(self._axis, period, begin_ns, now_ns, position, velocity))
 
     def now_ns(self, otherwise: int) -> int:
         """Return the table's time [ns].
@@ -153,7 +150,7 @@ class Playing:
         self.sent = max(self.sent, due)
         if now_ns >= self._told_ns + round(EVERY * 1e9):
             self._told_ns = now_ns
-            self._tell_ahead(now_ns)
+            self._set_points.tell_ahead(self._motion.period, self.begin_ns, now_ns, self._position, self._velocity)
 
     def at(self, stamps: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
         """Return samples since the beginning [-], set-point [m] and its velocity [m/s] at some stamps.
@@ -192,12 +189,3 @@ class Playing:
     def _send(self, position: Floats, velocity: Floats, begin_ns: int, numbers: range) -> None:
         for i in numbers:
             self._set_points.send(begin_ns + i * self._period_ns, float(position[i]), float(velocity[i]))
-
-    def _tell_ahead(self, now_ns: int) -> None:
-        """Publish the motion from a little before now on."""
-        first = (now_ns - self.begin_ns) // self._period_ns - math.ceil(BEFORE / self._motion.period)
-        number = np.arange(first, first + math.ceil((BEFORE + _AHEAD) / self._motion.period))
-        at = np.clip(number, 0, len(self._position) - 1)
-        moves = (number >= 0) & (number < len(self._position))
-        velocity = np.where(moves, self._velocity[at], 0.0)
-        self._set_points.tell_ahead(self.begin_ns + number * self._period_ns, self._position[at], velocity)

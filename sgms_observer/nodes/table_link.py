@@ -18,7 +18,6 @@ from rclpy.task import Future
 from sgms_observer.application.commission.motion import SETTLING_SHARE, Motion, approach
 from sgms_observer.application.commission.table import LEAD, Heard, HeldUp, Topics, Watch
 from sgms_observer.application.kernels import compile_ahead
-from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import DataError
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.interrupts import DeferredSignals
@@ -143,14 +142,12 @@ class TableLink:
                 if bag is None:
                     self._run(motion.after(way), origin, first, watch)
                 else:
-                    with BagWriter(bag, is_overwriting=True) as self._listener.writer:
+                    with self._listener.recording(bag):
                         self._run(motion.after(way), origin, first, watch, slides)
             except _Silence as error:
                 if self._comes_back():
                     raise HeldUp(str(error)) from None
                 raise
-            finally:
-                self._listener.writer = None
 
     def start_observer(self, config: Path) -> None:
         """Start an observer; see ``Table.start_observer``.
@@ -217,7 +214,7 @@ class TableLink:
                     seen = ready
             else:
                 is_resting = True
-                self._spin_for(_LAST_SAMPLES if self._listener.writer is not None else 0.0)
+                self._spin_for(_LAST_SAMPLES if self._listener.is_recording else 0.0)
         finally:
             if not is_resting:
                 self.release()
