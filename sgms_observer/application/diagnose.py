@@ -209,10 +209,6 @@ def _axes(settings: Settings, request: DiagnoseRequest) -> tuple[AxisSettings, A
 def refuse_learnt_from(bags: Sequence[str], holdout: Sequence[str]) -> None:
     """Refuse a held-out bag that is learnt from as well.
 
-    Args:
-        bags: recordings to learn from.
-        holdout: recordings to judge on.
-
     Raises:
         ConfigurationError: a bag is both.
     """

@@ -40,11 +40,7 @@ class Use:
 
 
 def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
-    """Return what the recording of an axis can be used for.
-
-    Args:
-        facts: what it shows.
-    """
+    """Return what the recording of an axis can be used for."""
     identify = _reason_against_identification(facts)
     diagnose = identify
     if not diagnose and facts.reversals < MIN_REVERSALS_TO_DIAGNOSE:
@@ -101,11 +97,7 @@ def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
 
 
 def losses_in(facts: AxisFacts) -> tuple[str, ...]:
-    """Return a sentence for each kind of samples that the recording lost.
-
-    Args:
-        facts: what it shows.
-    """
+    """Return a sentence for each kind of samples that the recording lost."""
     found = []
     if 0.0 < facts.missing_efforts < 1.0:
         found.append(

@@ -131,14 +131,7 @@ def replay_bag(
 
 
 def write_report(done: Replayed, bag: str, config: str, out: str) -> str:
-    """Write the page about a replay into the folder of its bag and return its path.
-
-    Args:
-        done: the replay, with its views.
-        bag: the recording.
-        config: parameter file.
-        out: folder of the new bag.
-    """
+    """Write the page about a replay into the folder of its bag and return its path."""
     from pathlib import Path
 
     from sgms_observer.bags.metadata import REPORT

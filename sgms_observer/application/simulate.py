@@ -65,12 +65,7 @@ class Simulated:
     errors: tuple[str, ...]
 
     def as_json(self, simulation: Simulation, bag: str) -> dict[str, object]:
-        """Return the result that ``--json`` prints.
-
-        Args:
-            simulation: what was simulated.
-            bag: the new bag.
-        """
+        """Return the result that ``--json`` prints."""
         return {
             "schema": 1,
             "bag": bag,

@@ -34,11 +34,7 @@ NAME = "sgms"
 
 
 def with_ekf(axis: AxisSettings) -> tuple[AxisSettings, list[str]]:
-    """Return the axis with an EKF, and a warning where the YAML asks for an MHE.
-
-    Args:
-        axis: settings of the axis.
-    """
+    """Return the axis with an EKF, and a warning where the YAML asks for an MHE."""
     if axis.estimator.kind == "ekf":
         return axis, []
     sentence = (

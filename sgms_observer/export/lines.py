@@ -73,11 +73,7 @@ def walk(block: list[Statement]) -> Iterator[Statement]:
 
 
 def without_unused(block: list[Statement]) -> list[Statement]:
-    """Return a function's statements without those that nothing needs.
-
-    Args:
-        block: all of them.
-    """
+    """Return a function's statements without those that nothing needs."""
     while True:
         needed = frozenset().union(*(statement.reads for statement in walk(block)))
         count = sum(1 for _ in walk(block))
@@ -154,12 +150,7 @@ def declarations(block: list[Statement]) -> tuple[dict[int, str], list[str], dic
 
 
 def wrapped(line: str, width: int = 112) -> list[str]:
-    """Return a line of C in pieces that are not too long.
-
-    Args:
-        line: with its indent.
-        width: of a piece.
-    """
+    """Return a line of C in pieces that are not too long."""
     indent = line[: len(line) - len(line.lstrip())] + "    "
     pieces = []
     while len(line) > width:

@@ -68,12 +68,7 @@ def is_used(name: str, text: str) -> bool:
 
 
 def functions_text(program: Program, calls: Sequence[str]) -> str:
-    """Return the translated functions that the calls need, each before those that call it.
-
-    Args:
-        program: after the translation.
-        calls: what the hand-written part calls.
-    """
+    """Return the translated functions that the calls need, each before those that call it."""
     needed = "\n".join(calls)
     kept: list[str] = []
     for function in reversed(list(program.functions.values())):
@@ -104,11 +99,7 @@ def body_text(program: Program, functions: str, constants: Sequence[str], wanted
 
 
 def struct_text(struct: Struct) -> str:
-    """Return the definition of a structure.
-
-    Args:
-        struct: the structure.
-    """
+    """Return the definition of a structure."""
     lines = []
     for name, kind in struct.fields:
         if isinstance(kind, Array):

@@ -152,12 +152,7 @@ def _origin(module: str, name: str, value: Any) -> str:
 
 
 def constant_lines(constants: dict[str, Any], float_values: dict[str, float]) -> list[str]:
-    """Return the definitions of named constants.
-
-    Args:
-        constants: name to value.
-        float_values: what a float needs instead.
-    """
+    """Return the definitions of named constants."""
     whole = [f"    {name} = {value}" for name, value in sorted(constants.items()) if isinstance(value, int)]
     lines = ["enum {", ",\n".join(whole), "};"] if whole else []
     for name, value in sorted(constants.items()):

@@ -75,14 +75,7 @@ def report_path(yaml: str | Path, is_overwriting: bool) -> Path:
 def identification_page(
     parts: Sequence[IdentifiedAxis], yaml: str, learnt: Sequence[str], held_out: Sequence[str]
 ) -> Page:
-    """Return the report.
-
-    Args:
-        parts: one for each axis.
-        yaml: the parameter file that was written.
-        learnt: recordings that the model was fitted to.
-        held_out: held-out recordings.
-    """
+    """Return the report."""
     source = f"{Path(yaml).name} from {_listed(learnt)}"
     if held_out:
         source += f", judged on {_listed(held_out)}"
@@ -197,11 +190,7 @@ def _beside_each_other(part: IdentifiedAxis, traces: Sequence[Trace], name: str,
 
 
 def sliding_rows(traces: Traces) -> tuple[Floats, Floats]:
-    """Return velocity and measured friction of the fitted rows where the axis slides.
-
-    Args:
-        traces: of the axis.
-    """
+    """Return velocity and measured friction of the fitted rows where the axis slides."""
     velocity = np.concatenate([trace.velocity[trace.is_sliding] for trace in traces.learnt])
     return velocity, np.concatenate([trace.friction[trace.is_sliding] for trace in traces.learnt])
 

@@ -92,9 +92,6 @@ class Scales:
 def scales_of(data: Sequence[Prepared]) -> Scales:
     """Return the typical sizes of prepared recordings.
 
-    Args:
-        data: prepared recordings.
-
     Raises:
         DataError: if the axis hardly moves, or the effort is zero.
     """

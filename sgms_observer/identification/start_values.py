@@ -114,12 +114,7 @@ class Start:
         return Parameters(scalars, force / deflection, force, atoms.effects)
 
     def vector(self, parameters: Parameters, axis: AxisSettings) -> Floats:
-        """Return ``Parameters.vector`` with the start settings' values of all shared parameters and effects.
-
-        Args:
-            parameters: whose elements stay.
-            axis: start settings.
-        """
+        """Return ``Parameters.vector`` with the start settings' values of all shared parameters and effects."""
         friction = axis.friction
         offset = next((item.values[0] for item in axis.effects if item.name == "offset" and item.values), 0.0)
         out = parameters.vector()

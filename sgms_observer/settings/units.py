@@ -70,11 +70,7 @@ ScaledAxes = Mapping[str, Scales] | Sequence[str]
 
 
 def scales_by_axis(axes: ScaledAxes) -> dict[str, Scales]:
-    """Return each axis's name with its scales.
-
-    Args:
-        axes: names with or without scales.
-    """
+    """Return each axis's name with its scales."""
     return dict(axes) if isinstance(axes, Mapping) else dict.fromkeys(axes, UNSCALED)
 
 
