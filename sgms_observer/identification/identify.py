@@ -209,7 +209,6 @@ def force_error(
     axis: AxisSettings,
     model: str,
     cutoff: float,
-    terms: EffectTerms = NO_EFFECTS,
 ) -> float:
     """Return the rms force error of given parameters on recordings [N].
 
@@ -219,10 +218,9 @@ def force_error(
         axis: smoothing.
         model: ``sgms`` or ``gms``.
         cutoff: corner of the low-pass [Hz].
-        terms: effects whose values are in ``parameters``.
     """
     total, rows = 0.0, 0
-    for piece in prepare_all(recordings, cutoff, terms):
+    for piece in prepare_all(recordings, cutoff, NO_EFFECTS):
         mask = piece.settled(float(parameters.slip_deflection.max()))
         residual, _jacobian = residual_and_jacobian(piece, parameters, ElementShape.of(axis.friction, model))
         total += float(residual[mask] @ residual[mask])
