@@ -85,7 +85,8 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
         SgmsError: something cannot be read, written or made sense of.
     """
     settings = load_settings(request.config)
-    axis, other = _axes(settings, request)
+    axis = settings.wanted_axes([request.axis] if request.axis else (), request.config)[0]
+    other = settings.coupled_to(axis)
     refuse_learnt_from(request.bags, request.holdout)
     try_folder(request.out)
     notes: list[str] = []
@@ -198,12 +199,6 @@ def _diagnosed(
     else:
         answer = replace(answer, tests=(*answer.tests, test))
     return replace(answer, tests=(*answer.tests, *refused)), written, later
-
-
-def _axes(settings: Settings, request: DiagnoseRequest) -> tuple[AxisSettings, AxisSettings | None]:
-    """Return the axis that is diagnosed and another one, if any."""
-    axis = settings.wanted_axes([request.axis] if request.axis else (), request.config)[0]
-    return axis, next((entry for entry in settings.axes if entry.name != axis.name), None)
 
 
 def refuse_learnt_from(bags: Sequence[str], holdout: Sequence[str]) -> None:

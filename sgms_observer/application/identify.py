@@ -127,20 +127,14 @@ def identify_bags(
     found = []
     for axis in settings.axes:
         if axis in wanted:
-            other = _other_axis(axis, settings)
+            is_coupled = any(effect.name == COUPLING for effect in axis.effects)
+            other = settings.coupled_to(axis) if is_coupled else None
             pieces, unseen = (_read(bags, axis, other, job) for bags in (job.bags, job.holdout))
             with progress(f"identify {axis.name}") as show:
                 found.append(_identified(pieces, unseen, axis, settings.sample_period, job, show))
     _write(settings, job, hashes, found)
     write_text(render_page(identification_page(found, job.out, job.bags, job.holdout)), report)
     return Identified(job.out, str(report), tuple(found))
-
-
-def _other_axis(axis: AxisSettings, settings: Settings) -> AxisSettings | None:
-    """Return the axis whose motion couples into this one, if the file lists that effect."""
-    if all(item.name != COUPLING for item in axis.effects):
-        return None
-    return next((other for other in settings.axes if other.name != axis.name), None)
 
 
 def _read(bags: Sequence[str], axis: AxisSettings, other: AxisSettings | None, job: IdentifyJob) -> Recordings:
