@@ -92,10 +92,11 @@ def replay_bag(
     from dataclasses import replace
 
     from sgms_observer.bags.reader import BagSamples
-    from sgms_observer.bags.replacement import refuse_existing_bag
+    from sgms_observer.bags.replacement import refuse_existing_bag, refuse_own_recording
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.settings.load import load_settings
 
+    refuse_own_recording(out, [bag])
     refuse_existing_bag(out, is_overwriting)
     settings = load_settings(config)
     wanted = settings.wanted_axes(axes or (), config)
