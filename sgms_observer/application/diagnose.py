@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from sgms_observer.application.predicted_tracking import predict_tracking
 from sgms_observer.application.recording_use import refuse_learnt_from
+from sgms_observer.bags.replacement import refuse_own_recording
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.compensation_check import CompensationCheck, can_look_ahead, check_compensation
 from sgms_observer.diagnosis.criteria import Test, at_most
@@ -88,6 +89,7 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
     axis = settings.wanted_axes([request.axis] if request.axis else (), request.config)[0]
     other = settings.coupled_to(axis)
     refuse_learnt_from(request.bags, request.holdout)
+    refuse_own_recording(request.out, [*request.bags, *request.holdout])
     try_folder(request.out)
     notes: list[str] = []
 

@@ -91,11 +91,12 @@ def replay_bag(
     """
     from dataclasses import replace
 
-    from sgms_observer.bags.metadata import refuse_existing_bag
     from sgms_observer.bags.reader import BagSamples
+    from sgms_observer.bags.replacement import refuse_existing_bag, refuse_own_recording
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.settings.load import load_settings
 
+    refuse_own_recording(out, [bag])
     refuse_existing_bag(out, is_overwriting)
     settings = load_settings(config)
     wanted = settings.wanted_axes(axes or (), config)
@@ -134,7 +135,7 @@ def write_report(done: Replayed, bag: str, config: str, out: str) -> str:
     """Write the page about a replay into the folder of its bag and return its path."""
     from pathlib import Path
 
-    from sgms_observer.bags.metadata import REPORT
+    from sgms_observer.bags.replacement import REPORT
     from sgms_observer.report.page import render_page
     from sgms_observer.report.replay_view import recorded_outputs
     from sgms_observer.report.replayed import replay_page

@@ -1,8 +1,7 @@
-"""The folder of a bag: its metadata.yaml, the files in it, and how a new bag takes the place of an old one."""
+"""metadata.yaml of a rosbag2 folder: written as version 9, read from version 1 on."""
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -13,10 +12,7 @@ import yaml
 from sgms_observer.bags.message_types import OFFERED_QOS, MessageType
 from sgms_observer.errors import RecordingError
 
-_BAG_FILES = (".mcap", ".db3", ".zstd", ".db3-wal", ".db3-shm")
 METADATA = "metadata.yaml"
-REPORT = "report.html"
-"""The page about a bag, in its folder."""
 STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
 
 
@@ -148,50 +144,3 @@ def _read(path: Path) -> dict[str, Any]:
     if not isinstance(information, dict) or not isinstance(information["relative_file_paths"], list):
         raise ValueError("no list of files")
     return information
-
-
-def refuse_existing_bag(path: str | Path, is_overwriting: bool) -> None:
-    """Raise unless a bag may be written here.
-
-    Args:
-        path: the bag's folder.
-        is_overwriting: a bag that is there may be replaced; anything else may not.
-
-    Raises:
-        RecordingError: something is there that must stay.
-    """
-    target = Path(path)
-    if not target.exists() and not target.is_symlink():
-        return
-    if not is_overwriting:
-        raise RecordingError(f"{path} exists already and is not overwritten; give another name, or --overwrite")
-    if not _is_bag(target):
-        raise RecordingError(f"{path} is no bag and is not overwritten; give another name, or remove it yourself")
-
-
-def take_place(new: Path, path: Path) -> None:
-    """Give a finished bag its name; a bag of that name is removed once the new one stands there.
-
-    Args:
-        new: the finished folder.
-        path: its name.
-
-    Raises:
-        OSError: the operating system refuses.
-    """
-    if not path.exists():
-        new.rename(path)
-        return
-    old = path.with_name(path.name + ".replaced")
-    shutil.rmtree(old, ignore_errors=True)
-    path.rename(old)
-    new.rename(path)
-    shutil.rmtree(old, ignore_errors=True)
-
-
-def _is_bag(path: Path) -> bool:
-    """Return whether a folder holds files of a bag, a report of ours about it, and nothing else."""
-    if path.is_symlink() or not path.is_dir():
-        return False
-    names = [entry.name for entry in path.iterdir()]
-    return bool(names) and all(name in (METADATA, REPORT) or name.endswith(_BAG_FILES) for name in names)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sgms_observer.cli.options import (
@@ -69,7 +70,7 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.excitation.limits import limits_of
     from sgms_observer.excitation.reference import DURATION, design_excitation
     from sgms_observer.settings.load import load_settings
-    from sgms_observer.whole_file import refuse_existing_files
+    from sgms_observer.whole_file import refuse_existing_files, try_folder
     from sim_plant.reference_file import write_reference_file
 
     if not args.out and not args.publish:
@@ -78,6 +79,7 @@ def run(args: argparse.Namespace) -> Outcome:
         raise ConfigurationError(["--publish starts where the table stands; leave out --from"])
     if args.out:
         refuse_existing_files([args.out], args.overwrite)
+        try_folder(Path(args.out).parent)
     settings = load_settings(args.config)
     wanted = axis_from(args.axis, "excite")
     axis = settings.wanted_axes([wanted] if wanted else (), args.config)[0]

@@ -65,10 +65,10 @@ def _verdict(view: AxisView, figures: Mapping[str, float], recorded: Recorded) -
     word = "fits" if figures["nis"] <= MAX_NIS else "does not fit"
     share = f" ({100.0 * figures['innovation'] / size:.3g} % of the largest friction)" if 0.0 < size < math.inf else ""
     innovation = f"{figures['innovation']:.3g} {unit} rms{share}"
-    said = f"The model of {view.axis.name} {word} the recording: it predicts the friction to {innovation}."
+    verdict = f"The model of {view.axis.name} {word} the recording: it predicts the friction to {innovation}."
     if math.isfinite(recorded.error):
-        said += f" The estimated friction is {recorded.error:.3g} {unit} rms from the simulated truth."
-    return said
+        verdict += f" The estimated friction is {recorded.error:.3g} {unit} rms from the simulated truth."
+    return verdict
 
 
 def _lights(
@@ -81,9 +81,9 @@ def _lights(
         answer += f" Above {MAX_NIS:g} the model lacks something (run sgms diagnose) or a parameter is wrong."
     found = [Light("Model", f"Does the model{of_axis} fit this recording?", GOOD if fits else BAD, answer)]
     trouble = {code: n for code, n in statuses.items() if code not in (Status.RUNNING, Status.STARTING)}
-    told = "; ".join(f"{n} samples: {Status(code).sentence}" for code, n in sorted(trouble.items()))
+    sentences = "; ".join(f"{n} samples: {Status(code).sentence}" for code, n in sorted(trouble.items()))
     state = UNSURE if trouble else GOOD
-    answer = f"{told}." if trouble else f"All {figures['samples']:.0f} samples were used."
+    answer = f"{sentences}." if trouble else f"All {figures['samples']:.0f} samples were used."
     found.append(Light("Samples", f"Did the observer{of_axis} run on good samples throughout?", state, answer))
     if recorded.compared:
         is_same = recorded.same == recorded.compared
@@ -164,9 +164,7 @@ def _over_time(view: AxisView, recorded: Recorded) -> Plot:
         error = error_factor * (rows[:, POSITION] - rows[:, SET_POINT])
         panels.append(Panel(f"error [{error_name}]", [Line("position - set-point", error, "measured")]))
     panels.insert(0, Panel(f"position [{name}]", position))
-    caption = (
-        "Measured motion, estimated friction with two standard deviations, and the error of its prediction."
-    )
+    caption = "Measured motion, estimated friction with two standard deviations, and the error of its prediction."
     return time_plot(f"{view.axis.name}_replay", caption, rows[:, TIME], panels)
 
 
