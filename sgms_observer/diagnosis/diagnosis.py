@@ -204,7 +204,8 @@ class Diagnosis:
         warnings: sentences for the user.
         is_poor: whether the excitation is too poor for any result.
         tests: tests of the whole model.
-        is_gap_explained: whether the final model leaves too little of the gap to count as predictable.
+        is_gap_explained: whether the final model leaves too little of the gap before the first contact law effect to
+            count as predictable.
     """
 
     nominal: Model

@@ -26,6 +26,7 @@ PERIOD = 1.0 / 250.0
 OPTIONS = Options(workers=1, band=25.0)
 FALL = EffectSettings("stribeck", (0.25, 0.02))
 PERIODIC = EffectSettings("periodic_disturbance", (0.8, 3.0, 0.4))
+STIFF = EffectSettings("spring", (2000.0, 0.0))
 
 
 @pytest.fixture(autouse=True)
@@ -60,6 +61,13 @@ def test_beside_what_nothing_explains_it_is_a_changed_value() -> None:
     share = changed["effects.stribeck.share"]
     assert share.before == 0.0 and share.after > 0.0 and share.std_error > 0.0
     assert "stribeck" in [item.name for item in answer.model.effects]
+
+
+def test_a_large_effect_beside_it_does_not_explain_for_it() -> None:
+    answer = answered(FALL, PERIODIC, STIFF)
+    assert [item.settings.name for item in answer.effects] == ["spring"]
+    assert answer.gap.after**2 < 0.1 * answer.gap.before**2
+    assert "effects.stribeck.share" in [item.name for item in answer.changed]
 
 
 def test_a_drag_that_gives_energy_has_no_name() -> None:
