@@ -191,9 +191,6 @@ class AxisObserver:
         Args:
             block: from ``filter``.
             other: as for ``step``.
-
-        Returns:
-            As ``observe``.
         """
         start = time.perf_counter()
         samples, motion, ahead = block.samples, block.motion, block.ahead
