@@ -102,13 +102,14 @@ def _percent(share: float) -> str:
 
 def _verdict(part: IdentifiedAxis) -> str:
     """Return the fit of one axis in one sentence."""
-    fits = [f"{_percent(unexplained_share(part.traces.learnt))} on the fitted recordings"]
+    word = part.units.effort_word
+    fits = [f"{_percent(unexplained_share(part.traces.learnt))} of the {word} on the fitted recordings"]
     if part.unexplained is not None:
         fits.append(f"{_percent(part.unexplained)} on chunks left out of the fit")
     if part.traces.held_out:
         fits.append(f"{_percent(unexplained_share(part.traces.held_out))} on held-out recordings")
     usable = "" if part.answer.is_usable else " The model must not be used as it is."
-    return f"The model of {part.name} explains of the {part.units.effort_word}: {', '.join(fits)}.{usable}"
+    return f"The model of {part.name} explains {', '.join(fits)}.{usable}"
 
 
 def _sections(part: IdentifiedAxis, of_axis: str) -> list[Section]:

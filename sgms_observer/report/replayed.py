@@ -107,7 +107,7 @@ def _section(
     text = [
         "The observer ran over the recording as the live node does. The innovation is the measured minus the predicted"
         f" {view.axis.units.effort_word} of friction, at each correction.",
-        *(f"{note[0].upper()}{note[1:]}." for note in notes),
+        *(f"Note: {note}." for note in notes),
     ]
     pictures = (hysteresis_picture(last, f"{name}_"), reversal_picture(last, f"{name}_"))
     tables, plots = [_table(view, figures, recorded)], [_over_time(view, recorded)]
