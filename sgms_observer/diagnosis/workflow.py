@@ -94,7 +94,7 @@ def diagnose(
 
 
 def _before_contact_effects(first: Model, rounds: Sequence[Round]) -> Model:
-    """Return the last model before the first contact law effect was accepted.
+    """Return the last model before the first effect was accepted that has a name only if it explains the gap.
 
     Args:
         first: the file refitted within its tolerance.
@@ -102,7 +102,7 @@ def _before_contact_effects(first: Model, rounds: Sequence[Round]) -> Model:
     """
     model = first
     for item in rounds:
-        if item.accepted is None or item.accepted.candidate.is_contact_law:
+        if item.accepted is None or item.accepted.candidate.has_to_explain:
             break
         model = item.accepted.candidate.refit.model
     return model

@@ -54,13 +54,16 @@ def test_a_law_effect_that_explains_all_is_a_name() -> None:
     assert not any(item.name.startswith("effects.stribeck") for item in answer.changed)
 
 
-def test_beside_what_nothing_explains_it_is_a_changed_value() -> None:
-    answer = answered(FALL, PERIODIC)
+@pytest.mark.parametrize(
+    "hidden, strength", [(FALL, "share"), (EffectSettings("quadratic_drag", (400.0,)), "coefficient")]
+)
+def test_beside_what_nothing_explains_it_is_a_changed_value(hidden: EffectSettings, strength: str) -> None:
+    answer = answered(hidden, PERIODIC)
     assert [item.settings.name for item in answer.effects] == []
     changed = {item.name: item for item in answer.changed}
-    share = changed["effects.stribeck.share"]
+    share = changed[f"effects.{hidden.name}.{strength}"]
     assert share.before == 0.0 and share.after > 0.0 and share.std_error > 0.0
-    assert "stribeck" in [item.name for item in answer.model.effects]
+    assert hidden.name in [item.name for item in answer.model.effects]
 
 
 def test_a_large_effect_beside_it_does_not_explain_for_it() -> None:
