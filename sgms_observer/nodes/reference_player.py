@@ -24,26 +24,8 @@ Floats = NDArray[np.float64]
 _TURN = 5.0e-4  # s from one look at the clock to the next
 _FIRST_POSITION_TIME = 10.0  # s to wait for the table's position, and for a listener
 _CLOCK_TIME = 0.1  # s of positions from which the table's clock is read
-_ACK_TIME = 2.0  # s for the last set-points to arrive
 _LEAD = 5.0e-3  # s that a set-point is sent before its stamp, so that the observer has it with its sample
 _LATEST = 0.25  # s of delay after which the motion is stopped rather than caught up
-
-
-def braking(position: float, velocity: float, acceleration: float, period: float) -> tuple[Floats, Floats]:
-    """Return position and velocity of the way to rest.
-
-    Args:
-        position: where it starts [m].
-        velocity: velocity there [m/s].
-        acceleration: deceleration, not exceeded [m/s^2].
-        period: time between two samples [s].
-
-    Returns:
-        Position [m] and velocity [m/s] of each sample, the last at rest.
-    """
-    count = max(1, math.ceil(abs(velocity) / (acceleration * period)))
-    velocities: Floats = np.linspace(velocity, 0.0, count + 1)[1:]
-    return np.asarray(position + period * np.cumsum(velocities)), velocities
 
 
 def play_reference(
@@ -78,15 +60,9 @@ def play_reference(
         from rclpy.signals import SignalHandlerOptions
     except ImportError:
         raise RecordingError(MISSING_ROS) from None
-    from rclpy.duration import Duration
-    from sensor_msgs.msg import JointState
-    from trajectory_msgs.msg import JointTrajectory
-
-    from sgms_observer.bags.cdr import JointStateEncoder
-    from sgms_observer.nodes.horizons import EVERY, encode_motion_ahead
-    from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
+    from sgms_observer.nodes.horizons import EVERY
+    from sgms_observer.nodes.set_points import SetPoints, braking
     from sgms_observer.nodes.transport import prepare_transport
-    from sgms_observer.observer.outgoing import REFERENCE_HORIZON
 
     prepare_transport()
     stop = threading.Event()
@@ -96,11 +72,8 @@ def play_reference(
     node = rclpy.create_node("sgms_excite")
     try:
         position, velocity = reference_from(_standing_at(node, axis, stop).position)
-        publisher = node.create_publisher(JointState, "reference", SAMPLE_QOS)
-        ahead = node.create_publisher(JointTrajectory, REFERENCE_HORIZON, HORIZON_QOS)
-        _await(lambda: publisher.get_subscription_count() > 0, stop, "no node subscribes to reference; start the table")
-        encoder = JointStateEncoder((axis.name,), ("position", "velocity"))
-        scale = axis.position_scale
+        set_points = SetPoints(node, axis)
+        _await(lambda: set_points.reader_count > 0, stop, "no node subscribes to reference; start the table")
         clock = _standing_at(node, axis, stop)  # anew: a simulated table may have caught up meanwhile
         begun = time.monotonic()
         samples = math.ceil((begun + _LEAD - clock.heard_at) / sample_period)
@@ -118,18 +91,16 @@ def play_reference(
                 missed = max(0, int(late / period))  # what was not sent in time is left out, and the rest comes later
                 begun, start_ns, told = begun + missed * period, start_ns + round(missed * period * 1e9), -math.inf
             now = time.monotonic() - begun
-            if now >= told + EVERY and ahead.get_subscription_count():
+            if now >= told + EVERY:
                 told = now
                 now_ns = start_ns + round((now - _LEAD) * 1e9)
-                ahead.publish(encode_motion_ahead(axis, period, start_ns, now_ns, position, velocity))
+                set_points.tell_ahead(period, start_ns, now_ns, position, velocity)
             due = min(len(position), int((time.monotonic() - begun) / period) + 1)
             for i in range(done, due):
-                stamp = start_ns + round(i * period * 1e9)
-                set_point = float(position[i]) / scale
-                publisher.publish(encoder.encode(stamp, [set_point], [float(velocity[i]) / scale]))
+                set_points.send(start_ns + round(i * period * 1e9), float(position[i]), float(velocity[i]))
             done = due
             time.sleep(_TURN)
-        publisher.wait_for_all_acked(Duration(seconds=_ACK_TIME))  # the last of them is the one that says rest
+        set_points.wait_acknowledged()
         if is_braking and not stop.is_set():
             raise DataError(f"the machine was busy for more than {_LATEST:g} s; the motion was stopped: start it again")
         return not is_braking

@@ -18,7 +18,6 @@ from sgms_observer.application.commission.table import LEAD, HeldUp
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.nodes.axis_listener import REFERENCE, AxisListener
 from sgms_observer.nodes.horizons import EVERY, encode_motion_ahead
-from sgms_observer.nodes.reference_player import braking
 from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
 from sgms_observer.observer.outgoing import REFERENCE_HORIZON
 from sgms_observer.settings.axis import AxisSettings
@@ -30,17 +29,33 @@ _START = 0.2  # s from the first message to the first set-point's stamp, beyond 
 _ACK_TIME = 2.0  # s for the last set-points to arrive
 
 
+def braking(position: float, velocity: float, acceleration: float, period: float) -> tuple[Floats, Floats]:
+    """Return position and velocity of the way to rest.
+
+    Args:
+        position: where it starts [m].
+        velocity: velocity there [m/s].
+        acceleration: deceleration, not exceeded [m/s^2].
+        period: time between two samples [s].
+
+    Returns:
+        Position [m] and velocity [m/s] of each sample, the last at rest.
+    """
+    count = max(1, math.ceil(abs(velocity) / (acceleration * period)))
+    velocities: Floats = np.linspace(velocity, 0.0, count + 1)[1:]
+    return np.asarray(position + period * np.cumsum(velocities)), velocities
+
+
 class SetPoints:
-    """Publishes set-points of one axis.
+    """Publishes set-points of one axis, and the motion that is ahead.
 
     Args:
         node: publishes them.
-        axis: its name and scale are those of the messages.
-        listener: knows the table's time, and records what is sent.
+        axis: its name and scales are those of the messages.
     """
 
-    def __init__(self, node: Node, axis: AxisSettings, listener: AxisListener) -> None:
-        self._axis, self._listener = axis, listener
+    def __init__(self, node: Node, axis: AxisSettings) -> None:
+        self._axis = axis
         self._encoder = JointStateEncoder((axis.name,), ("position", "velocity"))
         self._publisher = node.create_publisher(JointState, REFERENCE, SAMPLE_QOS)
         self._ahead = node.create_publisher(JointTrajectory, REFERENCE_HORIZON, HORIZON_QOS)
@@ -50,25 +65,8 @@ class SetPoints:
         """Return how many nodes subscribe to the set-points."""
         return int(self._publisher.get_subscription_count())
 
-    def wait_acknowledged(self) -> None:
-        """Wait until the last set-points have arrived."""
-        self._publisher.wait_for_all_acked(Duration(seconds=_ACK_TIME))
-
-    def playing(self, motion: Motion, origin: float, lead: float) -> Playing:
-        """Return a motion that begins a little later than now, on the stamps of the samples.
-
-        Args:
-            motion: relative to the origin.
-            origin: position of its zero [m].
-            lead: how long before its stamp a set-point is sent [s].
-        """
-        period_ns = round(motion.period * 1e9)
-        grid_ns = self._listener.positions[-1][0]  # the observer pairs set-points and samples by their stamps
-        ahead_ns = self._listener.now_ns() + (lead + _START) * 1e9 - grid_ns
-        return Playing(self, motion, origin, lead, grid_ns + math.ceil(ahead_ns / period_ns) * period_ns)
-
-    def send(self, stamp_ns: int, position: float, velocity: float) -> None:
-        """Publish one set-point.
+    def send(self, stamp_ns: int, position: float, velocity: float) -> bytes:
+        """Publish one set-point and return its message.
 
         Args:
             stamp_ns: its stamp [ns].
@@ -78,7 +76,7 @@ class SetPoints:
         scale = self._axis.position_scale
         message = self._encoder.encode(stamp_ns, [position / scale], [velocity / scale])
         self._publisher.publish(message)
-        self._listener.record(REFERENCE, stamp_ns, message)
+        return message
 
     def tell_ahead(self, period: float, begin_ns: int, now_ns: int, position: Floats, velocity: Floats) -> None:
         """Publish the motion to come, if a node subscribes to it: then the network does not matter.
@@ -93,24 +91,20 @@ class SetPoints:
         if self._ahead.get_subscription_count():
             self._ahead.publish(encode_motion_ahead(self._axis, period, begin_ns, now_ns, position, velocity))
 
-    def now_ns(self, otherwise: int) -> int:
-        """Return the table's time [ns].
-
-        Args:
-            otherwise: where nothing was heard yet [ns].
-        """
-        return self._listener.now_ns() if self._listener.positions else otherwise
+    def wait_acknowledged(self) -> None:
+        """Wait until the last set-points have arrived; the last of them is the one that says rest."""
+        self._publisher.wait_for_all_acked(Duration(seconds=_ACK_TIME))
 
 
 class Playing:
-    """One motion on its way.
+    """One motion on its way: it begins a little later than now, on the stamps of the samples.
 
     Args:
         set_points: publishes it.
+        listener: knows the table's time, and records what is sent.
         motion: relative to the origin.
         origin: position of its zero [m].
         lead: how long before its stamp a set-point is sent [s].
-        begin_ns: stamp of the first set-point [ns].
 
     Attributes:
         begin_ns: stamp of the first set-point [ns].
@@ -118,12 +112,17 @@ class Playing:
         sent: how many were sent.
     """
 
-    def __init__(self, set_points: SetPoints, motion: Motion, origin: float, lead: float, begin_ns: int) -> None:
-        self._set_points, self._motion, self._lead = set_points, motion, lead
+    def __init__(
+        self, set_points: SetPoints, listener: AxisListener, motion: Motion, origin: float, lead: float
+    ) -> None:
+        self._set_points, self._listener, self._motion, self._lead = set_points, listener, motion, lead
         self._period_ns = round(motion.period * 1e9)
         self._position, self._velocity = origin + motion.position, motion.velocity
         self._told_ns = 0
-        self.begin_ns, self.end_ns = begin_ns, begin_ns + (len(motion.position) - 1) * self._period_ns
+        self._grid_ns = listener.positions[-1][0]  # the observer pairs set-points and samples by their stamps
+        ahead_ns = listener.now_ns() + (lead + _START) * 1e9 - self._grid_ns
+        self.begin_ns = self._grid_ns + math.ceil(ahead_ns / self._period_ns) * self._period_ns
+        self.end_ns = self.begin_ns + (len(motion.position) - 1) * self._period_ns
         self.sent = 0
 
     @property
@@ -131,15 +130,13 @@ class Playing:
         """Return where the motion ends [m]."""
         return float(self._position[-1])
 
-    def send_due(self, now_ns: int) -> None:
+    def send_due(self) -> None:
         """Publish the set-points that are due, and from time to time the motion to come.
-
-        Args:
-            now_ns: the table's time [ns].
 
         Raises:
             HeldUp: this machine is too late.
         """
+        now_ns = self._listener.now_ns() if self._listener.positions else self._grid_ns
         due = min(len(self._position), int((now_ns + self._lead * 1e9 - self.begin_ns) // self._period_ns) + 1)
         if self.sent < due and now_ns - (self.begin_ns + self.sent * self._period_ns) > _LATEST * 1e9:
             raise HeldUp(
@@ -171,7 +168,7 @@ class Playing:
             wait: is called between two set-points.
         """
         period = self._motion.period
-        now_ns = self._set_points.now_ns(self.begin_ns) + 10_000_000
+        now_ns = (self._listener.now_ns() if self._listener.positions else self.begin_ns) + 10_000_000
         at = min(max(0, math.ceil((now_ns - self.begin_ns) / self._period_ns)), self.sent - 1)
         places, speeds = braking(float(self._position[at]), float(self._velocity[at]), acceleration, period)
         rest = np.full(round(2.0 * LEAD / period), places[-1])
@@ -188,4 +185,6 @@ class Playing:
 
     def _send(self, position: Floats, velocity: Floats, begin_ns: int, numbers: range) -> None:
         for i in numbers:
-            self._set_points.send(begin_ns + i * self._period_ns, float(position[i]), float(velocity[i]))
+            stamp_ns = begin_ns + i * self._period_ns
+            message = self._set_points.send(stamp_ns, float(position[i]), float(velocity[i]))
+            self._listener.record(REFERENCE, stamp_ns, message)

@@ -77,7 +77,7 @@ class TableLink:
         self._node = rclpy.create_node("sgms_commission")
         self._executor = make_executor()
         self._executor.add_node(self._node)
-        self._set_points = SetPoints(self._node, self._axis, self._listener)
+        self._set_points = SetPoints(self._node, self._axis)
         self._parameters = self._node.create_client(SetParameters, f"/{OBSERVER}/set_parameters")
         self._listener.subscribe(self._node)
         return self
@@ -196,14 +196,13 @@ class TableLink:
             lambda: self._set_points.reader_count > 0,
             f"no node subscribes to {REFERENCE}; start the table, or remap its topic",
         )
-        grid_ns = self._listener.positions[-1][0]
-        playing = self._set_points.playing(motion, origin, self.lead)
+        playing = Playing(self._set_points, self._listener, motion, origin, self.lead)
         self._listener.span = playing.begin_ns + recorded * round(motion.period * 1e9), playing.end_ns
         self._listener.forget()
         seen, is_resting = 0, False
         try:
             while not self._listener.positions or self._listener.positions[-1][0] < playing.end_ns:
-                playing.send_due(self._set_points.now_ns(grid_ns))
+                playing.send_due()
                 self._spin(_TURN)
                 if self._signals.first:
                     raise KeyboardInterrupt

@@ -17,7 +17,7 @@ from ros_graph import ONE_AXIS, Graph, Start, wait_until
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
 from sgms_observer.bags.trajectory_cdr import decode_trajectory
 from sgms_observer.nodes.horizons import AHEAD, EVERY, decode_horizons
-from sgms_observer.nodes.reference_player import braking
+from sgms_observer.nodes.set_points import braking
 
 ROOT = Path(__file__).resolve().parents[2]
 
