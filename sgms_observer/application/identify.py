@@ -10,7 +10,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from sgms_observer.application.recording_use import refuse_learnt_from
 from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.identification.answer import (
     Answer,
@@ -121,7 +120,6 @@ def identify_bags(
     wanted = settings.wanted_axes(job.axes, job.config)
     if job.cutoff < 0.0:
         raise ConfigurationError([f"--cutoff {job.cutoff:g} Hz must be positive; leave it out for the default"])
-    refuse_learnt_from(job.bags, job.holdout)
     report = report_path(job.out, job.is_overwriting)
     refuse_existing_files([job.out, report], job.is_overwriting)
     try_folder(Path(job.out).parent)

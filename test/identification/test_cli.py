@@ -173,11 +173,3 @@ def test_nothing_is_overwritten_unless_told(
     assert main([*arguments, str(start), "--overwrite"]) == 0
     assert load_settings(start).axes[0].mass == pytest.approx(12.0, rel=0.01)
     assert "Identification of axis x" in (tmp_path / "report.html").read_text(encoding="utf-8")
-
-
-def test_a_recording_that_was_learnt_from_does_not_judge(
-    tmp_path: Path, bag: Path, start: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = str(tmp_path / "out.yaml")
-    assert main(["identify", str(bag), "--config", str(start), "--out", out, "--holdout", f"{bag}/"]) == 1
-    assert "is also a recording to learn from" in capsys.readouterr().err
