@@ -157,9 +157,9 @@ class _CompensationStep:
         return at_most(of, "friction not cancelled by the feedforward: z-score of its growth", z_score, most)
 
     def worst(self, written: AxisSettings, later: CompensationCheck, answer: Answer) -> Test | None:
-        """Return the failed test of the named effect whose feedforward does most harm, or None."""
+        """Return the failed test of the added effect whose feedforward does most harm, or None."""
         tests = []
-        for name in (item.settings.name for item in answer.effects):
+        for name in (*(item.settings.name for item in answer.effects), *answer.diagnosis.unnamed_contact_effects):
             others = replace(written, effects=tuple(one for one in written.effects if one.name != name))
             tests.append(self.growth(name, later, self.of(others)))
         return max((test for test in tests if not test.passed), key=lambda test: test.value, default=None)

@@ -4,37 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 from sgms_observer.diagnosis.gap import residuals, rms
 from sgms_observer.diagnosis.locate import Located
+from sgms_observer.diagnosis.named import Named
 from sgms_observer.effects.catalogue import effect
-from sgms_observer.settings.axis import AxisSettings, EffectSettings
+from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import Units
 
 PEAK_OVER_RMS = 2.5
 """Peak over rms of a force that acts only in short intervals."""
-
-
-@dataclass(frozen=True)
-class Named:
-    """One named effect.
-
-    Attributes:
-        settings: the effect with its parameters.
-        std_error: standard error of each parameter.
-        confidence: probability that it is this effect and no alternative.
-        alternatives: effects that the recordings do not distinguish from it.
-        gap_before, gap_after: gap without and with it [%].
-    """
-
-    settings: EffectSettings
-    std_error: tuple[float, ...]
-    confidence: float
-    alternatives: tuple[str, ...]
-    gap_before: float
-    gap_after: float
 
 
 def detectable(diagnosis: Diagnosis, axis: AxisSettings, options: Options) -> dict[str, float]:

@@ -69,6 +69,15 @@ class Candidate:
         return self.settings is not None and effect(self.name).is_contact_law
 
     @property
+    def has_to_explain(self) -> bool:
+        """Return whether the effect has a name only if the gap is explained with it.
+
+        This holds for the effects that only describe another contact law and for their special cases.
+        """
+        general = effect(self.name).special_case_of if self.settings is not None else ""
+        return self.is_contact_law or (general != "" and effect(general).is_contact_law)
+
+    @property
     def parameter_count(self) -> int:
         """Return the number of fitted parameters."""
         return len(self.refit.logs) + len(self.refit.free) if self.settings is None else len(self.refit.free)

@@ -7,16 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 
 from sgms_observer.compensation.trust import standstill_velocity
 from sgms_observer.diagnosis.evidence import blocks_of
-from sgms_observer.diagnosis.motion import HELD_LAG, Motion, delayed, motion_of
+from sgms_observer.diagnosis.motion import HELD_LAG, PLAY_HALF_WIDTH, Motion, delayed, motion_of, play_operator
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 
-SKIPPED = 0.5  # s at the start, for the transients of the filters
+SKIPPED = 0.5
+"""Time at the start that does not count, for the transients of the filters [s]."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,9 @@ class CompensationCheck:
             residuals [N]. The acceleration is the measured one, not the observer's. Only samples where the feedforward
             follows the motion count; NaN if there are none.
         blocks: the same residual for the feedforward along the measured motion, in blocks of time [N]; 0 while the
-            stage rests, because the effort at rest does not show what the feedforward should have been.
+            stage rests, because the effort at rest does not show what the feedforward should have been. The feedforward
+            takes the motion, without encoder jitter, for a reference: neither the measured effort nor a filter with a
+            lag hides an error of the model.
         share: share of the time in which the feedforward follows the motion.
         has_reference: whether ``friction_not_cancelled`` is computed along the recorded reference.
     """
@@ -55,36 +59,39 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
         band: upper corner of the judging band [Hz].
         block: length of a block of time [s].
     """
-    tuned = replace(axis.compensation, enabled=True, gain=1.0, limit=1.0e6, slew_limit=1.0e9, fade_std=1.0e6)
-    axis = replace(axis, compensation=tuned)
+    whole = replace(
+        axis.compensation, enabled=True, gain=1.0, limit=1.0e6, slew_limit=1.0e9, fade_std=1.0e6,
+        look_ahead=0.0,  # the recorded effort is the effort of its own sample
+    )  # fmt: skip
+    axis = replace(axis, compensation=whole)
     n, period = len(record.position), record.period
     stamp = np.round(np.arange(n) * period * 1e9).astype(np.int64)
     nothing = np.full(n, np.nan)
     samples = Samples(stamp, record.position, record.effort, nothing, nothing)
-    observer = AxisObserver(axis, period)
-    estimates = observer.step(samples)
+    estimates = AxisObserver(axis, period).step(samples)
     good = np.arange(n) * period > SKIPPED
     innovation = estimates.innovation[good & np.isfinite(estimates.innovation)]
     motion = motion_of(record, HELD_LAG if axis.filter.effort_is_held else 0.0, band)
-    needed = motion.effort - (axis.mass + observer.effects.added_mass) * motion.acceleration
+    needed = motion.effort - axis.mass * motion.acceleration  # the force of an added mass is part of the feedforward
     counted = motion.thinned(motion.time) > SKIPPED
 
-    def left_by(feedforward: NDArray[np.float64]) -> NDArray[np.float64]:
+    def left_along(reference: NDArray[np.float64]) -> NDArray[np.float64]:
+        feedforward = AxisObserver(axis, period).step(replace(samples, reference_position=reference)).compensation
         applied = delayed(np.nan_to_num(feedforward), motion.lag)[:: motion.step]
         return motion.low_pass(needed - applied)[counted]
 
-    left = left_by(estimates.compensation)
+    measured = np.asarray(signal.sosfiltfilt(motion.smoothing, record.position), dtype=np.float64)
+    left_along_measured = left_along(play_operator(measured, PLAY_HALF_WIDTH * motion.resolution))
     standstill = axis.compensation.standstill_velocity or standstill_velocity(axis.filter, period)
-    follows = motion.thinned(np.abs(estimates.velocity)[:: motion.step] > standstill)[counted]
-    along_measured = np.where(follows, left, 0.0)
+    slides = motion.thinned(np.abs(estimates.velocity)[:: motion.step] > standstill)[counted]
     reference = record.whole_reference
+    left, follows = left_along_measured, slides
     if reference is not None:
-        along = AxisObserver(axis, period).step(replace(samples, reference_position=reference))
-        left, follows = left_by(along.compensation), moves(reference, motion)[counted]
+        left, follows = left_along(reference), moves(reference, motion)[counted]
     return CompensationCheck(
         innovation=float(np.sqrt(np.mean(innovation**2))),
         friction_not_cancelled=float(np.sqrt(np.mean(left[follows] ** 2))) if np.any(follows) else math.nan,
-        blocks=tuple(blocks_of(along_measured, motion.residual_period, block)),
+        blocks=tuple(blocks_of(np.where(slides, left_along_measured, 0.0), motion.residual_period, block)),
         share=float(np.mean(follows)),
         has_reference=reference is not None,
     )

@@ -204,7 +204,8 @@ class Diagnosis:
         warnings: sentences for the user.
         is_poor: whether the excitation is too poor for any result.
         tests: tests of the whole model.
-        is_gap_explained: whether the final model leaves too little of the gap to count as predictable.
+        is_gap_explained: whether the final model leaves too little of the gap before the first contact law effect to
+            count as predictable.
     """
 
     nominal: Model
@@ -243,4 +244,4 @@ class Diagnosis:
     def unnamed_contact_effects(self) -> frozenset[str]:
         """Return the contact law effects that were accepted and are not named."""
         added = [item.accepted.candidate for item in self.rounds if item.accepted]
-        return frozenset(one.name for one in added if one.is_contact_law and not self.is_gap_explained)
+        return frozenset(one.name for one in added if one.has_to_explain and not self.is_gap_explained)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sgms_observer.diagnosis.advice import Named
 from sgms_observer.diagnosis.answer import Answer
 from sgms_observer.diagnosis.audit import MIN_REVERSALS, reversals_of, travel_of
 from sgms_observer.diagnosis.compensation_check import CompensationCheck
@@ -14,6 +13,7 @@ from sgms_observer.diagnosis.criteria import Test
 from sgms_observer.diagnosis.decision import RANGE_END_TOLERANCE
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.fit import Refit, limits
+from sgms_observer.diagnosis.named import Named
 from sgms_observer.diagnosis.report_tables import NINETY
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sgms_observer.diagnosis.advice import Named
 from sgms_observer.diagnosis.answer import Answer
 from sgms_observer.diagnosis.diagnosis import Options
+from sgms_observer.diagnosis.named import Named
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import Table
 from sgms_observer.settings.units import Units

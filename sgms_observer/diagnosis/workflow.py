@@ -87,8 +87,25 @@ def diagnose(
     return Diagnosis(
         nominal, known_effects, file_state, state, written, rounds, evaluation, audited.resolution, audited.notes,
         tuple(warnings), audited.is_poor,
-        is_gap_explained=evaluation.is_gap_explained(state.current.model, file_state.current.model),
+        is_gap_explained=evaluation.is_gap_explained(
+            state.current.model, _before_contact_effects(file_state.current.model, rounds)
+        ),
     )  # fmt: skip
+
+
+def _before_contact_effects(first: Model, rounds: Sequence[Round]) -> Model:
+    """Return the last model before the first effect was accepted that has a name only if it explains the gap.
+
+    Args:
+        first: the file refitted within its tolerance.
+        rounds: rounds of the search.
+    """
+    model = first
+    for item in rounds:
+        if item.accepted is None or item.accepted.candidate.has_to_explain:
+            break
+        model = item.accepted.candidate.refit.model
+    return model
 
 
 def choose_element_freedom(state: FitState, options: Options) -> FitState:

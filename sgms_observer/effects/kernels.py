@@ -28,24 +28,39 @@ delayed: Any = njit(effects_path.actuator_delay)
 
 
 @njit
+def user_effect_step(
+    number: int, p: Any, s: Any, user: Any, q: float, v: float, a: float, t: float, u: float, h: float, level: float,
+    v2: float, a2: float, out: Any,
+) -> tuple[float, float]:  # fmt: skip
+    """Advance one user effect by one step; return its force [N] and its factor on the Stribeck level [-].
+
+    Args:
+        number: number of the effect among the user effects.
+        p, s: its parameters and its state; the state is changed in place.
+        user, q, v, a, t, u, h, level, v2, a2, out: as in ``effects_step``.
+    """
+    out[2] = 0.0
+    out[3] = 1.0
+    if user is not None:
+        inputs = out[4:13]
+        inputs[0] = q
+        inputs[1] = v
+        inputs[2] = a
+        inputs[3] = t
+        inputs[4] = u
+        inputs[5] = h
+        inputs[6] = level
+        inputs[7] = v2
+        inputs[8] = a2
+        user(number, inputs, s, p, out[2:4])
+    return out[2], out[3]
+
+
+@njit
 def effects_step(
-    kinds: Any,
-    p_at: Any,
-    s_at: Any,
-    parameters: Any,
-    state: Any,
-    user: Any,
-    q: float,
-    v: float,
-    a: float,
-    t: float,
-    u: float,
-    h: float,
-    level: float,
-    v2: float,
-    a2: float,
-    out: Any,
-) -> None:
+    kinds: Any, p_at: Any, s_at: Any, parameters: Any, state: Any, user: Any, q: float, v: float, a: float, t: float,
+    u: float, h: float, level: float, v2: float, a2: float, out: Any,
+) -> None:  # fmt: skip
     """Advance every effect by one step and write added force [N] and level factor [-] into ``out[0:2]``.
 
     Args:
@@ -71,27 +86,12 @@ def effects_step(
         kind = kinds[i]
         p = parameters[p_at[i] : p_at[i + 1]]
         s = state[s_at[i] : s_at[i + 1]]
-        if kind >= FIRST_USER_KIND:
-            if user is not None:
-                out[2] = 0.0
-                out[3] = 1.0
-                inputs = out[4:13]
-                inputs[0] = q
-                inputs[1] = v
-                inputs[2] = a
-                inputs[3] = t
-                inputs[4] = u
-                inputs[5] = h
-                inputs[6] = level
-                inputs[7] = v2
-                inputs[8] = a2
-                user(kind - FIRST_USER_KIND, inputs, s, p, out[2:4])
-                force += out[2]
-                factor *= out[3]
-        else:
+        if kind < FIRST_USER_KIND:
             added, scale = built_in_step(kind, p, s, q, v, a, t, u, h, level, v2, a2)
-            force += added
-            factor *= scale
+        else:
+            added, scale = user_effect_step(kind - FIRST_USER_KIND, p, s, user, q, v, a, t, u, h, level, v2, a2, out)
+        force += added
+        factor *= scale
     out[0] = force
     out[1] = max(factor, MINIMUM_LEVEL_FACTOR)
 
@@ -159,47 +159,35 @@ def corrected_position(kinds: Any, p_at: Any, parameters: Any, q: float) -> floa
 
 @njit
 def effects_block(
-    kinds: Any,
-    p_at: Any,
-    s_at: Any,
-    parameters: Any,
-    state: Any,
-    user: Any,
-    q: Any,
-    v: Any,
-    a: Any,
-    t: Any,
-    u: Any,
-    h: Any,
-    level: Any,
-    v2: Any,
-    a2: Any,
-    scratch: Any,
-    force: Any,
-    factor: Any,
-) -> None:
-    """``effects_step`` over a block; writes ``force`` and ``factor``. Arrays of one length, as in ``effects_step``."""
+    kinds: Any, p_at: Any, s_at: Any, parameters: Any, state: Any, user: Any, q: Any, v: Any, a: Any, t: Any, u: Any,
+    h: Any, level: Any, v2: Any, a2: Any, scratch: Any, force: Any, factor: Any,
+) -> None:  # fmt: skip
+    """``effects_step`` over a block, one effect after the other; writes ``force`` and ``factor``.
+
+    Args:
+        kinds, p_at, s_at, parameters, state, user: as in ``effects_step``.
+        q, v, a, t, u, h, level, v2, a2: of ``effects_step``, arrays of one length.
+        scratch: ``out`` of ``effects_step``.
+        force, factor: added force and level factor at each sample.
+    """
+    force[:] = 0.0
+    factor[:] = 1.0
+    for i in range(kinds.shape[0]):
+        p = parameters[p_at[i] : p_at[i + 1]]
+        s = state[s_at[i] : s_at[i + 1]]
+        kind = kinds[i]
+        for k in range(q.shape[0]):
+            if kind < FIRST_USER_KIND:
+                added, scale = built_in_step(kind, p, s, q[k], v[k], a[k], t[k], u[k], h[k], level[k], v2[k], a2[k])
+            else:
+                added, scale = user_effect_step(
+                    kind - FIRST_USER_KIND, p, s, user, q[k], v[k], a[k], t[k], u[k], h[k], level[k], v2[k], a2[k],
+                    scratch,
+                )  # fmt: skip
+            force[k] += added
+            factor[k] *= scale
     for k in range(q.shape[0]):
-        effects_step(
-            kinds,
-            p_at,
-            s_at,
-            parameters,
-            state,
-            user,
-            q[k],
-            v[k],
-            a[k],
-            t[k],
-            u[k],
-            h[k],
-            level[k],
-            v2[k],
-            a2[k],
-            scratch,
-        )
-        force[k] = scratch[0]
-        factor[k] = scratch[1]
+        factor[k] = max(factor[k], MINIMUM_LEVEL_FACTOR)
 
 
 @njit

@@ -26,6 +26,7 @@ PERIOD = 1.0 / 250.0
 OPTIONS = Options(workers=1, band=25.0)
 FALL = EffectSettings("stribeck", (0.25, 0.02))
 PERIODIC = EffectSettings("periodic_disturbance", (0.8, 3.0, 0.4))
+STIFF = EffectSettings("spring", (2000.0, 0.0))
 
 
 @pytest.fixture(autouse=True)
@@ -53,13 +54,23 @@ def test_a_law_effect_that_explains_all_is_a_name() -> None:
     assert not any(item.name.startswith("effects.stribeck") for item in answer.changed)
 
 
-def test_beside_what_nothing_explains_it_is_a_changed_value() -> None:
-    answer = answered(FALL, PERIODIC)
+@pytest.mark.parametrize(
+    "hidden, strength", [(FALL, "share"), (EffectSettings("quadratic_drag", (400.0,)), "coefficient")]
+)
+def test_beside_what_nothing_explains_it_is_a_changed_value(hidden: EffectSettings, strength: str) -> None:
+    answer = answered(hidden, PERIODIC)
     assert [item.settings.name for item in answer.effects] == []
     changed = {item.name: item for item in answer.changed}
-    share = changed["effects.stribeck.share"]
+    share = changed[f"effects.{hidden.name}.{strength}"]
     assert share.before == 0.0 and share.after > 0.0 and share.std_error > 0.0
-    assert "stribeck" in [item.name for item in answer.model.effects]
+    assert hidden.name in [item.name for item in answer.model.effects]
+
+
+def test_a_large_effect_beside_it_does_not_explain_for_it() -> None:
+    answer = answered(FALL, PERIODIC, STIFF)
+    assert [item.settings.name for item in answer.effects] == ["spring"]
+    assert answer.gap.after**2 < 0.1 * answer.gap.before**2
+    assert "effects.stribeck.share" in [item.name for item in answer.changed]
 
 
 def test_a_drag_that_gives_energy_has_no_name() -> None:

@@ -140,7 +140,7 @@ def test_a_small_effect_is_named_beside_one_that_closes_nearly_everything() -> N
     spring, drag = EffectSettings("spring", (150.0, 0.0)), EffectSettings("quadratic_drag", (60.0,))
     answer = answered((made((spring, drag), 1), made((spring, drag), 2)), AXIS)
     assert [item.settings.name for item in answer.effects] == ["spring", "quadratic_drag"]
-    closed = answer.effects[0].gap_before**2 - answer.effects[0].gap_after**2
+    closed = answer.effects[0].gap_before ** 2 - answer.effects[0].gap_after ** 2
     assert closed > 0.95 * answer.gap.before**2  # what is left for the drag is less than min_closed_share of the whole
 
 

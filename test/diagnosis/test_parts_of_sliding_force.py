@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from workflow_case import AXIS, FRICTION, record
 
-from sgms_observer.diagnosis.advice import Named
 from sgms_observer.diagnosis.answer import _verdict
 from sgms_observer.diagnosis.criteria import Criteria, at_most
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.diagnosis.named import Named
 from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.settings.axis import EffectSettings

@@ -11,6 +11,7 @@ import pytest
 from sgms_observer.application.predicted_tracking import predict_tracking
 from sgms_observer.diagnosis.compensation_check import check_compensation
 from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.tracking import MAX_RATIO, PredictedTracking, TrackingError
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.offline.recording import Recording
@@ -118,3 +119,31 @@ def test_the_feedforward_figure_counts_the_reference_while_it_moves() -> None:
     assert calm.share == pushed.share == pytest.approx(0.47, abs=0.05)
     assert pushed.friction_not_cancelled == pytest.approx(calm.friction_not_cancelled, rel=1.0e-3)
     assert not check_compensation(replace(record, reference_position=None), given, BAND, BLOCK).has_reference
+
+
+def test_the_tuning_of_the_observer_does_not_hide_an_error_of_the_model() -> None:
+    """An observer that trusts the measured effort follows it with any model; the feedforward may not profit from it."""
+    given = _given()
+    record, _ = _recorded(given)
+    checks = [
+        check_compensation(record, replace(given, estimator=replace(given.estimator, measurement_std=std)), BAND, BLOCK)
+        for std in (1.0e-3, 10.0)
+    ]
+    assert checks[0].innovation != checks[1].innovation
+    np.testing.assert_array_equal(*(np.concatenate(item.blocks) for item in checks))
+
+
+@pytest.mark.parametrize(
+    "effect", [EffectSettings("mass_error", (2.0,)), EffectSettings("flexible_mode", (2.0, 20.0, 0.05))]
+)
+@pytest.mark.parametrize("has_reference", [True, False])
+def test_the_feedforward_of_a_moving_mass_cancels_its_force(effect: EffectSettings, has_reference: bool) -> None:
+    axis = _given()
+    fast = replace(axis.stage.reference, amplitude=1.0e-3, frequency=10.0)
+    given = replace(axis, stage_effects=(effect,), stage=replace(axis.stage, reference=fast))
+    record, _ = _recorded(given, has_reference)
+    without, complete = (
+        check_compensation(record, one, BAND, BLOCK) for one in (given, replace(given, effects=(effect,)))
+    )
+    assert complete.friction_not_cancelled < 0.5 * without.friction_not_cancelled
+    assert improvement(without.blocks, complete.blocks).z_score > 3.0

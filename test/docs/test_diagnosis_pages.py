@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sgms_observer.diagnosis.advice import Named
 from sgms_observer.diagnosis.changed import Changed
 from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.criteria import Criteria, at_least
@@ -19,6 +18,7 @@ from sgms_observer.diagnosis.evidence import Improvement
 from sgms_observer.diagnosis.gap import Gap
 from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.map_fit import FittedMap
+from sgms_observer.diagnosis.named import Named
 from sgms_observer.diagnosis.result import result_of
 from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
 from sgms_observer.effects.learnt_map import LearntMap

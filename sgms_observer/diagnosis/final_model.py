@@ -1,0 +1,111 @@
+"""The model that a diagnosis ends with, and the maps that it learns beside the named effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.criteria import Test, at_least, at_most
+from sgms_observer.diagnosis.decision import within_range
+from sgms_observer.diagnosis.diagnosis import Round
+from sgms_observer.diagnosis.fit import Refit
+from sgms_observer.diagnosis.gap import residuals
+from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
+from sgms_observer.diagnosis.map_fit import MAP_NAMES, FittedMap, fit_map, with_map
+from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.settings.units import Units
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FinalModel:
+    """What the diagnosis adds to the model in the end.
+
+    Attributes:
+        fit: the model without learnt maps.
+        accepted: rounds that named an effect.
+        before, after: residual of each recording of the gap without and with what is added [N].
+        noise: rms residual of a perfect model [N].
+        tests: tests of everything that was added together.
+    """
+
+    fit: Refit
+    accepted: Sequence[Round]
+    before: Sequence[Floats]
+    after: Sequence[Floats]
+    noise: float
+    tests: tuple[Test, ...]
+
+
+def final_model(data: GapData, contradiction: Test | None) -> FinalModel:
+    """Return what is added to the model: everything that was accepted, or nothing if the gap does not confirm it."""
+    diagnosis = data.diagnosis
+    written = diagnosis.written
+    before = data.residuals(written.before, replace(diagnosis.file_state.setup, nominal=diagnosis.nominal))
+    after = before if written.after is written.before else data.residuals(written.after, written.setup)
+    # A residual on data that nothing was fitted to bounds the noise.
+    noise = min(data.noise(), data.rms(before), data.rms(after))
+    added = FinalModel(written.after, diagnosis.accepted, before, after, noise, ())
+    if written.after is written.before:
+        return added
+    tests = tuple(_confirmation_tests(data, added))
+    if contradiction is None and all(test.passed for test in tests):
+        return replace(added, tests=tests)
+    return FinalModel(written.before, (), before, before, noise, tests)
+
+
+def _confirmation_tests(data: GapData, added: FinalModel) -> list[Test]:
+    """Return the tests of everything that was added together, on the recordings of the gap."""
+    criteria, diagnosis = data.options.criteria, data.diagnosis
+    names = ", ".join(item.accepted.candidate.name for item in diagnosis.rounds if item.accepted)
+    named = {item.accepted.candidate.name for item in added.accepted if item.accepted}
+    before, after = data.rms(added.before), data.rms(added.after)
+    reduction = data.reduction(added.before, added.after)
+    return [
+        at_least(names, "gap as reported: z-score", reduction.z_score, criteria.interval_z_score),
+        at_most(names, "gap as reported, as a share of the effort", after / data.effort, 1.0),
+        at_most(names, "gap as reported, over the gap before", after / max(before, 1e-300), 1.0),
+        at_least(names, "gap before over noise", ratio_to_noise(before, added.noise), criteria.min_gap_over_floor),
+        at_most(names, "share of the effort that is unexplained", after / data.effort, criteria.max_unexplained),
+        *(
+            within_range(item, diagnosis.final_state.fit_motions, diagnosis.nominal)
+            for item in added.fit.effects
+            if item.name in named
+        ),
+    ]
+
+
+def learnt_maps(data: GapData, final: FinalModel, predictable_share: float, units: Units) -> list[FittedMap]:
+    """Return maps of the remaining residual, fitted one after the other while a regression predicts more of it.
+
+    Args:
+        data: recordings of the gap.
+        final: the model without maps.
+        predictable_share: predictable share of its squared residual.
+        units: units of the axis.
+    """
+    criteria = data.options.criteria
+    learnt: list[FittedMap] = []
+    model, rest, share = final.fit.model, data.rest(final.after), predictable_share
+    names = _free_names(final.fit.effects)
+    while names and share > criteria.min_predictable_share:
+        known = data.fitted(model)
+        another = fit_map(known, rest if data.has_held_out else known, names[0], units, criteria)
+        if another is None:
+            break
+        learnt = with_map(learnt, another, units)
+        names = _free_names([*final.fit.effects, *(item.settings for item in learnt)])
+        model = final.fit.model.with_effects([item.settings for item in learnt])
+        rest = data.rest(residuals(model, data.motions))
+        share = data.predictable(rest, model)[1] if names else 0.0
+    return learnt
+
+
+def _free_names(effects: Sequence[EffectSettings]) -> list[str]:
+    """Return the names of learnt maps that the model does not use yet."""
+    used = {item.name for item in effects}
+    return [name for name in MAP_NAMES if name not in used]

@@ -1,0 +1,111 @@
+"""The named effects of an answer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from sgms_observer.diagnosis.decision import rivals, z_score_between
+from sgms_observer.diagnosis.diagnosis import Diagnosis, Round
+from sgms_observer.diagnosis.fit import Refit
+from sgms_observer.diagnosis.gap import Gap
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.settings.axis import EffectSettings
+
+ONE_RECORDING_CONFIDENCE = 0.9
+"""Largest confidence without a held-out recording: nothing shows that the effect appears again."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """One named effect.
+
+    Attributes:
+        settings: the effect with its parameters.
+        std_error: standard error of each parameter.
+        confidence: probability that it is this effect and no alternative.
+        alternatives: effects that the recordings do not distinguish from it.
+        gap_before, gap_after: gap without and with it [%].
+    """
+
+    settings: EffectSettings
+    std_error: tuple[float, ...]
+    confidence: float
+    alternatives: tuple[str, ...]
+    gap_before: float
+    gap_after: float
+
+
+def named_effects(
+    diagnosis: Diagnosis,
+    accepted: Sequence[Round],
+    fit: Refit,
+    gap: Gap,
+    gap_with: Callable[[Model], float],
+) -> list[Named]:
+    """Return the accepted effects in the order in which they reduce the gap most, each beside those before it.
+
+    Args:
+        diagnosis: the diagnosis.
+        accepted: rounds that named an effect.
+        fit: model with all of them.
+        gap: gap before and after.
+        gap_with: function that returns the gap of a model on the same recordings [%].
+    """
+    rounds = {item.accepted.candidate.name: item for item in accepted if item.accepted}
+    left, listed, last = list(rounds), list[Named](), gap.before
+    while left:
+        gaps = {left[0]: gap.after}
+        if len(left) > 1:
+            others = [[one for one in left if one != name] for name in left]
+            gaps = {
+                name: gap_with(replace(fit.model, effects=tuple(e for e in fit.model.effects if e.name not in later)))
+                for name, later in zip(left, others, strict=True)
+            }
+        name = min(gaps, key=lambda one: gaps[one])
+        listed.append(_as_named(diagnosis, fit, rounds, name, last, gaps[name]))
+        last = gaps[name]
+        left.remove(name)
+    return listed
+
+
+def _as_named(
+    diagnosis: Diagnosis, fit: Refit, rounds: Mapping[str, Round], name: str, before: float, after: float
+) -> Named:
+    """Return one accepted effect.
+
+    Args:
+        diagnosis: the diagnosis.
+        fit: model with all accepted effects.
+        rounds: round that accepted each effect.
+        name: the effect.
+        before, after: gap without and with it [%].
+    """
+    item = rounds[name]
+    assert item.accepted is not None
+    index = [one.name for one in fit.effects].index(name)
+    settings = fit.effects[index]
+    std = tuple(diagnosis.written.errors.get((index, j), 0.0) for j in range(len(settings.values)))
+    others = [
+        z_score_between(item.accepted, other)
+        for other in rivals(item.accepted, item.decisions)
+        if other.candidate.name not in rounds
+    ]
+    confidence = float(np.prod([stats.norm.cdf(z) for z in others])) if others else 1.0
+    confidence = min(confidence, float(stats.norm.cdf(item.accepted.improvement.z_score)))
+    if not diagnosis.final_state.held_out_motions:
+        confidence = min(confidence, ONE_RECORDING_CONFIDENCE)
+    alternatives = tuple(one for one in item.alternatives if one not in rounds)
+    return Named(settings, std, confidence, alternatives, before, after)
+
+
+def measured_quantisation(diagnosis: Diagnosis) -> list[Named]:
+    """Return the quantisation effect if the positions lie on a coarser grid than the settings say."""
+    if diagnosis.resolution is None or diagnosis.is_poor:
+        return []
+    settings = EffectSettings("quantisation", (diagnosis.resolution,))
+    return [Named(settings, (0.005 * diagnosis.resolution,), 0.99, (), math.nan, math.nan)]
