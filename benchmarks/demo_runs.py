@@ -32,13 +32,13 @@ def main() -> int:
         parser.error(f"--runs {args.runs} gives nothing to compare; give 2 or more")
     if args.out.exists():
         parser.error(f"{args.out} exists already, and with it perhaps kernels; give a new folder")
-    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.2f} at the start")
-    print("run  from start to end  late      peak without   peak with    peak smaller  rms smaller")
+    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start, then that of each run's last minute")
+    print("run  from start to end   load  late      peak without   peak with    peak smaller  rms smaller")
     found = []
     for number in range(1, args.runs + 1):
         result, seconds = demonstrate(args.out / f"{number:02d}", args.out / "cache", args.duration)
         for axis in result["axes"].values() if result else ({},):
-            print(f"{number:3d}  {seconds:16.1f} s  {row(axis)}", flush=True)
+            print(f"{number:3d}  {seconds:16.1f} s  {os.getloadavg()[0]:5.1f}  {row(axis)}", flush=True)
             found.append(axis)
     if not all(found):
         print(f"{sum(not axis for axis in found)} of {args.runs} runs failed; see {LOGS} in their folders")
