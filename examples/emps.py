@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from sgms_observer.application.simulate import write_estimates
 from sgms_observer.bags.conversion import parse_map, read_table, write_table
-from sgms_observer.bags.estimate_topics import write_estimates
 from sgms_observer.bags.reader import read_joint_states, read_samples
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main as sgms

@@ -8,12 +8,18 @@ would hold it for ever.
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
 
 _LOST_AFTER = 5.0  # s after which an interrupt that had no effect comes again
+_SOON = 0.01  # s after which one comes again that is known to have had none
 
 
 @contextmanager
@@ -53,6 +59,13 @@ def noted_interrupts() -> Iterator[list[int]]:
         signal.setitimer(signal.ITIMER_REAL, _LOST_AFTER)
         signal.default_int_handler(number, frame)
 
+    def unraisable(lost: UnraisableHookArgs) -> None:
+        if isinstance(lost.exc_value, KeyboardInterrupt):  # it met a destructor, which swallows it
+            signal.setitimer(signal.ITIMER_REAL, _SOON)
+        else:
+            usual_hook(lost)
+
+    usual_hook, sys.unraisablehook = sys.unraisablehook, unraisable
     alarm = signal.signal(signal.SIGALRM, note)
     for number in ours:
         signal.signal(number, note)
@@ -60,6 +73,7 @@ def noted_interrupts() -> Iterator[list[int]]:
         yield noted
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
+        sys.unraisablehook = usual_hook
         signal.signal(signal.SIGALRM, alarm)
         for number, handler in ours.items():
             if signal.getsignal(number) is note:
@@ -84,3 +98,39 @@ def ignore_signals() -> None:
 def is_told() -> bool:
     """Return whether the process was told to stop."""
     return bool(_noted)
+
+
+class DeferredSignals:
+    """Notes SIGINT and SIGTERM while a block runs, and obeys them at its end.
+
+    Attributes:
+        first: number of the first signal that came in the block; 0 for none.
+    """
+
+    def __init__(self) -> None:
+        self.first = 0
+
+    @contextmanager
+    def deferred(self) -> Iterator[None]:
+        """Note the signals while the block runs.
+
+        Raises:
+            KeyboardInterrupt: at the end of the block, if a signal came and its handler does not end the process.
+        """
+        numbers = (signal.SIGINT, signal.SIGTERM)
+        before = [signal.getsignal(number) for number in numbers]
+
+        def note(number: int, _frame: FrameType | None) -> None:
+            self.first = self.first or number
+
+        for number in numbers:
+            signal.signal(number, note)
+        try:
+            yield
+        finally:
+            for number, handler in zip(numbers, before, strict=True):
+                signal.signal(number, handler)
+            first, self.first = self.first, 0
+            if first:
+                signal.raise_signal(first)
+                raise KeyboardInterrupt

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
+import sys
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
@@ -20,6 +23,8 @@ EXIT_TERMINATED = 143
 
 SHOW_TRACEBACK = "SGMS_OBSERVER_TRACEBACK"
 """Environment variable that has a fault of this package raised, with where it is."""
+LONG_WORK = "long work"
+"""Name of a thread that may still compile when the process is told to stop."""
 
 
 class SentenceParser(argparse.ArgumentParser):
@@ -60,3 +65,19 @@ def json_value(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [json_value(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def leave_if_working(code: int) -> int:
+    """End the process at once where a thread is still compiling, which nothing else can stop.
+
+    Args:
+        code: the exit code.
+
+    Returns:
+        The same code, if there is no such thread.
+    """
+    if any(thread.name == LONG_WORK for thread in threading.enumerate()):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code

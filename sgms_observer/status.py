@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+MAX_NIS = 5.0
+"""Largest mean NIS of a model that fits; the standard deviations are then too small by its root, 2.2 times."""
+
 
 class Status(IntEnum):
     """State of one axis's estimate, worst last."""

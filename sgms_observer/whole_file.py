@@ -17,6 +17,9 @@ _number = itertools.count()
 
 def _refused(path: str | Path, error: Exception) -> RecordingError:
     """Return the sentence about a path that the operating system refused."""
+    if isinstance(error, FileExistsError | NotADirectoryError):
+        reason = "it is a file, or lies in one, where a folder must be"
+        return RecordingError(f"{path} cannot be written: {reason}; give another name")
     reason = getattr(error, "strerror", None) or "it is not a possible file name"
     return RecordingError(f"{path} cannot be written: {reason}; make room or choose another folder")
 

@@ -22,6 +22,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
@@ -145,7 +146,8 @@ class Graph:
     def listen(self, *topics: str) -> None:
         """Keep the bytes of every message of these topics, in ``messages``."""
         for topic in topics:
-            kind = DiagnosticArray if topic in ("/diagnostics", "friction_parameters") else JointState
+            kind: Any = DiagnosticArray if topic in ("/diagnostics", "friction_parameters") else JointState
+            kind = JointTrajectory if topic.endswith("_horizon") else kind
             kept = self.messages.setdefault(topic, [])
             self.node.create_subscription(kind, topic, kept.append, SAMPLE_QOS, raw=True)
 

@@ -113,12 +113,7 @@ class AxisDraft:
 
 
 def template_draft(name: str, joint_type: str) -> AxisDraft:
-    """Return first values without a recording: a table's axis, or a robot's joint.
-
-    Args:
-        name: the axis.
-        joint_type: prismatic or revolute.
-    """
+    """Return first values without a recording: a table's axis, or a robot's joint."""
     if joint_type != REVOLUTE:
         return AxisDraft(name, joint_type)
     return AxisDraft(

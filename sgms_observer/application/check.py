@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from sgms_observer.application.axis_facts import AxisFacts, read_axis_facts
-from sgms_observer.application.bag_info import find_position_topic
 from sgms_observer.application.recording_use import doubts_about, losses_in, uses_of
-from sgms_observer.bags.reader import find_inputs, missing_topic
-from sgms_observer.bags.source import BagReader
+from sgms_observer.bags.source import BagReader, find_inputs, missing_topic
 from sgms_observer.bags.survey import survey_bag
 from sgms_observer.errors import RecordingError
 from sgms_observer.settings.axis import AxisSettings, Settings
@@ -71,7 +69,7 @@ def check(settings: Settings, bag: str, axes: Sequence[str], topics: Mapping[str
                 faults.append(str(missing_topic(reader, topics.get(key, key), key)))
     if inputs["position"] is None:
         return Checked(tuple(faults), warnings, ())
-    position = find_position_topic(bag, surveys, topics)
+    position = next(survey for survey in surveys if survey.name == inputs["position"])
     found = list(warnings)
     for axis in (axis for axis in settings.axes if axis.name in axes):
         if axis.name not in position.joints:

@@ -10,6 +10,8 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from sgms_observer.application.predicted_tracking import predict_tracking
+from sgms_observer.application.recording_use import refuse_learnt_from
+from sgms_observer.bags.replacement import refuse_own_recording
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.compensation_check import CompensationCheck, can_look_ahead, check_compensation
 from sgms_observer.diagnosis.criteria import Test, at_most
@@ -21,7 +23,6 @@ from sgms_observer.diagnosis.result import write_augmented, write_result
 from sgms_observer.diagnosis.traces import traces_of
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.diagnosis.workflow import diagnose
-from sgms_observer.errors import ConfigurationError
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recording, read_recordings
 from sgms_observer.report.page import write_page
@@ -85,8 +86,10 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
         SgmsError: something cannot be read, written or made sense of.
     """
     settings = load_settings(request.config)
-    axis, other = _axes(settings, request)
+    axis = settings.wanted_axes([request.axis] if request.axis else (), request.config)[0]
+    other = settings.coupled_to(axis)
     refuse_learnt_from(request.bags, request.holdout)
+    refuse_own_recording(request.out, [*request.bags, *request.holdout])
     try_folder(request.out)
     notes: list[str] = []
 
@@ -198,27 +201,3 @@ def _diagnosed(
     else:
         answer = replace(answer, tests=(*answer.tests, test))
     return replace(answer, tests=(*answer.tests, *refused)), written, later
-
-
-def _axes(settings: Settings, request: DiagnoseRequest) -> tuple[AxisSettings, AxisSettings | None]:
-    """Return the axis that is diagnosed and another one, if any."""
-    axis = settings.wanted_axes([request.axis] if request.axis else (), request.config)[0]
-    return axis, next((entry for entry in settings.axes if entry.name != axis.name), None)
-
-
-def refuse_learnt_from(bags: Sequence[str], holdout: Sequence[str]) -> None:
-    """Refuse a held-out bag that is learnt from as well.
-
-    Args:
-        bags: recordings to learn from.
-        holdout: recordings to judge on.
-
-    Raises:
-        ConfigurationError: a bag is both.
-    """
-    known = {Path(bag).resolve() for bag in bags}
-    for bag in holdout:
-        if Path(bag).resolve() in known:
-            raise ConfigurationError(
-                [f"--holdout {bag} is also a recording to learn from; it cannot judge: leave it out of one of both"]
-            )

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.identification.answer import (
     Answer,
-    Row,
-    bag_hash,
     identification_answer,
     judged_on_held_out,
     least_squares_answer,
-    provenance,
 )
 from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
 from sgms_observer.identification.least_squares import fit_inverse_model, is_reversed
-from sgms_observer.identification.questions import Part
-from sgms_observer.identification.report import identification_page, report_path
+from sgms_observer.identification.report import IdentifiedAxis, identification_page, report_path
 from sgms_observer.identification.trace import Traces, least_squares_traces, traces_of, unexplained_share
+from sgms_observer.observer.all_axes import COUPLING
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recordings, read_recordings
 from sgms_observer.report.page import render_page
@@ -35,7 +34,6 @@ from sgms_observer.whole_file import refuse_existing_files, try_folder, write_te
 LEAST_SQUARES = "least_squares"
 HIGHEST_LEAST_SQUARES_CUTOFF = 100.0
 """Highest corner of the inverse dynamic model [Hz]: rigid bodies end there."""
-COUPLING = "cross_axis_coupling"
 _PROVENANCE = "Identified by sgms identify"
 _STALE = ("(95 %)", "not identifiable")
 
@@ -70,41 +68,6 @@ class IdentifyJob:
 
 
 @dataclass(frozen=True)
-class IdentifiedAxis:
-    """What was found for one axis.
-
-    Attributes:
-        name: the axis.
-        answer: changes, table, sentences.
-        unexplained: rms residual on chunks that did not teach, over the rms effort; None for least squares.
-        held_out: the same on the held-out recordings; None without any.
-        band_hz: upper corner of the judging band [Hz].
-        notes: sentences about the recordings.
-        traces: what the model says beside what was measured.
-        is_converged: whether the search ended by itself; None for least squares, which needs none.
-    """
-
-    name: str
-    answer: Answer
-    unexplained: float | None
-    held_out: float | None
-    band_hz: float
-    notes: tuple[str, ...]
-    traces: Traces
-    is_converged: bool | None
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the axis's part of what ``--json`` prints."""
-        return {
-            "parameters": {row.name: _row_json(row) for row in self.answer.rows},
-            "unexplained": self.unexplained,
-            "held_out": self.held_out,
-            "band_hz": [0.0, self.band_hz],
-            "usable": self.answer.is_usable,
-        }
-
-
-@dataclass(frozen=True)
 class Identified:
     """Result of an identification.
 
@@ -130,7 +93,7 @@ class Identified:
 
     def as_json(self) -> dict[str, Any]:
         """Return the result that ``--json`` prints."""
-        axes = {axis.name: axis.as_json() for axis in self.axes}
+        axes = {axis.name: _axis_json(axis) for axis in self.axes}
         return {
             "schema": 1,
             "yaml": self.path,
@@ -164,20 +127,14 @@ def identify_bags(
     found = []
     for axis in settings.axes:
         if axis in wanted:
-            other = _other_axis(axis, settings)
+            is_coupled = any(effect.name == COUPLING for effect in axis.effects)
+            other = settings.coupled_to(axis) if is_coupled else None
             pieces, unseen = (_read(bags, axis, other, job) for bags in (job.bags, job.holdout))
             with progress(f"identify {axis.name}") as show:
                 found.append(_identified(pieces, unseen, axis, settings.sample_period, job, show))
     _write(settings, job, hashes, found)
-    _write_report(settings, job, report, found)
+    write_text(render_page(identification_page(found, job.out, job.bags, job.holdout)), report)
     return Identified(job.out, str(report), tuple(found))
-
-
-def _other_axis(axis: AxisSettings, settings: Settings) -> AxisSettings | None:
-    """Return the axis whose motion couples into this one, if the file lists that effect."""
-    if all(item.name != COUPLING for item in axis.effects):
-        return None
-    return next((other for other in settings.axes if other.name != axis.name), None)
 
 
 def _read(bags: Sequence[str], axis: AxisSettings, other: AxisSettings | None, job: IdentifyJob) -> Recordings:
@@ -209,13 +166,12 @@ def _identified(
         answer = identification_answer(result, axis, sample_period)
         traces = traces_of(result, axis, pieces, unseen)
         cutoff, unexplained, is_converged = result.cutoff, result.unexplained, result.is_converged
-    held_out = None
     if traces.held_out:
         held_out = unexplained_share(traces.held_out)
         word = axis.units.effort_word
         sentence = f"{axis.name}: {100.0 * held_out:.2f} % of the rms {word} unexplained on held-out bags"
         answer = judged_on_held_out(replace(answer, summary=(*answer.summary, sentence)), axis, held_out)
-    return IdentifiedAxis(axis.name, answer, unexplained, held_out, cutoff, notes, traces, is_converged)
+    return IdentifiedAxis(axis.name, axis.units, answer, traces, cutoff, unexplained, is_converged, notes)
 
 
 def _least_squares(pieces: Recordings, unseen: Recordings, axis: AxisSettings, cutoff: float) -> tuple[Answer, Traces]:
@@ -241,21 +197,49 @@ def _write(settings: Settings, job: IdentifyJob, hashes: Sequence[str], found: S
     if kept and any(line.startswith(_PROVENANCE) for line in kept[0].above):
         kept = (replace(kept[0], above=()), *kept[1:])
     text = with_comments(text, kept, last, lambda comment: any(word in comment for word in _STALE))
-    head = provenance(job.bags, hashes, sentences)
+    head = _provenance(job.bags, hashes, sentences)
     write_text("\n".join(f"# {line}".rstrip() for line in head.splitlines()) + "\n" + text, job.out)
     load_settings(job.out)
 
 
-def _write_report(settings: Settings, job: IdentifyJob, path: Path, found: Sequence[IdentifiedAxis]) -> None:
-    """Write the report."""
-    axes = {axis.name: axis for axis in settings.axes}
-    parts = [
-        Part(axes[one.name].units, one.name, one.answer, one.traces, one.band_hz, one.unexplained, one.is_converged)
-        for one in found
-    ]
-    write_text(render_page(identification_page(parts, job.out, job.bags, job.holdout)), path)
+def bag_hash(path: str | Path) -> str:
+    """Return the SHA-256 of a bag: of its files' names and contents, in the order of their names.
+
+    Raises:
+        RecordingError: if it cannot be read.
+    """
+    root = Path(path)
+    digest = hashlib.sha256()
+    try:
+        files = [root] if root.is_file() else sorted(entry for entry in root.rglob("*") if entry.is_file())
+        for file in files:
+            digest.update(file.name.encode())
+            with open(file, "rb") as handle:
+                while part := handle.read(1 << 20):
+                    digest.update(part)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror or error}; check the path") from None
+    return digest.hexdigest()
 
 
-def _row_json(row: Row) -> dict[str, Any]:
-    """Return one parameter as ``--json`` prints it."""
-    return {"value": row.value, "half_width": row.half_width, "unit": row.unit, "shown": row.is_identifiable}
+def _provenance(names: Sequence[str], hashes: Sequence[str], summary: Sequence[str]) -> str:
+    """Return the lines at the head of the YAML: each recording with its SHA-256, then sentences about the result."""
+    date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    lines = [f"{_PROVENANCE} on {date} from"]
+    lines += [f"  {Path(name).name}  sha256 {digest}" for name, digest in zip(names, hashes, strict=True)]
+    return "\n".join([*lines, *summary])
+
+
+def _axis_json(axis: IdentifiedAxis) -> dict[str, Any]:
+    """Return an axis as ``--json`` prints it."""
+    rows = axis.answer.rows
+    return {
+        "parameters": {
+            row.name: {"value": row.value, "half_width": row.half_width, "unit": row.unit, "shown": row.is_identifiable}
+            for row in rows
+        },
+        "unexplained": axis.unexplained,
+        "held_out": axis.held_out,
+        "band_hz": [0.0, axis.band_hz],
+        "usable": axis.answer.is_usable,
+    }

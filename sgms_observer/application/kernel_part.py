@@ -48,7 +48,7 @@ def _stage(settings: Settings) -> None:
 
 
 def _observer(settings: Settings) -> None:
-    from sgms_observer.bags.blocks import warm_up_encoding
+    from sgms_observer.bags.rows import warm_up_encoding
     from sgms_observer.observer.axis_observer import AxisObserver
     from sgms_observer.observer.trial import run_all_kernels
 

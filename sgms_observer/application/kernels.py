@@ -48,11 +48,7 @@ _WATCH = 0.1  # s
 
 
 def missing_parts(names: Sequence[str] = tuple(PARTS)) -> tuple[str, ...]:
-    """Return those parts whose kernels, of exactly this version, are not in the cache.
-
-    Args:
-        names: parts that are needed.
-    """
+    """Return those parts whose kernels, of exactly this version, are not in the cache."""
     if not jit.HAS_NUMBA:
         return ()
     return tuple(name for name in names if not jit.is_complete(name, PARTS[name].module))

@@ -42,11 +42,7 @@ def template_text(drafts: Sequence[AxisDraft], head: str) -> str:
 
 
 def number(value: float) -> str:
-    """Return a number as YAML reads it as one, with six digits.
-
-    Args:
-        value: finite.
-    """
+    """Return a number as YAML reads it as one, with six digits."""
     text = f"{value:.6g}"
     if "e" in text:
         mantissa, exponent = text.split("e")

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from sgms_observer.application.axis_facts import AxisFacts
+from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.units import PRISMATIC, REVOLUTE, Units
 
 MIN_STEPS = 50.0
@@ -40,11 +43,7 @@ class Use:
 
 
 def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
-    """Return what the recording of an axis can be used for.
-
-    Args:
-        facts: what it shows.
-    """
+    """Return what the recording of an axis can be used for."""
     identify = _reason_against_identification(facts)
     diagnose = identify
     if not diagnose and facts.reversals < MIN_REVERSALS_TO_DIAGNOSE:
@@ -101,11 +100,7 @@ def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
 
 
 def losses_in(facts: AxisFacts) -> tuple[str, ...]:
-    """Return a sentence for each kind of samples that the recording lost.
-
-    Args:
-        facts: what it shows.
-    """
+    """Return a sentence for each kind of samples that the recording lost."""
     found = []
     if 0.0 < facts.missing_efforts < 1.0:
         found.append(
@@ -163,3 +158,17 @@ def _reason_against_identification(facts: AxisFacts) -> str:
             f" {balance.corner:.3g} Hz: check that effort and position belong to the same axis, and their units"
         )
     return ""
+
+
+def refuse_learnt_from(bags: Sequence[str], holdout: Sequence[str]) -> None:
+    """Refuse a held-out bag that is learnt from as well.
+
+    Raises:
+        ConfigurationError: a bag is both.
+    """
+    known = {Path(bag).resolve() for bag in bags}
+    for bag in holdout:
+        if Path(bag).resolve() in known:
+            raise ConfigurationError(
+                [f"--holdout {bag} is also a recording to learn from; it cannot judge: leave it out of one of both"]
+            )

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.observer.outgoing import Outgoing
     from sgms_observer.observer.samples import Estimates, Samples
+    from sgms_observer.report.replay_view import AxisView
+    from sgms_observer.settings.axis import Settings
 
 Given = TypeVar("Given")
 _READ_AHEAD = 64  # blocks that are read before they are asked for, some 7 MB: reading begins while kernels are fetched
@@ -29,23 +31,29 @@ class Replayed:
         warnings: sentences about the recording.
         messages: messages written.
         duration: time from the first message of the recording to the last [s].
+        views: what the page shows of each axis; empty if none is wanted.
+        settings: what the observer ran with.
     """
 
     tallies: dict[str, Tally]
     warnings: tuple[str, ...]
     messages: int
     duration: float
+    views: tuple[AxisView, ...]
+    settings: Settings
 
-    def as_json(self, bag: str) -> dict[str, object]:
+    def as_json(self, bag: str, report: str | None) -> dict[str, object]:
         """Return the result that ``--json`` prints.
 
         Args:
             bag: the new bag.
+            report: the page; None for none.
         """
         axes = {name: tally.figures() for name, tally in self.tallies.items()}
         return {
             "schema": 1,
             "bag": bag,
+            "report": report,
             "messages": self.messages,
             "duration_s": self.duration,
             "axes": axes,
@@ -63,6 +71,7 @@ def replay_bag(
     *,
     axes: Sequence[str] | None = None,
     is_overwriting: bool = False,
+    has_report: bool = False,
 ) -> Replayed:
     """Run the observer over a recording and write what the node would publish.
 
@@ -75,6 +84,7 @@ def replay_bag(
         show: told how much is done, from 0 to 1.
         axes: axes of the file to observe; None for all.
         is_overwriting: replace a bag that is there.
+        has_report: gather what ``write_report`` shows.
 
     Raises:
         SgmsError: something cannot be read, written or made sense of.
@@ -82,10 +92,11 @@ def replay_bag(
     from dataclasses import replace
 
     from sgms_observer.bags.reader import BagSamples
-    from sgms_observer.bags.replacement import refuse_existing_bag
+    from sgms_observer.bags.replacement import refuse_existing_bag, refuse_own_recording
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.settings.load import load_settings
 
+    refuse_own_recording(out, [bag])
     refuse_existing_bag(out, is_overwriting)
     settings = load_settings(config)
     wanted = settings.wanted_axes(axes or (), config)
@@ -94,21 +105,50 @@ def replay_bag(
     source = BagSamples(bag, settings.scales, settings.sample_period, topics=topics)
     first, last = source.span_ns
     tallies = {axis.name: Tally(axis.units.effort) for axis in settings.axes}
+    views: tuple[AxisView, ...] = ()
+    if has_report:
+        from sgms_observer.report.replay_view import AxisView
+
+        expected = (last - first) * 1e-9 / settings.sample_period
+        views = tuple(AxisView(axis, first, expected) for axis in settings.axes)
     with _short_turns(), beside(_blocks_of_all_axes(source, names), _READ_AHEAD) as samples:
         from sgms_observer.observer.all_axes import AllAxes
         from sgms_observer.observer.outgoing import Outgoing
 
         observers = AllAxes(settings.axes, settings.sample_period)
         outgoing = Outgoing(settings)
-        observed = (observers.step(block) for block in samples)
+        observed = ((block, observers.step(block)) for block in samples)
         with BagWriter(out, storage, is_overwriting=is_overwriting) as written, beside(observed, _WAITING) as blocks:
-            for estimates in blocks:
+            for block, estimates in blocks:
                 for number, estimate in estimates.items():
                     tallies[names[number]].add(estimate)
+                    if views:
+                        views[number].add(block[number], estimate)
                 _write(written, outgoing, estimates)
                 latest = max(int(estimate.stamp_ns[-1]) for estimate in estimates.values())
                 show((latest - first) / max(1, last - first))
-    return Replayed(tallies, tuple(source.warnings), sum(written.counts.values()), (last - first) * 1e-9)
+    messages = sum(written.counts.values())
+    return Replayed(tallies, tuple(source.warnings), messages, (last - first) * 1e-9, views, settings)
+
+
+def write_report(done: Replayed, bag: str, config: str, out: str) -> str:
+    """Write the page about a replay into the folder of its bag and return its path."""
+    from pathlib import Path
+
+    from sgms_observer.bags.replacement import REPORT
+    from sgms_observer.report.page import render_page
+    from sgms_observer.report.replay_view import recorded_outputs
+    from sgms_observer.report.replayed import replay_page
+    from sgms_observer.whole_file import write_text
+
+    period = done.settings.sample_period
+    recorded = {view.axis.name: recorded_outputs(view, Path(bag), Path(out), period) for view in done.views}
+    figures = {name: tally.figures() for name, tally in done.tallies.items()}
+    statuses = {name: tally.statuses for name, tally in done.tallies.items()}
+    source = f"{Path(bag).name}, replayed with {Path(config).name}."
+    path = Path(out) / REPORT
+    write_text(render_page(replay_page(done.views, figures, statuses, recorded, done.warnings, source)), path)
+    return str(path)
 
 
 def _blocks_of_all_axes(source: Iterable[tuple[str, Samples]], names: Sequence[str]) -> Iterator[dict[int, Samples]]:
@@ -204,6 +244,9 @@ class Tally:
 
     Args:
         unit: of the axis's effort.
+
+    Attributes:
+        statuses: number of samples in each status.
     """
 
     def __init__(self, unit: str) -> None:
@@ -212,7 +255,7 @@ class Tally:
         self._corrections = 0
         self._squares = 0.0
         self._nis = 0.0
-        self._statuses: dict[int, int] = {}
+        self.statuses: dict[int, int] = {}
 
     def add(self, estimates: Estimates) -> None:
         """Count a block of estimates."""
@@ -225,7 +268,7 @@ class Tally:
         self._squares += float(np.sum(innovation**2))
         self._nis += float(np.sum((innovation / estimates.innovation_std[taken]) ** 2))
         for status, count in zip(*np.unique(estimates.status, return_counts=True), strict=True):
-            self._statuses[int(status)] = self._statuses.get(int(status), 0) + int(count)
+            self.statuses[int(status)] = self.statuses.get(int(status), 0) + int(count)
 
     def figures(self) -> dict[str, float]:
         """Return samples, corrections, innovation (rms, in ``unit``), NIS and the samples in trouble."""
@@ -238,7 +281,7 @@ class Tally:
             "innovation": (self._squares / corrections) ** 0.5,
             "nis": self._nis / corrections,
             "in_trouble": sum(
-                count for code, count in self._statuses.items() if code not in (Status.RUNNING, Status.STARTING)
+                count for code, count in self.statuses.items() if code not in (Status.RUNNING, Status.STARTING)
             ),
         }
 
@@ -252,6 +295,6 @@ class Tally:
             f" {figures['innovation']:.4g} {self.unit} rms, NIS {figures['nis']:.3g}"
         ]
         for status in Status:
-            if status not in (Status.RUNNING, Status.STARTING) and self._statuses.get(status):
-                parts.append(f"{self._statuses[status]} samples: {status.sentence}")
+            if status not in (Status.RUNNING, Status.STARTING) and self.statuses.get(status):
+                parts.append(f"{self.statuses[status]} samples: {status.sentence}")
         return "; ".join(parts)

@@ -9,7 +9,6 @@ from functools import partial
 
 import numpy as np
 
-from sgms_observer.bags.estimate_topics import write_estimates
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.observer.all_axes import AllAxes
 from sgms_observer.observer.samples import Estimates, Floats, Samples
@@ -66,12 +65,7 @@ class Simulated:
     errors: tuple[str, ...]
 
     def as_json(self, simulation: Simulation, bag: str) -> dict[str, object]:
-        """Return the result that ``--json`` prints.
-
-        Args:
-            simulation: what was simulated.
-            bag: the new bag.
-        """
+        """Return the result that ``--json`` prints."""
         return {
             "schema": 1,
             "bag": bag,
@@ -150,23 +144,20 @@ def _write_records(
     bag: BagWriter, names: Sequence[str], scales: Sequence[Scales], records: Sequence[StageRecord]
 ) -> None:
     """Write what a real stage publishes, in topic units, and the truth in SI."""
-    def columns(field: str, blocks: Sequence[StageRecord | Samples]) -> Floats:
-        return np.column_stack([getattr(block, field) for block in blocks])
-
     stamp_ns = records[0].stamp_ns
     seen = [record.samples.in_topic_units(own) for record, own in zip(records, scales, strict=True)]
     # The reference first: a reader pairs position and effort as soon as it has both, and waits for no reference
     # that it has never heard of.
     bag.write_joint_states(
         "reference", stamp_ns, names,
-        position=columns("reference_position", seen), velocity=columns("reference_velocity", seen),
+        position=_columns("reference_position", seen), velocity=_columns("reference_velocity", seen),
     )  # fmt: skip
-    bag.write_joint_states("position", stamp_ns, names, position=columns("position", seen))
-    bag.write_joint_states("control_effort", stamp_ns, names, effort=columns("effort", seen))
+    bag.write_joint_states("position", stamp_ns, names, position=_columns("position", seen))
+    bag.write_joint_states("control_effort", stamp_ns, names, effort=_columns("effort", seen))
     bag.write_joint_states(
         "friction_true", stamp_ns, names,
-        position=columns("position", records), velocity=columns("velocity", records),
-        effort=columns("friction", records),
+        position=_columns("position", records), velocity=_columns("velocity", records),
+        effort=_columns("friction", records),
     )  # fmt: skip
 
 
@@ -181,6 +172,40 @@ def _write_estimates(
             for block in estimates
         ]
     write_estimates(bag, names, estimates)
+
+
+def write_estimates(bag: BagWriter, names: Sequence[str], estimates: Sequence[Estimates]) -> None:
+    """Write a block of estimates to friction_estimate, _std, _compensation and _elements.
+
+    Args:
+        bag: the open bag.
+        names: the axes.
+        estimates: one block per axis, with the same stamps.
+    """
+    stamp_ns = estimates[0].stamp_ns
+    bag.write_joint_states(
+        "friction_estimate", stamp_ns, names,
+        position=_columns("position", estimates),
+        velocity=_columns("velocity", estimates),
+        effort=_columns("friction", estimates),
+    )  # fmt: skip
+    bag.write_joint_states("friction_std", stamp_ns, names, effort=_columns("friction_std", estimates))
+    bag.write_joint_states("friction_compensation", stamp_ns, names, effort=_columns("compensation", estimates))
+    elements = [
+        f"{name}/{i + 1}"
+        for name, estimate in zip(names, estimates, strict=True)
+        for i in range(estimate.element_force.shape[1])
+    ]
+    bag.write_joint_states(
+        "friction_elements", stamp_ns, elements,
+        position=np.hstack([e.element_deflection for e in estimates]),
+        effort=np.hstack([e.element_force for e in estimates]),
+    )  # fmt: skip
+
+
+def _columns(field: str, blocks: Sequence[StageRecord | Samples | Estimates]) -> Floats:
+    """Return one column per axis, shape (n, k)."""
+    return np.column_stack([getattr(block, field) for block in blocks])
 
 
 class _Errors:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.bags.byte_loops import read_rows
-from sgms_observer.bags.cdr import JointStateEncoder, JointStateLayout
-from sgms_observer.bags.rows import MessageRows
+from sgms_observer.bags.cdr import JointStateLayout
+from sgms_observer.bags.rows import HALF, LOWER, SECOND, STAMP_PLACE
 from sgms_observer.errors import DataError
 from sgms_observer.jit import HAS_NUMBA
 
@@ -18,14 +17,8 @@ Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
-#: Rows from which numpy encodes faster than struct.
-BY_ARRAYS = 24
-
 _LAYOUTS_AT_ONCE = 16
-_SECOND = 1_000_000_000
-_STAMP_PLACE = 4  # seconds and nanoseconds, the first thing behind the encapsulation
 _LITTLE_ENDIAN = b"\x00\x01"
-_HALF, _LOWER = np.uint64(32), np.uint64(2**32 - 1)
 
 
 @dataclass(frozen=True)
@@ -171,7 +164,7 @@ class Pattern:
         mask = np.zeros(layout.size, np.uint8)
         for begin, end in layout.constant:
             mask[begin:end] = 255
-        places = [_STAMP_PLACE]
+        places = [STAMP_PLACE]
         for start, used in zip(layout.offsets, _used(layout), strict=True):
             places += range(start, start + 8 * used, 8)
         return cls(layout, np.frombuffer(message[: layout.size], np.uint8), mask, np.array(places, np.int64))
@@ -226,10 +219,10 @@ def _read(block: MessageBlock, rows: NDArray[np.intp], pattern: Pattern) -> tupl
         rows = rows[found]
     if layout.encoding != _LITTLE_ENDIAN:
         numbers = numbers.byteswap()
-        seconds, nanoseconds = numbers[0] >> _HALF, numbers[0] & _LOWER
+        seconds, nanoseconds = numbers[0] >> HALF, numbers[0] & LOWER
     else:
-        seconds, nanoseconds = numbers[0] & _LOWER, numbers[0] >> _HALF
-    stamps = seconds.astype(np.uint32).view(np.int32).astype(np.int64) * _SECOND + nanoseconds.astype(np.int64)
+        seconds, nanoseconds = numbers[0] & LOWER, numbers[0] >> HALF
+    stamps = seconds.astype(np.uint32).view(np.int32).astype(np.int64) * SECOND + nanoseconds.astype(np.int64)
     fields = []
     at = 1
     for used in _used(layout):
@@ -263,59 +256,3 @@ def _find_by_arrays(
     for row, place in enumerate(pattern.places.tolist()):
         numbers[row] = np.ascontiguousarray(messages[:, place : place + 8]).view("<u8")[:, 0]
     return found, numbers
-
-
-def warm_up_encoding() -> None:
-    """Encode a block once: the kernel behind it is not compiled while a block waits to be sent."""
-    encode_joint_states(np.arange(BY_ARRAYS, dtype=np.int64), ("x",), {"effort": np.zeros((BY_ARRAYS, 1))})
-
-
-def encode_joint_states(stamp_ns: Ints, names: Sequence[str], fields: dict[str, Floats], frame_id: str = "") -> Bytes:
-    """Encode n JointStates that differ in their numbers only.
-
-    Args:
-        stamp_ns: stamps [ns], shape (n,).
-        names: joints (axes), k of them.
-        fields: any of ``position``, ``velocity`` and ``effort``, each of shape (n, k) [m], [m/s], [N].
-        frame_id: of the headers.
-
-    Returns:
-        One message per row, shape (n, size), uint8.
-
-    Raises:
-        DataError: as ``joint_state_rows``.
-    """
-    return joint_state_rows(stamp_ns, names, fields, frame_id).to_bytes()
-
-
-def joint_state_rows(
-    stamp_ns: Ints, names: Sequence[str], fields: dict[str, Floats], frame_id: str = ""
-) -> MessageRows:
-    """Prepare n JointStates that differ in their numbers only.
-
-    Args:
-        stamp_ns: stamps [ns], shape (n,).
-        names: joints (axes), k of them.
-        fields: any of ``position``, ``velocity`` and ``effort``, each of shape (n, k) [m], [m/s], [N].
-        frame_id: of the headers.
-
-    Raises:
-        DataError: a shape does not fit, or a stamp does not fit a ROS time.
-    """
-    encoder = JointStateEncoder(names, tuple(fields), frame_id)
-    count = stamp_ns.size
-    if count and not -(2**31) * _SECOND <= int(stamp_ns.min()) <= int(stamp_ns.max()) < 2**31 * _SECOND:
-        raise DataError("a stamp does not fit a ROS time; give times within 68 years of 1970")
-    numbers = np.empty((1 + len(encoder.starts) * len(names), count), np.uint64)
-    seconds, nanoseconds = np.divmod(stamp_ns, _SECOND)
-    numbers[0] = (seconds.astype(np.uint64) & _LOWER) | nanoseconds.astype(np.uint64) << _HALF
-    places = [_STAMP_PLACE]
-    ordered = [fields[name] for name in ("position", "velocity", "effort") if name in fields]
-    for start, values in zip(encoder.starts, ordered, strict=True):
-        if values.shape != (count, len(names)):
-            raise DataError(
-                f"a field of shape {values.shape} was given for {stamp_ns.size} stamps of {len(names)} axes"
-            )
-        numbers[len(places) : len(places) + len(names)].view(np.float64)[:] = values.T
-        places += range(start, start + 8 * len(names), 8)
-    return MessageRows(np.frombuffer(encoder.template, np.uint8), np.array(places, np.int64), numbers)

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.columns import open_log
 from sgms_observer.bags.combination import Combination
+from sgms_observer.bags.mat_log import MatLog
+from sgms_observer.bags.text_log import TextLog
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import RecordingError
 
@@ -63,6 +64,21 @@ class Table:
             reference=reference,
             reference_velocity=velocity,
         )
+
+
+def open_log(path: Path) -> MatLog | TextLog:
+    """Open a text or MAT file.
+
+    Args:
+        path: the file; everything that does not end in ``.mat`` is read as text.
+
+    Raises:
+        RecordingError: it cannot be read.
+    """
+    try:
+        return MatLog(path) if path.suffix.lower() == ".mat" else TextLog(path)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror or error}; check the path") from None
 
 
 def parse_map(items: Sequence[str], has_rate: bool = False) -> dict[str, str]:

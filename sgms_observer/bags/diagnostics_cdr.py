@@ -30,18 +30,17 @@ class DiagnosticStatus:
     values: tuple[tuple[str, str], ...] = ()
 
 
-def encode_diagnostics(stamp_ns: int, statuses: Sequence[DiagnosticStatus], frame_id: str = "") -> bytes:
+def encode_diagnostics(stamp_ns: int, statuses: Sequence[DiagnosticStatus]) -> bytes:
     """Return one DiagnosticArray.
 
     Args:
         stamp_ns: time of the header [ns].
         statuses: its entries.
-        frame_id: of the header.
 
     Raises:
         DataError: the stamp does not fit a ROS time.
     """
-    message = begin_message(stamp_ns, frame_id)
+    message = begin_message(stamp_ns)
     append_uint32(message, len(statuses))
     for status in statuses:
         message.append(status.level)

@@ -121,9 +121,7 @@ def read_mat(path: Path) -> dict[str, Any]:
             raise _Damaged("it does not begin as one")
         version: int = struct.unpack_from(order + "H", data, 124)[0]
         if version >> 8 == 2:
-            raise RecordingError(
-                f"{path} is a MAT file of version 7.3, which is not read; in MATLAB: save(..., '-v7')"
-            )
+            raise RecordingError(f"{path} is a MAT file of version 7.3, which is not read; in MATLAB: save(..., '-v7')")
         return dict(_variables(data[_HEADER:], order))
     except (_Damaged, struct.error, ValueError, OverflowError, MemoryError) as error:
         raise RecordingError(f"{path} is no readable MAT file ({error}); save it again") from None

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.blocks import joint_state_rows
 from sgms_observer.bags.mcap_writer import McapWriter
 from sgms_observer.bags.message_types import JOINT_STATE, describe_type
 from sgms_observer.bags.metadata import dump_metadata
+from sgms_observer.bags.rows import joint_state_rows
 from sgms_observer.errors import RecordingError
 
 

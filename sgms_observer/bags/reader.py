@@ -10,16 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.bags.blocks import JointStates, MessageBlock, Pattern, decode_joint_states
-from sgms_observer.bags.message_types import JOINT_STATE
-from sgms_observer.bags.source import BagReader
+from sgms_observer.bags.source import INPUTS, BagReader, find_inputs, find_topic, missing_topic
 from sgms_observer.errors import RecordingError
 from sgms_observer.observer.block_pairing import Messages, push_block
 from sgms_observer.observer.pairing import Pairing, PairingCounts
 from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.units import UNSCALED, ScaledAxes, Scales, scales_by_axis
-
-INPUTS = ("position", "control_effort", "reference")
-_SINGLE_TOPIC = "joint_states"
 
 # A recorder on a busy machine writes one topic seconds after another. Waiting costs nothing here, and gives the samples
 # that the observer saw.
@@ -28,75 +24,6 @@ _MOST_WAITING = 2**18
 _STEPS = 10  # steps of the stamps that the sample period is taken from, at least
 _BLOCKS = 20  # blocks that are looked at for them, at most
 _UNKNOWN_PERIOD = 1.0e-3  # s, for a recording of a single sample
-
-
-def find_topic(bag: BagReader, name: str, kind: str = JOINT_STATE) -> str | None:
-    """Find a topic by its name, with or without namespace.
-
-    Args:
-        bag: the recording.
-        name: such as ``position``, which ``/position`` matches, or else the only ``/.../position``.
-        kind: the type of message that it must have.
-
-    Returns:
-        The topic's full name, or None if there is none.
-
-    Raises:
-        RecordingError: the name fits several topics, or one of another type.
-    """
-    bare = name.lstrip("/")
-    exact = "/" + bare
-    found = [topic for topic in bag.topics if topic in (exact, name)]
-    if not found and not name.startswith("/"):
-        found = [topic for topic in bag.topics if topic.endswith(exact)]
-    if len(found) > 1:
-        raise RecordingError(
-            f"{bag.path} holds several topics called {name}: {', '.join(found)}; name one of them in full"
-        )
-    if found and bag.topics[found[0]] != kind:
-        raise RecordingError(
-            f"{found[0]} in {bag.path} is {bag.topics[found[0]] or 'of unknown type'}; {kind} is needed"
-        )
-    return found[0] if found else None
-
-
-def find_inputs(bag: BagReader, names: Mapping[str, str]) -> dict[str, str | None]:
-    """Return the topic of a bag for each input of the observer, None where there is none.
-
-    Args:
-        bag: the recording.
-        names: names of ``position``, ``control_effort`` and ``reference`` where they differ.
-
-    Raises:
-        RecordingError: a name fits several topics, or one of another type, or is that of no input.
-    """
-    unknown = set(names) - set(INPUTS)
-    if unknown:
-        raise RecordingError(
-            f"{', '.join(sorted(unknown))} is no input of the observer; rename {', '.join(INPUTS)} only"
-        )
-    found = {name: find_topic(bag, names.get(name, name)) for name in INPUTS}
-    if not names and found["position"] is None and (single := find_topic(bag, _SINGLE_TOPIC)):
-        found["position"] = found["control_effort"] = single
-    return found
-
-
-def missing_topic(bag: BagReader, name: str, key: str) -> RecordingError:
-    """Return the error about a topic that a bag lacks, with what it holds and how the user says which of it is meant.
-
-    Args:
-        bag: the recording.
-        name: the topic.
-        key: the input that it would be: ``position``, ``control_effort`` or ``reference``.
-    """
-    held = ", ".join(sorted(bag.topics)) or "no topic at all"
-    others = set(INPUTS) - {key}
-    fitting = sorted(
-        topic for topic, kind in bag.topics.items() if kind == JOINT_STATE and topic.rpartition("/")[2] not in others
-    )
-    best = next((topic for topic in fitting if topic.endswith(f"/{key}")), fitting[0] if fitting else "")
-    remedy = f"name it with --topic {key}={best}" if best else f"record {key} as {JOINT_STATE}"
-    return RecordingError(f"{bag.path} has no topic {name}; it holds {held}; {remedy}")
 
 
 class BagSamples:

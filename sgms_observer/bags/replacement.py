@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 from sgms_observer.bags.metadata import METADATA
 from sgms_observer.errors import RecordingError
 
+REPORT = "report.html"
+"""The page about a bag, in its folder."""
 _BAG_FILES = (".mcap", ".db3", ".zstd", ".db3-wal", ".db3-shm")
 
 
@@ -25,9 +28,26 @@ def refuse_existing_bag(path: str | Path, is_overwriting: bool) -> None:
     if not target.exists() and not target.is_symlink():
         return
     if not is_overwriting:
-        raise RecordingError(f"{path} exists already and is not overwritten; give another name, or --overwrite")
+        raise RecordingError(f"{target} exists already and is not overwritten; give another name, or --overwrite")
     if not _is_bag(target):
-        raise RecordingError(f"{path} is no bag and is not overwritten; give another name, or remove it yourself")
+        raise RecordingError(f"{target} is no bag and is not overwritten; give another name, or remove it yourself")
+
+
+def refuse_own_recording(out: str | Path, bags: Sequence[str | Path]) -> None:
+    """Raise if results would go into the folder of a recording that they are made from.
+
+    Args:
+        out: folder of the results.
+        bags: folders or files of the recordings.
+
+    Raises:
+        RecordingError: it is the folder of one of them, whatever may be overwritten.
+    """
+    target = Path(out).resolve()
+    for bag in bags:
+        source = Path(bag).resolve()
+        if target in (source, source.parent if source.is_file() else source):
+            raise RecordingError(f"--out {out} is the recording {bag} itself, which stays as it is; give another name")
 
 
 def take_place(new: Path, path: Path) -> None:
@@ -51,8 +71,8 @@ def take_place(new: Path, path: Path) -> None:
 
 
 def _is_bag(path: Path) -> bool:
-    """Return whether a folder holds files of a bag and nothing else."""
+    """Return whether a folder holds files of a bag, a report of ours about it, and nothing else."""
     if path.is_symlink() or not path.is_dir():
         return False
     names = [entry.name for entry in path.iterdir()]
-    return bool(names) and all(name == METADATA or name.endswith(_BAG_FILES) for name in names)
+    return bool(names) and all(name in (METADATA, REPORT) or name.endswith(_BAG_FILES) for name in names)

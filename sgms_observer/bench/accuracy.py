@@ -36,21 +36,13 @@ class Accuracy:
 
 
 def newest_force(flat: Floats) -> float:
-    """Return the sum of the element forces at the window's newest node [N].
-
-    Args:
-        flat: an estimator's memory.
-    """
+    """Return the sum of the element forces at the window's newest node [N]."""
     memory = views(flat)
     return float(memory.forces[int(memory.flags[COUNT])].sum())
 
 
 def converged(flat: Floats) -> Floats:
-    """Return a copy of an estimator's memory whose window is iterated to convergence.
-
-    Args:
-        flat: an estimator's memory.
-    """
+    """Return a copy of an estimator's memory whose window is iterated to convergence."""
     copy = flat.copy()
     copy[TOLERANCE] = _CONVERGED
     for _ in range(_MAX_ITERATIONS):

@@ -47,12 +47,7 @@ class _Heard:
 
 
 def listen(topics: list[str], out: Path) -> None:
-    """Take in the messages of topics and write them to a file, one table of integers for each topic.
-
-    Args:
-        topics: what to listen to.
-        out: the file (.npz).
-    """
+    """Take in the messages of topics and write them to a file, one table of integers for each topic."""
     prepare_transport()
     rclpy.init(args=[])
     node = rclpy.create_node("bench_listener")

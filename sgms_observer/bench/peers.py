@@ -32,11 +32,7 @@ class Peer:
 
 
 def time_casadi(problem: Problem) -> dict[str, Peer]:
-    """Time sqpmethod, one iteration, and ipopt, converged, from the estimator's warm start in every full window.
-
-    Args:
-        problem: the problem.
-    """
+    """Time sqpmethod, one iteration, and ipopt, converged, from the estimator's warm start in every full window."""
     estimator = problem.estimator()
     windows = {solver: ParametricWindow(problem, estimator, solver) for solver in OPTIONS}
     seconds: dict[str, list[float]] = {solver: [] for solver in OPTIONS}
@@ -67,9 +63,6 @@ def time_casadi(problem: Problem) -> dict[str, Peer]:
 
 def time_peers(problem: Problem) -> tuple[dict[str, Peer | None], list[str]]:
     """Time every peer.
-
-    Args:
-        problem: the problem.
 
     Returns:
         Name to result, None for a peer that is not installed; and a sentence for each of those.

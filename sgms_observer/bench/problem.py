@@ -31,11 +31,7 @@ _TABLE_I = FrictionSettings()
 
 
 def elements(n_z: int) -> FrictionSettings:
-    """Return friction with so many elements: Table I for four, else stiffness spread over the same range.
-
-    Args:
-        n_z: number of elements.
-    """
+    """Return friction with so many elements: Table I for four, else stiffness spread over the same range."""
     if n_z == len(_TABLE_I.element_stiffness):
         return FrictionSettings(reset="paper")
     stiffness = np.geomspace(1.2e7, 7e5, n_z) * 4.0 / n_z

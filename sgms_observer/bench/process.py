@@ -70,10 +70,6 @@ def run_python(arguments: Sequence[str], environment: Mapping[str, str] | None =
 
 
 def seconds_used(process_id: int) -> float:
-    """Return the computing time that a running process has used so far [s].
-
-    Args:
-        process_id: its number.
-    """
+    """Return the computing time that a running process has used so far [s]."""
     fields = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -140,11 +140,7 @@ class ParametricWindow:
         )
 
     def arguments(self, estimator: Estimator) -> dict[str, Floats]:
-        """Return a window as the solver's arguments, started from the estimator's present estimate.
-
-        Args:
-            estimator: its window is full.
-        """
+        """Return a window as the solver's arguments, started from the estimator's present estimate."""
         memory = estimator.memory
         factor = np.linalg.inv(np.linalg.cholesky(memory.prior_covariance)) * self._unit_x
         records = memory.measurements[1:]

@@ -46,9 +46,8 @@ def time_replay(folder: Path, seconds: float) -> dict[str, Any]:
         for run, name in enumerate(["third", "third", ""]):  # the first may have to compile
             out = str(folder / f"replayed_{kind}_{run}")
             os.sync()  # what was written before must not be paid for here
-            usages.append(
-                run_python([*_SGMS, "replay", str(folder / f"recorded{name}"), "--config", str(config), "--out", out])
-            )
+            arguments = [str(folder / f"recorded{name}"), "--config", str(config), "--out", out, "--no-report"]
+            usages.append(run_python([*_SGMS, "replay", *arguments]))
         found = re.search(r"messages in ([\d.]+) s", usages[-1].output)
         result[kind] = {
             "loop_s": float(found.group(1)) if found else None,

@@ -25,11 +25,7 @@ _CORRECTION = 2.0e-3  # s from one correction to the next
 
 
 def axis_names(count: int) -> tuple[str, ...]:
-    """Return the names of the axes: ``x``, or ``x1``, ``x2``, ... of several.
-
-    Args:
-        count: how many there are.
-    """
+    """Return the names of the axes: ``x``, or ``x1``, ``x2``, ... of several."""
     return ("x",) if count == 1 else tuple(f"x{number + 1}" for number in range(count))
 
 

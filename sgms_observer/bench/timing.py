@@ -62,12 +62,7 @@ def undisturbed() -> Iterator[None]:
 
 
 def time_estimator(problem: Problem, repeats: int = 3) -> EstimatorTimings:
-    """Time the stages of every full window, after one pass that is not counted.
-
-    Args:
-        problem: the problem.
-        repeats: how often to go through it.
-    """
+    """Time the stages of every full window, after one pass that is not counted."""
     _pass(problem)
     passes = [_pass(problem) for _ in range(repeats)]
     return EstimatorTimings(*(Timing.of([value for one in passes for value in one[part]]) for part in range(3)))

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     """Do the job, as ``registry.Command``."""
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
-    from sgms_observer.whole_file import refuse_existing_files
+    from sgms_observer.whole_file import refuse_existing_files, try_folder
 
     limits = {"windows": (1, 100_000), "live_seconds": (0.5, 3600), "replay_seconds": (0.5, 3600)}
     faults = [
@@ -66,6 +66,9 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigurationError(faults)
     if args.json:
         refuse_existing_files([args.json], args.overwrite)
+        try_folder(Path(args.json).parent)
+    if args.out:
+        try_folder(args.out)
     result = _empty()
     with tempfile.TemporaryDirectory(prefix="sgms-bench-") as folder:
         chosen = [part for part in PARTS if part in args.only and _can_run(part)]

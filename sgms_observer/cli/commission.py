@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> Outcome:
     def say(sentence: str) -> None:
         print(sentence, flush=True)
 
-    with TableLink(plan.axis, plan.settings.sample_period, plan.limits, out / "log") as table:
+    with TableLink(plan.axis, plan.limits, out / "log") as table:
         ledger = commission(Session(plan, ledger, table, confirm, say, show))
     print(f"wrote {out}: commission.json" + (f", {ledger.yaml}" if ledger.yaml else ""))
     if not ledger.is_usable:

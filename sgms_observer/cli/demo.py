@@ -42,21 +42,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``registry.Command``."""
-    from sgms_observer.bags.replacement import refuse_existing_bag
+    from sgms_observer.bags.replacement import REPORT, refuse_existing_bag
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.settings.load import load_settings
     from sgms_observer.shipped import shipped_file
+    from sgms_observer.whole_file import refuse_existing_files, try_folder
 
     if not 4.0 <= args.duration <= 3600.0:
         raise ConfigurationError([f"--duration = {args.duration:g} s must be between 4 and 3600; give for instance 20"])
     config = Path(args.config) if args.config else shipped_file("config", "demo.yaml")
     settings = load_settings(config)
     require_ros()
-    from sgms_observer.report.demonstration import present
+    from sgms_observer.report.demonstration import RESULT, present
 
     out = Path(args.out)
     bag = out / "bag"
     refuse_existing_bag(bag, args.overwrite)
+    refuse_existing_files([out / REPORT, out / RESULT], args.overwrite)
+    try_folder(out)
     shutil.rmtree(bag, ignore_errors=True)
     switched_ns, said = _play(config, [axis.name for axis in settings.axes], out, bag, args.duration)
     result = present(bag, settings, switched_ns, out)

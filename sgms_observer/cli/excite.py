@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sgms_observer.cli.options import (
@@ -69,7 +70,7 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.excitation.limits import limits_of
     from sgms_observer.excitation.reference import DURATION, design_excitation
     from sgms_observer.settings.load import load_settings
-    from sgms_observer.whole_file import refuse_existing_files
+    from sgms_observer.whole_file import refuse_existing_files, try_folder
     from sim_plant.reference_file import write_reference_file
 
     if not args.out and not args.publish:
@@ -78,6 +79,7 @@ def run(args: argparse.Namespace) -> Outcome:
         raise ConfigurationError(["--publish starts where the table stands; leave out --from"])
     if args.out:
         refuse_existing_files([args.out], args.overwrite)
+        try_folder(Path(args.out).parent)
     settings = load_settings(args.config)
     wanted = axis_from(args.axis, "excite")
     axis = settings.wanted_axes([wanted] if wanted else (), args.config)[0]
@@ -101,7 +103,8 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.publish:
         from sgms_observer.nodes.reference_player import play_reference
 
-        finished = play_reference(axis, reference_from, 1.0 / rate, limits.acceleration)
+        period = settings.sample_period
+        finished = play_reference(axis, reference_from, 1.0 / rate, period, limits.acceleration)
         print("published to the end" if finished else "interrupted: the reference was brought to rest")
     else:
         reference_from((args.centre or 0.0) if args.start is None else args.start)

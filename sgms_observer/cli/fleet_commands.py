@@ -20,11 +20,7 @@ if TYPE_CHECKING:
 
 
 def add_fleet_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare where the jobs of many recordings run.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare where the jobs of many recordings run."""
     parser.add_argument(
         "--workers",
         type=int,

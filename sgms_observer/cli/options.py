@@ -27,21 +27,12 @@ def add_output_options(parser: argparse.ArgumentParser, *, has_result: bool = Tr
 
 
 def add_overwrite_option(parser: argparse.ArgumentParser) -> None:
-    """Declare that the command may replace what it wrote before.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare that the command may replace what it wrote before."""
     parser.add_argument("--overwrite", action="store_true", help="replace the output if it exists")
 
 
 def add_storage_option(parser: argparse.ArgumentParser, of: str = "the bag") -> None:
-    """Declare how the bag that the command writes is stored.
-
-    Args:
-        parser: the command's own parser.
-        of: which bag, for the help text.
-    """
+    """Declare how the bag that the command writes is stored."""
     parser.add_argument(
         "--storage", choices=("mcap", "sqlite3"), default="mcap", help=f"storage of {of} (default: mcap)"
     )
@@ -59,11 +50,7 @@ def add_bag_options(parser: argparse.ArgumentParser, axes: str) -> None:
 
 
 def add_topic_option(parser: argparse.ArgumentParser) -> None:
-    """Declare where the topics of a bag are.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare where the topics of a bag are."""
     parser.add_argument(
         "--topic",
         action="append",
@@ -88,11 +75,7 @@ def add_axis_option(parser: argparse.ArgumentParser, axes: str) -> None:
 
 
 def add_limit_options(parser: argparse.ArgumentParser) -> None:
-    """Declare what the axis may do while it is excited; without them ``CAUTIOUS_LIMITS`` of its joint type hold.
-
-    Args:
-        parser: the command's own parser.
-    """
+    """Declare what the axis may do while it is excited; without them ``CAUTIOUS_LIMITS`` of its joint type hold."""
     parser.add_argument(
         "--stroke", type=float, metavar="WIDTH", help="full width of the motion (default: 0.02 m; 0.5 rad)"
     )
@@ -111,7 +94,7 @@ def topics_from(arguments: Sequence[str]) -> dict[str, str]:
     Raises:
         ConfigurationError: one of them is malformed or has an unknown key.
     """
-    from sgms_observer.bags.reader import INPUTS
+    from sgms_observer.bags.source import INPUTS
 
     found: dict[str, str] = {}
     for argument in arguments:

@@ -25,17 +25,10 @@ class Command(Protocol):
     HELP: str
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the command's arguments.
-
-        Args:
-            parser: the command's own parser.
-        """
+        """Declare the command's arguments."""
 
     def run(self, args: argparse.Namespace) -> int | Outcome:
         """Do the job.
-
-        Args:
-            args: what the user gave.
 
         Returns:
             The exit code, 0 only on success, alone or with the result that ``--json`` prints.

@@ -26,8 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         required=True,
         metavar="BAG2",
-        help="folder of the new bag; for several, the folder of the new bags and of one summary, report.html",
+        help="folder of the new bag and its report.html; for several, the folder of the new bags and of one summary,"
+        " report.html",
     )
+    parser.add_argument("--no-report", action="store_true", help="write no report.html about a single bag")
     add_storage_option(parser, "the new bag")
     add_bag_options(parser, "all axes of the file")
     add_fleet_arguments(parser)
@@ -37,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int | Outcome:
     """Do the job, as ``registry.Command``."""
-    from sgms_observer.application.replay import replay_bag
+    from sgms_observer.application.replay import replay_bag, write_report
     from sgms_observer.cli.progress import Progress
 
     if len(args.bags) > 1 or args.scheduler is not None:
@@ -47,11 +49,14 @@ def run(args: argparse.Namespace) -> int | Outcome:
     start = time.perf_counter()
     with Progress("replay", 1.0) as progress:
         done = replay_bag(args.bags[0], args.config, args.out, args.storage, topics_from(args.topic), progress.show,
-                          axes=args.axis, is_overwriting=args.overwrite)  # fmt: skip
+                          axes=args.axis, is_overwriting=args.overwrite, has_report=not args.no_report)  # fmt: skip
     seconds = time.perf_counter() - start
     for name, tally in done.tallies.items():
         print(f"{name}: {tally.sentence()}")
     for warning in done.warnings:
         print(f"note: {warning}")
     print(f"{args.out}: {done.messages} messages in {seconds:.1f} s, {done.duration / seconds:.1f} times real time")
-    return Outcome(result=done.as_json(args.out))
+    report = None if args.no_report else write_report(done, args.bags[0], args.config, args.out)
+    if report:
+        print(f"wrote {report}")
+    return Outcome(result=done.as_json(args.out, report))

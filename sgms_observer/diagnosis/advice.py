@@ -71,5 +71,5 @@ def next_experiment(
         }
         weakest = min(screenings, key=lambda name: screenings[name].independent_share, default=None)
         if weakest is not None:
-            return f"Least visible here is {weakest}; to see less of it, record: {effect(weakest).excitation}."
+            return f"{weakest} would show least in these recordings; to show it, record: {effect(weakest).excitation}."
     return None

@@ -15,8 +15,8 @@ from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import SCRATCH, CompiledEffects
 from sgms_observer.effects.user_kernels import user_step_lines
 from sgms_observer.estimators import memory as at
+from sgms_observer.export.program import Program, Source, source_of
 from sgms_observer.export.sample import observe_sample
-from sgms_observer.export.translator import Source, Translator, source_of
 from sgms_observer.export.values import (
     FIELD_OFFSET,
     INT,
@@ -106,13 +106,7 @@ def public(kind: Scalar) -> str:
 
 
 def constant_text(name: str, kind: Scalar, data: NDArray[Any]) -> str:
-    """Return the definition of a constant array.
-
-    Args:
-        name: its name.
-        kind: type of its entries.
-        data: its entries.
-    """
+    """Return the definition of a constant array."""
     flat = data.ravel()
     parts = [real_text(float(value)) if kind is REAL else str(int(value)) for value in flat] or ["0"]
     rows = [", ".join(parts[i : i + 6]) for i in range(0, len(parts), 6)]
@@ -120,12 +114,7 @@ def constant_text(name: str, kind: Scalar, data: NDArray[Any]) -> str:
 
 
 def estimator_record(memory: Memory, flat: NDArray[np.float64]) -> Record:
-    """Return the estimator's memory as a structure: what changes are members, what does not are constants.
-
-    Args:
-        memory: receives the constants.
-        flat: the estimator's memory in Python.
-    """
+    """Return the estimator's memory as a structure: what changes are members, what does not are constants."""
     names = at.Memory._fields[1:]
     constants = {
         index: number(float(flat[index])) for index in range(at.HEADER) if index not in _HEADER and index < at.COUNT
@@ -142,22 +131,13 @@ def estimator_record(memory: Memory, flat: NDArray[np.float64]) -> Record:
 
 
 def filter_record(memory: Memory, size: int) -> Record:
-    """Return the filter's state as a structure.
-
-    Args:
-        memory: names it.
-        size: numbers in it.
-    """
+    """Return the filter's state as a structure."""
     entries = {index: (name, LONG) for index, name in COUNTERS.items()}
     return Record(f"{memory.prefix}_filter", entries, {}, {}, (size,))
 
 
 def record_text(record: Record) -> str:
-    """Return the definition of a structure with the members that the program uses.
-
-    Args:
-        record: after the translation.
-    """
+    """Return the definition of a structure with the members that the program uses."""
     lines = [f"    {public(kind)} {name};" for name, kind in record.entries.values() if name in record.used]
     lines += [
         f"    {public(kind.item)} {name}[{max(kind.size, 1)}];"
@@ -170,11 +150,7 @@ def record_text(record: Record) -> str:
 
 
 def user_value(effects: CompiledEffects) -> Value:
-    """Return the users' own effects as one function to translate, or None in Python's sense without any.
-
-    Args:
-        effects: of the axis.
-    """
+    """Return the users' own effects as one function to translate, or None in Python's sense without any."""
     users = [effect(name) for name in effects.names if not is_built_in(name)]
     if not users:
         return NONE
@@ -204,14 +180,8 @@ class AxisProgram:
     locals: dict[str, int]
 
 
-def translate_axis(program: Translator, observer: AxisObserver, prefix: str) -> AxisProgram:
-    """Translate the observer of one axis.
-
-    Args:
-        program: receives the functions.
-        observer: the axis, with an EKF.
-        prefix: what every global name begins with.
-    """
+def translate_axis(program: Program, observer: AxisObserver, prefix: str) -> AxisProgram:
+    """Translate the observer of one axis."""
     memory = Memory(prefix)
     effects, filters, estimator = observer.effects, observer.differentiator, observer.estimator
     compensator = observer.compensator

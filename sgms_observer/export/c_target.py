@@ -12,8 +12,7 @@ from sgms_observer.estimators import block
 from sgms_observer.export import vector
 from sgms_observer.export.axis_program import AxisProgram, constant_text, record_text, translate_axis
 from sgms_observer.export.lines import wrapped
-from sgms_observer.export.pieces import body_text, functions_text
-from sgms_observer.export.render import fill
+from sgms_observer.export.pieces import body_text, fill, functions_text
 from sgms_observer.export.translator import Translator
 from sgms_observer.export.values import REAL
 from sgms_observer.filters import motion as row_of
@@ -35,11 +34,7 @@ NAME = "sgms"
 
 
 def with_ekf(axis: AxisSettings) -> tuple[AxisSettings, list[str]]:
-    """Return the axis with an EKF, and a warning where the YAML asks for an MHE.
-
-    Args:
-        axis: settings of the axis.
-    """
+    """Return the axis with an EKF, and a warning where the YAML asks for an MHE."""
     if axis.estimator.kind == "ekf":
         return axis, []
     sentence = (
@@ -153,4 +148,3 @@ def _sources(
         ),
         "Makefile": fill("Makefile", **common),
     }  # fmt: skip
-

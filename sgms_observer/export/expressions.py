@@ -6,30 +6,24 @@ import ast
 import math
 from collections.abc import Callable, Sequence
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from sgms_observer.errors import ConfigurationError
-from sgms_observer.export import views
 from sgms_observer.export.values import (
     ATOM,
     BOOL,
-    FIELD_OFFSET,
     INT,
     LONG,
     NONE,
     REAL,
     UNKNOWN,
     Array,
-    Record,
     Scalar,
     Struct,
     Value,
     cast,
     number,
 )
-
-if TYPE_CHECKING:
-    from sgms_observer.export.translator import Translator
+from sgms_observer.export.views import Views
 
 ARITHMETIC = {ast.Add: ("+", 70), ast.Sub: ("-", 70), ast.Mult: ("*", 80), ast.Div: ("/", 80)}
 COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
@@ -55,41 +49,8 @@ def reads_of(values: Sequence[Value]) -> frozenset[str]:
     return frozenset().union(*(value.reads for value in values))
 
 
-class Expressions:
-    """Translates the expressions of one function.
-
-    Args:
-        program: what is translated all together.
-        label: the function and its file, for refusals.
-        scope: the function's global names.
-    """
-
-    def __init__(self, program: Translator, label: str, scope: dict[str, Any]) -> None:
-        self.program = program
-        self.label = label
-        self.scope = scope
-        self.flow: dict[str, Value] = {}
-        self.types: dict[str, Any] = {}
-        self.parameters: dict[str, Value] = {}
-        self.written: set[str] = set()
-        self.roots: dict[str, frozenset[str]] = {}
-
-    def refuse(self, node: ast.AST, what: str) -> ConfigurationError:
-        """Return the error for what has no translation."""
-        return ConfigurationError(
-            [
-                f"sgms export cannot write {what} in C ({self.label}, line {getattr(node, 'lineno', 0)}: "
-                f"{ast.unparse(node)[:80]}); write it with arithmetic, math functions, if, and for over range"
-            ]
-        )
-
-    def expression(self, node: ast.expr) -> Value:
-        """Return the translation of an expression."""
-        method = getattr(self, f"_{type(node).__name__.lower()}", None)
-        if method is None:
-            raise self.refuse(node, f"a {type(node).__name__}")
-        value: Value = method(node)
-        return value
+class Expressions(Views):
+    """Translates the expressions of one function, but its calls."""
 
     def _constant(self, node: ast.Constant) -> Value:
         if node.value is None:
@@ -110,7 +71,7 @@ class Expressions:
             return Value(name, kind, reads=frozenset([name]), roots=self.roots.get(name, frozenset([name])),
                          is_stable=not isinstance(kind, Array) and not is_struct)  # fmt: skip
         if name in self.scope:
-            return self.program.outside(name, self.scope[name], self.scope, node)
+            return self.program.named(name, self.scope[name], self.scope)
         if name in ("abs", "min", "max", "float", "int", "bool", "len"):
             return Value(name, None, const=name)
         raise self.refuse(node, f"the name {name}")
@@ -125,7 +86,7 @@ class Expressions:
             found = getattr(owner.const, node.attr, UNKNOWN)
             if found is UNKNOWN:
                 raise self.refuse(node, "an unknown name")
-            return self.program.outside(node.attr, found, vars(owner.const), node)
+            return self.program.named(node.attr, found, vars(owner.const))
         if isinstance(owner.type, Array) and node.attr == "shape":
             return Value("", None, items=tuple(self._length(node, length) for length in owner.type.shape))
         if isinstance(owner.type, Struct):
@@ -252,62 +213,3 @@ class Expressions:
         kind = max(yes.type, no.type, key=lambda item: item.rank)
         text = f"{test.inside(21)} ? {cast(yes, kind).inside(21)} : {cast(no, kind).inside(21)}"
         return Value(text, kind, 20, reads=reads_of((test, yes, no)))
-
-    def _call(self, node: ast.Call) -> Value:
-        function = self.expression(node.func)
-        if node.keywords:
-            raise self.refuse(node, "an argument by name")
-        return self.program.call(self, node, function.const, [self.expression(item) for item in node.args])
-
-    def _subscript(self, node: ast.Subscript) -> Value:
-        owner = self.expression(node.value)
-        index = node.slice
-        if owner.items is not None:
-            return owner.items[self.whole(index)]
-        if isinstance(owner.type, Struct):
-            name, kind = owner.type.fields[self.whole(index)]
-            text = f"{owner.inside(ATOM)}{'->' if owner.is_pointer else '.'}{name}"
-            return Value(text, kind, reads=owner.reads, roots=owner.roots, is_pure=owner.is_pure)
-        if isinstance(owner.type, Record):
-            return self._of_record(node, owner, index)
-        if isinstance(owner.type, Array):
-            return views.of_array(self, node, owner, index)
-        raise self.refuse(node, "this index")
-
-    def whole(self, node: ast.expr) -> int:
-        """Return a whole number that the translator has to know."""
-        value = self.expression(node)
-        if not value.is_known:
-            raise self.refuse(node, "an index that is not known beforehand")
-        return int(value.const)
-
-    def _of_record(self, node: ast.Subscript, owner: Value, index: ast.expr) -> Value:
-        """Return a member of a record, a part of its tail, or a constant that belongs to it."""
-        record = owner.type
-        assert isinstance(record, Record)
-        if not isinstance(index, ast.Slice):
-            place = self.expression(index)
-            if place.is_known and int(place.const) in record.constants:
-                return record.constants[int(place.const)]
-            if place.is_known and int(place.const) in record.entries:
-                name, kind = record.entries[int(place.const)]
-                record.used.add(name)
-                return Value(f"{owner.text}->{name}", kind, reads=owner.reads, roots=owner.roots)
-        if record.tail is None:
-            raise self.refuse(node, "an index without a member")
-        record.used.add("at")
-        whole = Value(f"{owner.text}->at", Array(REAL, record.tail), reads=owner.reads, roots=owner.roots,
-                      is_stable=True)  # fmt: skip
-        return views.of_array(self, node, whole, index)
-
-    def field_of(self, node: ast.AST, owner: Value, index: Value) -> Value:
-        """Return a field of a record (``estimators.fields``)."""
-        record = owner.type
-        if not isinstance(record, Record) or not index.is_known:
-            raise self.refuse(node, "a field that is not known beforehand")
-        place = int(index.const)
-        if place + FIELD_OFFSET in record.constants:
-            return record.constants[place + FIELD_OFFSET]
-        name, kind = record.fields[place]
-        record.used.add(name)
-        return Value(f"{owner.text}->{name}", kind, reads=owner.reads, roots=owner.roots, is_stable=True)

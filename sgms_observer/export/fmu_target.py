@@ -23,10 +23,10 @@ from sgms_observer.errors import ConfigurationError
 from sgms_observer.export.axis_program import Memory, constant_text, user_value
 from sgms_observer.export.fmu_variables import Variable, base_exponents, stage_variables
 from sgms_observer.export.lines import wrapped
-from sgms_observer.export.pieces import body_text, functions_text, struct_text
-from sgms_observer.export.render import fill
+from sgms_observer.export.pieces import body_text, fill, functions_text, struct_text
+from sgms_observer.export.program import snake, source_of
 from sgms_observer.export.stage_tick import ENDS, stage_tick
-from sgms_observer.export.translator import Translator, snake, source_of
+from sgms_observer.export.translator import Translator
 from sgms_observer.export.values import INT, LONG, REAL, Array, Struct, Value, number
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.whole_file import write_bytes
@@ -185,9 +185,7 @@ def _binary_place(fmi: int) -> tuple[str, str]:
         return (f"{machine}-linux" if fmi == 3 else "linux64" if machine == "x86_64" else f"{machine}-linux"), ".so"
     if sys.platform == "darwin":
         return (f"{machine}-darwin" if fmi == 3 else "darwin64"), ".dylib"
-    raise ConfigurationError(
-        [f"sgms export builds FMUs on Linux and macOS, not on {sys.platform}; export there"]
-    )
+    raise ConfigurationError([f"sgms export builds FMUs on Linux and macOS, not on {sys.platform}; export there"])
 
 
 def _compiled(source: str, model: str, suffix: str) -> bytes:

@@ -52,6 +52,8 @@ class Loop:
     block: list[Statement] = field(default_factory=list)
 
 
+_WIDTH = 112  # of a line of C
+
 Statement = Line | Branch | Loop
 Declare = Callable[[str, bool], str]
 """Takes a variable's name and whether it is assigned but once, returns its declaration without a semicolon."""
@@ -73,11 +75,7 @@ def walk(block: list[Statement]) -> Iterator[Statement]:
 
 
 def without_unused(block: list[Statement]) -> list[Statement]:
-    """Return a function's statements without those that nothing needs.
-
-    Args:
-        block: all of them.
-    """
+    """Return a function's statements without those that nothing needs."""
     while True:
         needed = frozenset().union(*(statement.reads for statement in walk(block)))
         count = sum(1 for _ in walk(block))
@@ -153,17 +151,12 @@ def declarations(block: list[Statement]) -> tuple[dict[int, str], list[str], dic
     return at_home, at_top, counts
 
 
-def wrapped(line: str, width: int = 112) -> list[str]:
-    """Return a line of C in pieces that are not too long.
-
-    Args:
-        line: with its indent.
-        width: of a piece.
-    """
+def wrapped(line: str) -> list[str]:
+    """Return a line of C in pieces that are not too long."""
     indent = line[: len(line) - len(line.lstrip())] + "    "
     pieces = []
-    while len(line) > width:
-        ends = [line.rfind(mark, 0, width) + len(mark) for mark in (", ", "&& ", "|| ", "+ ", "* ")]
+    while len(line) > _WIDTH:
+        ends = [line.rfind(mark, 0, _WIDTH) + len(mark) for mark in (", ", "&& ", "|| ", "+ ", "* ")]
         place = next((end for end in ends if end > len(indent) + 8), 0)
         if not place:
             break

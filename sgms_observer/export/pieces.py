@@ -1,13 +1,25 @@
-"""Parts of a C file around the translated functions: helpers, structures, constants, in an order that compiles."""
+"""Parts of a C file around the translated functions, in an order that compiles, and the templates that take them."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from sgms_observer import __version__
 from sgms_observer.export.calls import MATH
-from sgms_observer.export.translator import Translator, constant_lines
+from sgms_observer.export.program import Program, constant_lines
 from sgms_observer.export.values import Array, Scalar, Struct
+
+_ENVIRONMENT = Environment(
+    loader=FileSystemLoader(Path(__file__).with_name("templates")),
+    undefined=StrictUndefined,
+    keep_trailing_newline=True,
+    trim_blocks=False,
+)
 
 HELPERS = {
     "floor_divide": """/* Quotient rounded down, as in Python. */
@@ -55,13 +67,8 @@ def is_used(name: str, text: str) -> bool:
     return re.search(rf"\b{name}\b", text) is not None
 
 
-def functions_text(program: Translator, calls: Sequence[str]) -> str:
-    """Return the translated functions that the calls need, each before those that call it.
-
-    Args:
-        program: after the translation.
-        calls: what the hand-written part calls.
-    """
+def functions_text(program: Program, calls: Sequence[str]) -> str:
+    """Return the translated functions that the calls need, each before those that call it."""
     needed = "\n".join(calls)
     kept: list[str] = []
     for function in reversed(list(program.functions.values())):
@@ -71,7 +78,7 @@ def functions_text(program: Translator, calls: Sequence[str]) -> str:
     return "\n".join(reversed(kept))
 
 
-def body_text(program: Translator, functions: str, constants: Sequence[str], wanted: str) -> str:
+def body_text(program: Program, functions: str, constants: Sequence[str], wanted: str) -> str:
     """Return everything between the top of the file and its interface.
 
     Args:
@@ -92,11 +99,7 @@ def body_text(program: Translator, functions: str, constants: Sequence[str], wan
 
 
 def struct_text(struct: Struct) -> str:
-    """Return the definition of a structure.
-
-    Args:
-        struct: the structure.
-    """
+    """Return the definition of a structure."""
     lines = []
     for name, kind in struct.fields:
         if isinstance(kind, Array):
@@ -104,3 +107,13 @@ def struct_text(struct: Struct) -> str:
         else:
             lines.append(f"    {kind.c if isinstance(kind, Scalar) else kind.name} {name};")
     return "typedef struct {\n" + "\n".join(lines) + f"\n}} {struct.name};"
+
+
+def fill(template: str, **values: Any) -> str:
+    """Return a template with its values.
+
+    Args:
+        template: name of the file below ``templates`` without ``.j2``.
+        values: what it asks for.
+    """
+    return _ENVIRONMENT.get_template(f"{template}.j2").render(version=__version__, **values)

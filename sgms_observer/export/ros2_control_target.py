@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from sgms_observer.export.c_target import NAME, prefix_of
-from sgms_observer.export.render import fill
+from sgms_observer.export.pieces import fill
 from sgms_observer.settings.axis import AxisSettings
 
 PACKAGE = "sgms_friction_compensation"

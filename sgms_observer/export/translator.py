@@ -3,139 +3,25 @@
 from __future__ import annotations
 
 import ast
-import inspect
-import math
-import sys
-import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cache
-from types import FunctionType
 from typing import Any
 
-import numpy as np
-
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.estimators import fields
-from sgms_observer.export import calls
-from sgms_observer.export.expressions import Expressions
-from sgms_observer.export.lines import Line, Statement, print_block, walk, without_unused, wrapped
+from sgms_observer.export.calls import MATH
+from sgms_observer.export.lines import Statement, print_block, walk, without_unused, wrapped
+from sgms_observer.export.program import Function, Parameter, Program, Source
 from sgms_observer.export.statements import Statements, assigned_in
-from sgms_observer.export.values import ATOM, INT, REAL, Array, Record, Scalar, Struct, Type, Value, number, real_text
+from sgms_observer.export.values import ATOM, REAL, Array, Record, Scalar, Struct, Type, Value
+
+C_NAMES = set(MATH) | {"sgms_init", "sgms_step", "sgms_reset", "sgms_enable", "main", "abs", "signal", "index"}
+"""Names that a function of this program must not have."""
 
 
-@dataclass
-class Parameter:
-    """A parameter of a C function.
-
-    Attributes:
-        name: its name.
-        value: what stands for it inside the function.
-        is_used: whether the function needs it; one that it does not need is left out.
-        is_written: whether the function writes the memory behind it.
-    """
-
-    name: str
-    value: Value
-    is_used: bool = True
-    is_written: bool = False
-
-
-@dataclass
-class Function:
-    """One C function."""
-
-    name: str
-    parameters: list[Parameter]
-    result: Type = None
-    text: str = ""
-    is_pure: bool = True
-
-
-@dataclass(frozen=True, eq=False)
-class Source:
-    """A Python function to translate.
-
-    Attributes:
-        name: its name.
-        file: where it stands, for refusals.
-        summary: first sentence of its docstring.
-        scope: its global names.
-        tree: its syntax tree.
-    """
-
-    name: str
-    file: str
-    summary: str
-    scope: dict[str, Any]
-    tree: ast.FunctionDef
-
-
-@dataclass
-class Translator:
-    """A C program in the making.
-
-    Attributes:
-        float_values: constants by name that the type float needs otherwise (a tolerance below its rounding error).
-    """
-
-    float_values: dict[str, float] = field(default_factory=dict)
-    functions: dict[Any, Function] = field(default_factory=dict)
-    structs: dict[str, Struct] = field(default_factory=dict)
-    constants: dict[str, Any] = field(default_factory=dict)
-    owners: dict[str, Any] = field(default_factory=dict)
-
-    def outside(self, name: str, found: Any, scope: dict[str, Any], node: ast.AST) -> Value:
-        """Return what a global name of a function means."""
-        if isinstance(found, bool) or not isinstance(found, (int, float)):
-            return Value(name, None, const=found)
-        origin = _origin(scope.get("__name__", ""), name, found).rsplit(".", 1)[-1]
-        label = f"{origin}_{name.strip('_')}".upper()
-        if self.constants.setdefault(label, found) != found:
-            raise ConfigurationError([f"sgms export: two constants are named {label}; rename one of the modules"])
-        return Value(label, REAL if isinstance(found, float) else INT, const=found)
-
-    def call(self, caller: Expressions, node: ast.Call, target: Any, arguments: list[Value]) -> Value:
-        """Return the translation of a call."""
-        if target is fields.vector or target is fields.matrix:
-            return caller.field_of(node, arguments[0], arguments[1])
-        known = calls.known(caller, node, target, arguments)
-        if known is not None:
-            return known
-        if isinstance(target, type) and hasattr(target, "_fields"):
-            return self._construct(target, arguments)
-        source = target if isinstance(target, Source) else source_of(getattr(target, "py_func", target))
-        if source is None:
-            raise caller.refuse(node, "this call")
-        function = self.function(source, arguments)
-        texts = []
-        reads: frozenset[str] = frozenset()
-        for parameter, argument in zip(function.parameters, arguments, strict=True):
-            if not parameter.is_used:
-                continue
-            if parameter.is_written:
-                caller.written |= argument.roots
-            texts.append(calls.argument_text(parameter.value, argument))
-            reads |= argument.reads
-        is_pure = function.is_pure
-        return Value(f"{function.name}({', '.join(texts)})", function.result, reads=reads, is_pure=is_pure)
-
-    def _construct(self, target: Any, arguments: list[Value]) -> Value:
-        """Return a new structure from the values of its members."""
-        kinds = tuple((name, item.type) for name, item in zip(target._fields, arguments, strict=True))
-        label = f"{snake(target.__name__)}_struct"
-        kind = self.structs.setdefault(label, Struct(label, kinds))
-        parts = [calls.number_as(member, item) for (_, member), item in zip(kind.fields, arguments, strict=True)]
-        reads: frozenset[str] = frozenset().union(*(item.reads for item in arguments))
-        return Value(f"({kind.name}){{{', '.join(parts)}}}", kind, 90, reads=reads)
+class Translator(Program):
+    """A C program that grows by each function that is asked for."""
 
     def function(self, source: Source, arguments: Sequence[Value]) -> Function:
-        """Return the C function for these argument types, translated when it is asked for first.
-
-        Args:
-            source: the Python function.
-            arguments: what it is called with.
-        """
+        """Return the C function: see ``Program.function``."""
         key = (source, tuple(_key(argument) for argument in arguments))
         if key not in self.functions:
             self.functions[key] = self._translated(source, arguments, key)
@@ -204,7 +90,7 @@ class Translator:
         while name in taken:
             count += 1
             name = f"{base}_{count}"
-        shown = [declaration(item) for item in parameters if item.is_used]
+        shown = [_declaration(item) for item in parameters if item.is_used]
         kind = "void" if result is None else result.name if isinstance(result, (Struct, Record)) else _c(result)
         head = f"static {kind} {name}({', '.join(shown) or 'void'})"
         comment = f"/* {source.summary} */\n" if source.summary else ""
@@ -219,14 +105,14 @@ class Translator:
         if work.returns[0].items is None:
             kind: Type = work.returns[0].type
             for value in work.returns[1:]:
-                kind = self.unified(work, ast.Constant(0), kind, value.type)
+                kind = work.unified(ast.Constant(0), kind, value.type)
             return kind
         columns = list(zip(*(value.items or () for value in work.returns), strict=True))
         kinds = []
         for number_, column in enumerate(columns):
             kind = column[0].type
             for value in column[1:]:
-                kind = self.unified(work, ast.Constant(0), kind, value.type)
+                kind = work.unified(ast.Constant(0), kind, value.type)
             kinds.append((f"r{number_}", kind))
         label, count = f"{name.strip('_')}_result", 1
         while self.owners.setdefault(label if count == 1 else f"{label}_{count}", key) != key:
@@ -235,64 +121,13 @@ class Translator:
         self.structs[struct.name] = struct
         return struct
 
-    def literal(self, work: Statements, value: Value) -> str:
-        """Return several results as one structure."""
-        kind = work.result
-        if not isinstance(kind, Struct):
-            return ""
-        parts = [
-            calls.number_as(member, item) for (_, member), item in zip(kind.fields, value.items or (), strict=True)
-        ]
-        return f"({kind.name}){{{', '.join(parts)}}}"
-
-    def unified(self, work: Statements, node: ast.AST, first: Any, second: Any) -> Any:
-        """Return the type of a variable that holds both."""
-        if first is None or first == second:
-            return second
-        if isinstance(first, Scalar) and isinstance(second, Scalar):
-            return max(first, second, key=lambda item: item.rank)
-        are_arrays = isinstance(first, Array) and isinstance(second, Array)
-        if are_arrays and first.item == second.item and len(first.shape) == len(second.shape):
-            pairs = zip(first.shape, second.shape, strict=True)
-            return Array(first.item, tuple(a if a == b else None for a, b in pairs))
-        raise work.refuse(node, "a variable of two types")
-
-    def local_array(self, work: Statements, target: ast.expr, node: ast.expr) -> list[Statement] | None:
-        """Return the room for ``numpy.empty``, ``zeros`` or ``ones`` of a length known beforehand; None for others."""
-        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and isinstance(target, ast.Name)):
-            return None
-        owner = work.expression(node.func.value)
-        if owner.const is not np or node.func.attr not in ("empty", "zeros", "ones"):
-            return None
-        size = work.expression(node.args[0])
-        lengths = tuple(item.const for item in size.items or (size,))
-        if not all(isinstance(length, int) for length in lengths):
-            raise work.refuse(node, "an array whose length is not known beforehand")
-        kind = Array(INT if node.keywords else REAL, lengths)
-        name = target.id
-        work.types[name] = kind
-        work.flow[name] = Value(name, kind, reads=frozenset([name]), roots=frozenset([name]), is_stable=True)
-        one = number(1) if node.keywords else number(1.0)
-        fill = ", ".join([one.text] * kind.size) if node.func.attr == "ones" and kind.size else "0"
-        text = f"{kind.item.c} {name}[{max(kind.size, 1)}] = {{{fill}}}"
-        return [Line(text, frozenset(), name, True, is_array=True)]
-
-
-C_NAMES = set(calls.MATH) | {"sgms_init", "sgms_step", "sgms_reset", "sgms_enable", "main", "abs", "signal", "index"}
-"""Names that a function of this program must not have."""
-
-
-def snake(name: str) -> str:
-    """Return a class's name as C names: with underscores."""
-    return "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in name).strip("_")
-
 
 def _c(kind: Any) -> str:
     """Return the C text of a number's or pointer's type."""
     return f"{kind.item.c} *" if isinstance(kind, Array) else str(kind.c)
 
 
-def declaration(parameter: Parameter) -> str:
+def _declaration(parameter: Parameter) -> str:
     """Return a parameter as it stands in the head of a C function."""
     kind = parameter.value.type
     const = "" if parameter.is_written else "const "
@@ -331,65 +166,3 @@ def _closure(written: set[str], roots: dict[str, frozenset[str]]) -> set[str]:
         if more <= found:
             return found
         found |= more
-
-
-@cache
-def source_of(python: Any) -> Source | None:
-    """Return a Python function with its syntax tree, whose line numbers are those of its file; None for no function."""
-    if not isinstance(python, FunctionType):
-        return None
-    try:
-        lines, first = inspect.getsourcelines(python)
-        tree = ast.parse(textwrap.dedent("".join(lines)))
-    except (OSError, SyntaxError):
-        raise ConfigurationError(
-            [f"sgms export needs the source of {python.__name__} and cannot read it; define it with def in a file"]
-        ) from None
-    ast.increment_lineno(tree, first - 1)
-    found = tree.body[0]
-    if not isinstance(found, ast.FunctionDef):
-        raise ConfigurationError([f"sgms export: {python.__name__} is no plain function; define it with def"])
-    summary = (inspect.getdoc(python) or "").split("\n\n")[0].replace("\n", " ").replace("``", "")
-    scope = {**python.__globals__, **inspect.getclosurevars(python).nonlocals}
-    return Source(python.__name__, f"{python.__module__.replace('.', '/')}.py", summary, scope, found)
-
-
-@cache
-def _imports_of(module: str) -> dict[str, str]:
-    """Return from where a module has its imported names."""
-    loaded = sys.modules.get(module)
-    if loaded is None or not getattr(loaded, "__file__", None):
-        return {}
-    return {
-        alias.asname or alias.name: node.module or ""
-        for node in ast.walk(ast.parse(inspect.getsource(loaded)))
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
-
-
-def _origin(module: str, name: str, value: Any) -> str:
-    """Return the module that a constant comes from."""
-    while name in _imports_of(module):
-        module = _imports_of(module)[name]
-    return module
-
-
-def constant_lines(constants: dict[str, Any], float_values: dict[str, float]) -> list[str]:
-    """Return the definitions of named constants.
-
-    Args:
-        constants: name to value.
-        float_values: what a float needs instead.
-    """
-    whole = [f"    {name} = {value}" for name, value in sorted(constants.items()) if isinstance(value, int)]
-    lines = ["enum {", ",\n".join(whole), "};"] if whole else []
-    for name, value in sorted(constants.items()):
-        if isinstance(value, float) and name in float_values:
-            lines.append(f"#define {name} REAL_OR({value!r}, {float_values[name]!r}f)")
-        elif isinstance(value, float):
-            text = real_text(value) if math.isfinite(value) else number(value).text
-            lines.append(f"#define {name} {text}")
-    return lines
-
-

@@ -145,11 +145,7 @@ NONE = Value("NULL", None, const=None)
 
 
 def number(value: bool | int | float) -> Value:
-    """Return a constant number as C writes it.
-
-    Args:
-        value: the number.
-    """
+    """Return a constant number as C writes it."""
     if isinstance(value, (bool, np.bool_)):
         return Value("true" if value else "false", BOOL, const=bool(value))
     if isinstance(value, (int, np.integer)):
@@ -167,12 +163,7 @@ def real_text(value: float) -> str:
 
 
 def cast(value: Value, wanted: Scalar) -> Value:
-    """Return a number as another C type, without a cast where C needs none.
-
-    Args:
-        value: the number.
-        wanted: the type.
-    """
+    """Return a number as another C type, without a cast where C needs none."""
     if value.type == wanted or not isinstance(value.type, Scalar):
         return value
     if value.is_known and isinstance(value.const, (bool, int, float)) and value.precedence == ATOM:
@@ -183,3 +174,17 @@ def cast(value: Value, wanted: Scalar) -> Value:
     if wanted.rank > value.type.rank and wanted is not REAL:
         return replace(value, type=wanted)
     return replace(value, text=f"({wanted.c}){value.inside(90)}", type=wanted, precedence=90)
+
+
+def argument_text(wanted: Value, argument: Value) -> str:
+    """Return an argument as a C function takes it."""
+    if isinstance(argument.type, (Struct, Record)):
+        return argument.text if argument.is_pointer else f"&{argument.inside(100)}"
+    return number_as(wanted.type, argument)
+
+
+def number_as(kind: Any, value: Value) -> str:
+    """Return a value's text, as another number where that is wanted."""
+    if isinstance(kind, Scalar):
+        return cast(value, kind).text
+    return f"*{value.text}" if isinstance(kind, Struct) and value.is_pointer else value.text

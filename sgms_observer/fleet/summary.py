@@ -11,9 +11,8 @@ from typing import Any
 
 from sgms_observer.fleet.jobs import Outcome
 from sgms_observer.report.page import Page, Section, Table, write_page
+from sgms_observer.status import MAX_NIS
 from sgms_observer.whole_file import write_text
-
-_NIS_HIGH = 5.0
 
 
 def write_summary(title: str, outcomes: Sequence[Outcome], folder: Path, config: str) -> Path:
@@ -56,9 +55,9 @@ def verdict(outcomes: Sequence[Outcome]) -> str:
     if verdicts:
         told = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in sorted(verdicts.items()))
         return f"{start}: {told}."
-    high = [o.name for o in good if any(_nis(axis) > _NIS_HIGH for axis in o.figures.get("axes", {}).values())]
+    high = [o.name for o in good if any(_nis(axis) > MAX_NIS for axis in o.figures.get("axes", {}).values())]
     if high:
-        return f"{start}; the model fits badly (NIS above {_NIS_HIGH:g}) in {len(high)} of them."
+        return f"{start}; the model fits badly (NIS above {MAX_NIS:g}) in {len(high)} of them."
     return f"{start}; the model fits all of them." if good else f"{start}."
 
 

@@ -1,60 +1,28 @@
-"""An identification as settings with provenance: what changes in the YAML, and the remarks beside it."""
+"""An identification as settings: what changes in the YAML, the table beside it, and sentences about the whole."""
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
-from sgms_observer.effects.catalogue import effect
 from sgms_observer.errors import RecordingError
 from sgms_observer.identification.identify import MAX_UNEXPLAINED, Identification
 from sgms_observer.identification.least_squares import GRAVITY, SYMMETRIC, InverseModelFit
-from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RELAXATION, RHO, V_S, VISCOUS
+from sgms_observer.identification.problem import DELAY, MASS, OFFSET, RATE, RELAXATION, RHO, V_S, VISCOUS
+from sgms_observer.identification.table import DAMPING, Row, dropped_effects, parameter_rows, remarks_of
 from sgms_observer.settings.axis import AxisSettings
 
 _DIGITS = 7
 _NEAR_ZERO = ("effects.offset.force",)  # values whose sign is open need no warning
 _OFFSET_EFFECT = "offset"
-_DAMPING = "friction.element_damping"
-_UNKNOWN = "not identifiable from this recording"
-
-
-@dataclass(frozen=True)
-class Row:
-    """One row of the table of parameters.
-
-    Attributes:
-        name: parameter as in the YAML.
-        value: estimate, SI unit.
-        half_width: half its 95 % interval; NaN if it was not estimated, infinite if it is not identifiable.
-        unit: SI unit.
-        is_identifiable: whether it is identifiable from the recordings.
-        note: what to do if it is not.
-    """
-
-    name: str
-    value: float
-    half_width: float
-    unit: str
-    is_identifiable: bool
-    note: str = ""
-
-    @property
-    def remark(self) -> str:
-        """Return unit, interval, and whether the recordings identify the value."""
-        if math.isnan(self.half_width):
-            known = f"{_UNKNOWN}: start value" if self.value else _UNKNOWN
-        elif math.isinf(self.half_width):
-            known = f"{_UNKNOWN}: an estimate without interval"
-        else:
-            known = f"+- {self.half_width:.2g} (95 %)" + ("" if self.is_identifiable else ", wider than 5 %")
-        note = f"; {self.note}" if self.note and not self.is_identifiable else ""
-        return f"{self.unit}; {known}{note}"
+_SYMMETRIC_ROWS = (
+    ("mass", "kg"),
+    ("friction.viscous_coefficient", "N s/m"),
+    ("friction.coulomb_force", "N"),
+    ("effects.offset.force", "N"),
+)
 
 
 @dataclass(frozen=True)
@@ -76,138 +44,6 @@ class Answer:
     summary: tuple[str, ...] = field(default=())
     warnings: tuple[str, ...] = field(default=())
     is_usable: bool = True
-
-
-def bag_hash(path: str | Path) -> str:
-    """Return the SHA-256 of a bag: of its files' names and contents, in the order of their names.
-
-    Raises:
-        RecordingError: if it cannot be read.
-    """
-    root = Path(path)
-    digest = hashlib.sha256()
-    try:
-        files = [root] if root.is_file() else sorted(entry for entry in root.rglob("*") if entry.is_file())
-        for file in files:
-            digest.update(file.name.encode())
-            with open(file, "rb") as handle:
-                while part := handle.read(1 << 20):
-                    digest.update(part)
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror or error}; check the path") from None
-    return digest.hexdigest()
-
-
-def provenance(names: Sequence[str], hashes: Sequence[str], summary: Sequence[str]) -> str:
-    """Return the lines at the head of the YAML.
-
-    Args:
-        names: recordings, as the user named them.
-        hashes: their SHA-256.
-        summary: sentences about the result.
-    """
-    date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    lines = [f"Identified by sgms identify on {date} from"]
-    lines += [f"  {Path(name).name}  sha256 {digest}" for name, digest in zip(names, hashes, strict=True)]
-    return "\n".join([*lines, *summary])
-
-
-def _rounded(value: float) -> float:
-    return float(f"{float(value):.{_DIGITS}g}")
-
-
-def _with_effects(axis: AxisSettings, values: Mapping[str, Mapping[str, float]], changes: dict[str, Any]) -> None:
-    """Put effects' values into the changes; those that the axis does not have are added."""
-    names = [item.name for item in axis.effects]
-    missing = [name for name in values if name not in names]
-    if missing:
-        changes["effects.names"] = [*names, *missing]
-    for name, parameters in values.items():
-        changes.update({f"effects.{name}.{key}": _rounded(value) for key, value in parameters.items()})
-
-
-def least_squares_answer(fit: InverseModelFit, axis: AxisSettings, is_opposed: bool = False) -> Answer:
-    """Return the settings of an inverse-dynamic-model fit.
-
-    Args:
-        fit: symmetric fit, with gravity on a revolute joint.
-        axis: start settings.
-        is_opposed: whether the effort was reversed for it.
-    """
-    unit = axis.units.of
-    error = dict(zip(fit.names, 1.96 * fit.std_error, strict=True))
-    mass, viscous, coulomb, offset = (fit.value(name) for name in SYMMETRIC)
-    yaml_names = ("mass", "friction.viscous_coefficient", "friction.coulomb_force", "effects.offset.force")
-    units = ("kg", "N s/m", "N", "N")
-    values = [
-        (name, fit.value(column), float(error[column]), unit(one))
-        for name, column, one in zip(yaml_names, SYMMETRIC, units, strict=True)
-    ]
-    effects = {_OFFSET_EFFECT: {"force": offset}}
-    if GRAVITY[0] in fit.names:
-        sine, cosine = (fit.value(name) for name in GRAVITY)
-        width = math.hypot(*(error[name] for name in GRAVITY))
-        amplitude, angle = math.hypot(sine, cosine), math.atan2(cosine, sine)
-        effects["gravity"] = {"amplitude": amplitude, "angle": angle, "ratio": 1.0}
-        values.append(("effects.gravity.amplitude", amplitude, width, unit("N")))
-        values.append(("effects.gravity.angle", angle, width / amplitude, "rad"))
-    rows = tuple(Row(name, value, width, one, bool(width <= 0.05 * abs(value))) for name, value, width, one in values)
-    if viscous < 0.0 or mass <= 0.0 or coulomb <= 0.0:
-        raise RecordingError(
-            f"least squares gives mass {mass:.3g} {unit('kg')}, viscous {viscous:.3g} {unit('N s/m')}, Coulomb"
-            f" {coulomb:.3g} {unit('N')}; check the sign and factor of control_effort (effort_scale)"
-        )
-    changes: dict[str, Any] = {
-        "mass": _rounded(mass),
-        "friction.viscous_coefficient": _rounded(viscous),
-        "friction.coulomb_force": _rounded(coulomb),
-        "friction.static_force": _rounded(coulomb),
-    }
-    if is_opposed:
-        changes["effort_scale"] = -axis.effort_scale
-    _with_effects(axis, effects, changes)
-    remarks = {row.name: row.remark for row in rows}
-    remarks["friction.static_force"] = f"{unit('N')}; this model has no Stribeck effect: equal to coulomb_force"
-    word = axis.units.effort_word
-    summary = (
-        f"{axis.name}: inverse dynamic model by least squares, low-pass {fit.cutoff:g} Hz;"
-        f" {word} residual {100.0 * fit.relative_error:.2f} % of the {word}'s norm",
-    )
-    warnings = []
-    if is_opposed:
-        warnings.append(_opposed_sentence(axis))
-    if fit.relative_error > MAX_UNEXPLAINED:
-        warnings.append(_unexplained_sentence(axis, fit.relative_error, ""))
-    return Answer(changes, remarks, rows, summary, tuple(f"Warning: {one}" for one in warnings), not warnings)
-
-
-def judged_on_held_out(answer: Answer, axis: AxisSettings, unexplained: float) -> Answer:
-    """Return an answer that is not usable if the model fails on held-out bags.
-
-    Args:
-        answer: of the identification.
-        axis: start settings.
-        unexplained: rms residual over rms effort there [-].
-    """
-    if unexplained <= MAX_UNEXPLAINED:
-        return answer
-    warning = f"Warning: {_unexplained_sentence(axis, unexplained, ' on held-out bags')}"
-    return replace(answer, warnings=(*answer.warnings, warning), is_usable=False)
-
-
-def _opposed_sentence(axis: AxisSettings) -> str:
-    return (
-        f"{axis.name}: control_effort counts against the position: its sign is reversed; set effort_scale:"
-        f" {-axis.effort_scale:g}, as in the file that was written, and check the wiring before any effort is sent"
-    )
-
-
-def _unexplained_sentence(axis: AxisSettings, share: float, where: str) -> str:
-    return (
-        f"{axis.name}: the model is unusable: {100.0 * share:.0f} % of the rms {axis.units.effort_word} is unexplained"
-        f"{where} (at most {100.0 * MAX_UNEXPLAINED:.0f} %); check units, sign and axis, or find what acts with"
-        " sgms diagnose"
-    )
 
 
 def identification_answer(result: Identification, axis: AxisSettings, sample_period: float) -> Answer:
@@ -241,9 +77,9 @@ def identification_answer(result: Identification, axis: AxisSettings, sample_per
         changes["effort_scale"] = -axis.effort_scale
     if DELAY not in result.frozen:
         changes["compensation.look_ahead"] = _rounded(min(_look_ahead(float(scalars[DELAY]), sample_period), 0.1))
-    rows = _rows(result, axis)
+    rows = parameter_rows(result, axis)
     return Answer(
-        changes, _remarks(rows, result), rows, _summary(result, axis), identification_warnings(result, axis, rows),
+        changes, remarks_of(rows, result), rows, _summary(result, axis), _warnings(result, axis, rows),
         result.is_usable,
     )  # fmt: skip
 
@@ -254,7 +90,7 @@ def _effect_values(result: Identification) -> dict[str, dict[str, float]]:
     vector = result.parameters.effects
     for number, name in enumerate(result.terms.names):
         owner, parameter = name.split(".")
-        if owner in _dropped(result):
+        if owner in dropped_effects(result):
             continue
         if number in vector.free or owner in result.terms.added:
             values.setdefault(owner, {})[parameter] = float(vector.values[number])
@@ -273,90 +109,111 @@ def _fractions(shares: Any) -> list[float]:
     return rounded
 
 
-def _dropped(result: Identification) -> tuple[str, ...]:
-    """Return effects that the parameter file does not have and the recordings do not show."""
-    first, names = result.parameters.first_effect, result.terms.names
-    return tuple(owner for owner in result.terms.added if first + names.index(f"{owner}.amplitude") in result.frozen)
+def _rounded(value: float) -> float:
+    return float(f"{float(value):.{_DIGITS}g}")
 
 
-def _rows(result: Identification, axis: AxisSettings) -> tuple[Row, ...]:
-    """Return the table: scalars, effects, then each element."""
-    scalars, sure = result.parameters.scalars, result.confidence
-    unit = axis.units.of
-    level = result.parameters.level
-    coulomb = float(level.sum())
-    n_z = result.parameters.count
-    widths = sure.half_width
-    wide = [float("nan") if index in result.frozen else float(widths[index]) for index in range(len(widths))]
-    shown = sure.is_identifiable
-    coulomb_width = sure.coulomb_half_width
-    static_width = math.hypot(coulomb_width * scalars[RHO], coulomb * wide[RHO])
-    if RHO in result.frozen:
-        static_width = float("nan")
-    slow = "slide slower than the Stribeck velocity"
-    small = f"reverse over less than {float(result.parameters.slip_deflection.min()):.1g} {unit('m')}, many times"
-    rows = [
-        Row("mass", scalars[MASS], wide[MASS], unit("kg"), bool(shown[MASS]), "accelerate harder"),
-        Row("friction.viscous_coefficient", scalars[VISCOUS], wide[VISCOUS], unit("N s/m"), bool(shown[VISCOUS]),
-            "slide faster"),
-        Row("friction.coulomb_force", coulomb, coulomb_width, unit("N"), coulomb_width <= 0.05 * coulomb,
-            "slide further"),
-        Row("friction.static_force", scalars[RHO] * coulomb, static_width, unit("N"),
-            bool(static_width <= 0.05 * scalars[RHO] * coulomb), slow),
-        Row("friction.stribeck_velocity", scalars[V_S], wide[V_S], unit("m/s"), bool(shown[V_S]), slow),
-        Row("effects.offset.force", scalars[OFFSET], wide[OFFSET], unit("N"), bool(shown[OFFSET]), "slide both ways"),
-        Row("delay", scalars[DELAY], wide[DELAY], "s", bool(shown[DELAY]), "accelerate harder"),
-    ]  # fmt: skip
-    relaxation = float(scalars[RELAXATION])
-    if RELAXATION in result.frozen:
-        note = f"less than {result.relaxation:.2g} s, or this recording would show it"
-    else:
-        note = "reverse faster"
-    rows.append(Row(f"{_DAMPING} over stiffness", relaxation, wide[RELAXATION], "s", bool(shown[RELAXATION]), note))
-    if result.model == "gms":
-        width = wide[RATE] * coulomb
-        attraction = scalars[RATE] * coulomb
-        rows.append(Row("friction.attraction_rate", attraction, width, unit("N/s"), bool(shown[RATE]), slow))
-    rows += _effect_rows(result, axis, wide)
-    for i in range(n_z):
-        kappa = ELEMENTS + i
-        rows.append(
-            Row(f"friction.element_stiffness[{i + 1}]", result.parameters.kappa[i], wide[kappa], unit("N/m"),
-                bool(shown[kappa]), small)
-        )  # fmt: skip
-    for i in range(n_z):
-        force = ELEMENTS + n_z + i
-        width = wide[force] / coulomb
-        rows.append(
-            Row(f"friction.element_fraction[{i + 1}]", level[i] / coulomb, width, "-", bool(shown[force]), small)
-        )
-    return tuple(rows)
+def _with_effects(axis: AxisSettings, values: Mapping[str, Mapping[str, float]], changes: dict[str, Any]) -> None:
+    """Put effects' values into the changes; those that the axis does not have are added."""
+    names = [item.name for item in axis.effects]
+    missing = [name for name in values if name not in names]
+    if missing:
+        changes["effects.names"] = [*names, *missing]
+    for name, parameters in values.items():
+        changes.update({f"effects.{name}.{key}": _rounded(value) for key, value in parameters.items()})
 
 
-def _effect_rows(result: Identification, axis: AxisSettings, wide: Sequence[float]) -> list[Row]:
-    """Return the table's rows of the fitted effects."""
-    rows = []
-    vector, first = result.parameters.effects, result.parameters.first_effect
-    for number, (name, entry) in enumerate(zip(result.terms.names, result.terms.parameters, strict=True)):
-        if name.split(".")[0] in _dropped(result):
-            continue
-        value = float(vector.values[number])
-        width = wide[first + number] if number in vector.free else float("nan")
-        size = 1.0 if entry.unit == "rad" else abs(value)
-        note = result.reasons.get(name, effect(name.split(".")[0]).excitation)
-        unit = axis.units.of(entry.unit)
-        rows.append(Row(f"effects.{name}", value, width, unit, bool(width <= 0.05 * size), note))
-    return rows
-
-
-def identification_warnings(result: Identification, axis: AxisSettings, rows: Sequence[Row]) -> tuple[str, ...]:
-    """Return what a user has to know before using the model, as sentences that start with ``Warning:``.
+def least_squares_answer(fit: InverseModelFit, axis: AxisSettings, is_opposed: bool) -> Answer:
+    """Return the settings of an inverse-dynamic-model fit.
 
     Args:
-        result: from ``identify``.
+        fit: symmetric fit, with gravity on a revolute joint.
         axis: start settings.
-        rows: the table.
+        is_opposed: whether the effort was reversed for it.
     """
+    mass, viscous, coulomb, _offset = (fit.value(name) for name in SYMMETRIC)
+    unit, word = axis.units.of, axis.units.effort_word
+    if viscous < 0.0 or mass <= 0.0 or coulomb <= 0.0:
+        raise RecordingError(
+            f"least squares gives mass {mass:.3g} {unit('kg')}, viscous {viscous:.3g} {unit('N s/m')}, Coulomb"
+            f" {coulomb:.3g} {unit('N')}; check the sign and factor of control_effort (effort_scale)"
+        )
+    rows, effects = _least_squares_rows(fit, axis)
+    changes: dict[str, Any] = {
+        "mass": _rounded(mass),
+        "friction.viscous_coefficient": _rounded(viscous),
+        "friction.coulomb_force": _rounded(coulomb),
+        "friction.static_force": _rounded(coulomb),
+    }
+    if is_opposed:
+        changes["effort_scale"] = -axis.effort_scale
+    _with_effects(axis, effects, changes)
+    remarks = {row.name: row.remark for row in rows}
+    remarks["friction.static_force"] = f"{unit('N')}; this model has no Stribeck effect: equal to coulomb_force"
+    summary = (
+        f"{axis.name}: inverse dynamic model by least squares, low-pass {fit.cutoff:g} Hz;"
+        f" {word} residual {100.0 * fit.relative_error:.2f} % of the {word}'s norm",
+    )
+    warnings = []
+    if is_opposed:
+        warnings.append(_opposed_sentence(axis))
+    if fit.relative_error > MAX_UNEXPLAINED:
+        warnings.append(_unexplained_sentence(axis, fit.relative_error, ""))
+    return Answer(changes, remarks, rows, summary, tuple(f"Warning: {one}" for one in warnings), not warnings)
+
+
+def _least_squares_rows(
+    fit: InverseModelFit, axis: AxisSettings
+) -> tuple[tuple[Row, ...], dict[str, dict[str, float]]]:
+    """Return the table of a least-squares fit, and the values of its effects."""
+    error = dict(zip(fit.names, 1.96 * fit.std_error, strict=True))
+    values = [
+        (name, fit.value(column), float(error[column]), axis.units.of(unit))
+        for (name, unit), column in zip(_SYMMETRIC_ROWS, SYMMETRIC, strict=True)
+    ]
+    effects = {_OFFSET_EFFECT: {"force": fit.value(SYMMETRIC[-1])}}
+    if GRAVITY[0] in fit.names:
+        sine, cosine = (fit.value(name) for name in GRAVITY)
+        width = math.hypot(*(error[name] for name in GRAVITY))
+        amplitude, angle = math.hypot(sine, cosine), math.atan2(cosine, sine)
+        effects["gravity"] = {"amplitude": amplitude, "angle": angle, "ratio": 1.0}
+        values.append(("effects.gravity.amplitude", amplitude, width, axis.units.of("N")))
+        values.append(("effects.gravity.angle", angle, width / amplitude, "rad"))
+    rows = tuple(Row(name, value, width, unit, bool(width <= 0.05 * abs(value))) for name, value, width, unit in values)
+    return rows, effects
+
+
+def judged_on_held_out(answer: Answer, axis: AxisSettings, unexplained: float) -> Answer:
+    """Return an answer that is not usable if the model fails on held-out bags.
+
+    Args:
+        answer: of the identification.
+        axis: start settings.
+        unexplained: rms residual over rms effort there [-].
+    """
+    if unexplained <= MAX_UNEXPLAINED:
+        return answer
+    warning = f"Warning: {_unexplained_sentence(axis, unexplained, ' on held-out bags')}"
+    return replace(answer, warnings=(*answer.warnings, warning), is_usable=False)
+
+
+def _opposed_sentence(axis: AxisSettings) -> str:
+    return (
+        f"{axis.name}: control_effort counts against the position: its sign is reversed; set effort_scale:"
+        f" {-axis.effort_scale:g}, as in the file that was written, and check the wiring before any effort is sent"
+    )
+
+
+def _unexplained_sentence(axis: AxisSettings, share: float, where: str) -> str:
+    return (
+        f"{axis.name}: the model is unusable: {100.0 * share:.0f} % of the rms {axis.units.effort_word} is unexplained"
+        f"{where} (at most {100.0 * MAX_UNEXPLAINED:.0f} %); check units, sign and axis, or find what acts with"
+        " sgms diagnose"
+    )
+
+
+def _warnings(result: Identification, axis: AxisSettings, rows: Sequence[Row]) -> tuple[str, ...]:
+    """Return what a user has to know before using the model, as sentences that start with ``Warning:``."""
     out = []
     if result.is_opposed:
         out.append(_opposed_sentence(axis))
@@ -388,31 +245,7 @@ def identification_warnings(result: Identification, axis: AxisSettings, rows: Se
 
 def _is_reported_elsewhere(name: str, result: Identification) -> bool:
     """Return whether a value without interval needs no warning: it is no guess, or another row tells."""
-    return name.startswith((_DAMPING, "delay", "friction.element_")) or name.removeprefix("effects.") in (
-        f"{owner}.ratio" for owner in ("gravity",)
-    )
-
-
-def _remarks(rows: Sequence[Row], result: Identification) -> dict[str, str]:
-    """Return a remark for each line of the YAML; a list has one for all its entries."""
-    single = [row for row in rows if not ("[" in row.name or " " in row.name or row.name == "delay")]
-    remarks = {row.name: row.remark for row in single}
-    damping = next(row for row in rows if row.name.startswith(_DAMPING))
-    remarks[_DAMPING] = f"N s/m; over element_stiffness: {damping.remark}"
-    for name in ("friction.element_stiffness", "friction.element_fraction"):
-        listed = [row for row in rows if row.name.startswith(f"{name}[")]
-        widths = ", ".join(f"{100.0 * row.half_width / abs(row.value):.2g}" for row in listed)
-        wide_elements = ", ".join(row.name.split("[")[1][:-1] for row in listed if not row.is_identifiable)
-        remarks[name] = f"{listed[0].unit}; +- {widths} % (95 %)" + (
-            f"; wider than 5 %: {wide_elements}" if wide_elements else ""
-        )
-    if DELAY not in result.frozen:
-        delay = next(row for row in rows if row.name == "delay")
-        remarks["compensation.look_ahead"] = (
-            f"s; effort reaches the motion after {delay.value:.2g} s +- {delay.half_width:.1g}, at least half a sample;"
-            " plus one sample"
-        )
-    return remarks
+    return name.startswith((DAMPING, "delay", "friction.element_")) or name == "effects.gravity.ratio"
 
 
 def _summary(result: Identification, axis: AxisSettings) -> tuple[str, ...]:

@@ -41,15 +41,11 @@ class Confidence:
     """Intervals of the entries of ``Parameters.vector``.
 
     Attributes:
-        std_error: statistical standard error; NaN for fixed entries.
-        systematic: change of the estimate with the preparation; NaN for fixed entries.
-        half_width: half the 95 % interval, from both errors; infinite if not identifiable.
+        half_width: half the 95 % interval, from statistical and systematic error; infinite if not identifiable.
         coulomb_half_width: half the 95 % interval of the sum of the element forces [N].
         is_identifiable: whether ``half_width`` is within ``IDENTIFIABLE_WITHIN``.
     """
 
-    std_error: Floats
-    systematic: Floats
     half_width: Floats
     coulomb_half_width: float
     is_identifiable: Booleans
@@ -96,7 +92,7 @@ def confidence_of(
     coulomb = float(coulomb) if np.isfinite(coulomb) else np.inf
     half_width = _QUANTILE * std_error + systematic
     half_width = np.where(np.isfinite(half_width), half_width, np.inf)
-    return Confidence(std_error, systematic, half_width, coulomb, half_width <= _allowed(parameters))
+    return Confidence(half_width, coulomb, half_width <= _allowed(parameters))
 
 
 def widened(confidence: Confidence, moved: Floats, parameters: Parameters) -> Confidence:
@@ -111,7 +107,7 @@ def widened(confidence: Confidence, moved: Floats, parameters: Parameters) -> Co
     forces = slice(ELEMENTS + parameters.count, parameters.first_effect)
     coulomb = confidence.coulomb_half_width + abs(float(np.sum(moved[forces])))
     is_identifiable = half_width <= _allowed(parameters)
-    return Confidence(confidence.std_error, confidence.systematic, half_width, coulomb, is_identifiable)
+    return Confidence(half_width, coulomb, is_identifiable)
 
 
 def _allowed(parameters: Parameters) -> Floats:

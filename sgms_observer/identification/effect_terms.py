@@ -112,11 +112,7 @@ NO_EFFECTS = EffectTerms()
 
 
 def effect_terms(axis: AxisSettings) -> EffectTerms:
-    """Return the terms of an axis; a revolute joint gets gravity whether or not its file has it.
-
-    Args:
-        axis: start settings.
-    """
+    """Return the terms of an axis; a revolute joint gets gravity whether or not its file has it."""
     others = [item for item in axis.effects if item.name != OFFSET_EFFECT]
     fitted = tuple(item for item in others if effect(item.name).place not in _TRANSFORMING)
     transforming = tuple(item for item in others if effect(item.name).place in _TRANSFORMING)

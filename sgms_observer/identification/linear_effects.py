@@ -69,7 +69,7 @@ def linear_effects(data: Sequence[Prepared], terms: EffectTerms, vector: EffectV
         vector: their start values.
         coulomb: Coulomb force of the start settings [N].
     """
-    names, parameters = terms.names, terms.parameters
+    parameters = terms.parameters
     linear = [n for n in vector.free if parameters[n].is_strength and _is_linear(data[0], vector, n, coulomb)]
     basic = vector.values.copy()
     basic[linear] = 0.0
@@ -89,12 +89,7 @@ def linear_effects(data: Sequence[Prepared], terms: EffectTerms, vector: EffectV
                 columns.append(found)
                 break
             reasons.update({free_phase if free_phase is not None else strength: IMITATED})
-    for number in [number for number in reasons if parameters[number].is_strength]:
-        owner = names[number].split(".")[0] + "."
-        shape_parameters = [
-            other for other in vector.free if names[other].startswith(owner) and not parameters[other].is_strength
-        ]
-        reasons.update(dict.fromkeys(shape_parameters, IMITATED))
+    reasons.update(dict.fromkeys(_shapes_of(list(reasons), terms, vector), IMITATED))
     free = tuple(number for number in vector.free if number not in reasons)
     stacked = tuple(
         np.column_stack([group[k] for group in columns]) if columns else np.empty((len(data[k].time), 0))
@@ -106,6 +101,15 @@ def linear_effects(data: Sequence[Prepared], terms: EffectTerms, vector: EffectV
     if fixed_numbers:
         base = tuple(_rows(piece, given, coulomb) for piece in data)
     return LinearEffects(replace(vector, values=given, free=free), tuple(chosen), base, stacked, reasons)
+
+
+def _shapes_of(numbers: Sequence[int], terms: EffectTerms, vector: EffectVector) -> list[int]:
+    """Return the free shape parameters of the effects whose strength is among ``numbers``."""
+    names, parameters = terms.names, terms.parameters
+    owners = {names[number].split(".")[0] for number in numbers if parameters[number].is_strength}
+    return [
+        other for other in vector.free if names[other].split(".")[0] in owners and not parameters[other].is_strength
+    ]
 
 
 def _level(piece: Prepared, coulomb: float) -> Floats:

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.errors import DataError
-from sgms_observer.identification.effect_terms import NO_EFFECTS, EffectForce, EffectTerms
+from sgms_observer.identification.effect_terms import EffectForce, EffectTerms
 from sgms_observer.offline.recording import Recording
 
 Floats = NDArray[np.float64]
@@ -113,27 +113,10 @@ class Prepared:
         return np.asarray(np.abs(self.position[1:] - self.position[since]))
 
 
-def prepare(recording: Recording, cutoff: float, terms: EffectTerms = NO_EFFECTS, first: float = 0.0) -> Prepared:
-    """Return a recording filtered and resampled to the working rate.
-
-    Args:
-        recording: evenly sampled position and effort.
-        cutoff: corner of the balance's low-pass [Hz].
-        terms: effects of the parameter file.
-        first: time of its first sample since the whole recording began [s].
-
-    Raises:
-        DataError: if the recording is too short or too slowly sampled.
-    """
-    rate = 1.0 / recording.period
+def _prepare(recording: Recording, cutoff: float, terms: EffectTerms, first: float) -> Prepared:
+    """Return a recording that began at time ``first``, filtered and resampled to the working rate."""
     motion_cutoff = MOTION_OVER_BALANCE * cutoff
-    if motion_cutoff >= 0.45 * rate:
-        raise DataError(
-            f"{recording.name} is sampled at {rate:.4g} Hz; choose a cutoff below {0.18 * rate:.4g} Hz,"
-            f" not {cutoff:.4g} Hz"
-        )
-    if recording.duration < MIN_PERIODS / cutoff:
-        raise DataError(f"{recording.name} lasts {recording.duration:.3g} s; a cutoff of {cutoff:.4g} Hz needs more")
+    _check(recording, cutoff, motion_cutoff)
     noise = recording.position_noise
     recording = _upsampled(recording, _WORKING_RATE * motion_cutoff)
     rate = 1.0 / recording.period
@@ -181,6 +164,18 @@ def prepare(recording: Recording, cutoff: float, terms: EffectTerms = NO_EFFECTS
     )
 
 
+def _check(recording: Recording, cutoff: float, motion_cutoff: float) -> None:
+    """Raise an error if the recording is too slowly sampled or too short for its low-passes."""
+    rate = 1.0 / recording.period
+    if motion_cutoff >= 0.45 * rate:
+        raise DataError(
+            f"{recording.name} is sampled at {rate:.4g} Hz; choose a cutoff below {0.18 * rate:.4g} Hz,"
+            f" not {cutoff:.4g} Hz"
+        )
+    if recording.duration < MIN_PERIODS / cutoff:
+        raise DataError(f"{recording.name} lasts {recording.duration:.3g} s; a cutoff of {cutoff:.4g} Hz needs more")
+
+
 def prepare_all(recordings: Sequence[Recording], cutoff: float, terms: EffectTerms) -> list[Prepared]:
     """Filter all recordings; time begins with the first piece of each name.
 
@@ -188,11 +183,14 @@ def prepare_all(recordings: Sequence[Recording], cutoff: float, terms: EffectTer
         recordings: evenly sampled pieces.
         cutoff: corner of the balance's low-pass [Hz].
         terms: effects of the parameter file.
+
+    Raises:
+        DataError: if a recording is too short or too slowly sampled.
     """
     begun: dict[str, float] = {}
     for recording in recordings:
         begun[recording.name] = min(recording.start, begun.get(recording.name, recording.start))
-    return [prepare(piece, cutoff, terms, piece.start - begun[piece.name]) for piece in recordings]
+    return [_prepare(piece, cutoff, terms, piece.start - begun[piece.name]) for piece in recordings]
 
 
 def _upsampled(recording: Recording, rate: float) -> Recording:

@@ -166,10 +166,6 @@ def _inner_force(data: Prepared, parameters: Parameters, shape: ElementShape) ->
 def chunk_numbers(data: Sequence[Prepared], count: int) -> list[NDArray[np.int64]]:
     """Number the rows of all recordings by chunks of equal duration.
 
-    Args:
-        data: prepared recordings.
-        count: chunks over all of them together.
-
     Returns:
         Chunk number of each row, per recording; numbers do not repeat between recordings.
     """

@@ -1,16 +1,18 @@
-"""The report of an identification: the fit, measured beside modelled effort, friction over velocity and position."""
+"""The report of an identification: questions with their answers, the fit, and friction over velocity and position."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.identification.answer import Row
-from sgms_observer.identification.questions import Part, questions_of
+from sgms_observer.identification.answer import Answer
+from sgms_observer.identification.identify import MAX_UNEXPLAINED
+from sgms_observer.identification.table import Row
 from sgms_observer.identification.trace import Trace, Traces, unexplained_share
 from sgms_observer.report.friction_pictures import (
     SLOWEST,
@@ -19,10 +21,43 @@ from sgms_observer.report.friction_pictures import (
     over_velocity,
     residual_over_position,
 )
-from sgms_observer.report.page import Page, Picture, Plot, Section, Table
+from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Plot, Section, Table
 from sgms_observer.report.time_plot import Line, Panel, one_after_another, time_plot, with_holes
+from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
+
+DATA, CONVERGENCE, BELIEVABILITY = "Data", "Convergence", "Believability"
+
+
+@dataclass(frozen=True)
+class IdentifiedAxis:
+    """What was found for one axis.
+
+    Attributes:
+        name: the axis.
+        units: of the axis.
+        answer: changes, table, sentences, warnings.
+        traces: model beside measurement.
+        band_hz: upper corner of the judging band [Hz].
+        unexplained: rms residual over rms effort on validation chunks [-]; None for least squares.
+        is_converged: whether the search converged; None for least squares, which needs none.
+        notes: sentences about the recordings.
+    """
+
+    name: str
+    units: Units
+    answer: Answer
+    traces: Traces
+    band_hz: float
+    unexplained: float | None
+    is_converged: bool | None
+    notes: tuple[str, ...]
+
+    @property
+    def held_out(self) -> float | None:
+        """Return the rms residual over the rms effort on held-out recordings [-]; None without any."""
+        return unexplained_share(self.traces.held_out) if self.traces.held_out else None
 
 
 def report_path(yaml: str | Path, is_overwriting: bool) -> Path:
@@ -37,15 +72,10 @@ def report_path(yaml: str | Path, is_overwriting: bool) -> Path:
     return named if named.exists() or (plain.exists() and not is_overwriting) else plain
 
 
-def identification_page(parts: Sequence[Part], yaml: str, learnt: Sequence[str], held_out: Sequence[str]) -> Page:
-    """Return the report.
-
-    Args:
-        parts: one for each axis.
-        yaml: the parameter file that was written.
-        learnt: recordings that the model was fitted to.
-        held_out: held-out recordings.
-    """
+def identification_page(
+    parts: Sequence[IdentifiedAxis], yaml: str, learnt: Sequence[str], held_out: Sequence[str]
+) -> Page:
+    """Return the report."""
     source = f"{Path(yaml).name} from {_listed(learnt)}"
     if held_out:
         source += f", judged on {_listed(held_out)}"
@@ -56,7 +86,7 @@ def identification_page(parts: Sequence[Part], yaml: str, learnt: Sequence[str],
         [section for part in parts for section in _sections(part, of_axis[part.name])],
         f"{source}.",
         [f"{warning}." for part in parts for warning in part.answer.warnings],
-        [light for part in parts for light in questions_of(part, of_axis[part.name])],
+        [light for part in parts for light in _questions(part, of_axis[part.name])],
     )
 
 
@@ -70,18 +100,19 @@ def _percent(share: float) -> str:
     return f"{100.0 * (1.0 - share):.1f} %"
 
 
-def _verdict(part: Part) -> str:
+def _verdict(part: IdentifiedAxis) -> str:
     """Return the fit of one axis in one sentence."""
-    fits = [f"{_percent(unexplained_share(part.traces.learnt))} on the fitted recordings"]
+    word = part.units.effort_word
+    fits = [f"{_percent(unexplained_share(part.traces.learnt))} of the {word} on the fitted recordings"]
     if part.unexplained is not None:
         fits.append(f"{_percent(part.unexplained)} on chunks left out of the fit")
     if part.traces.held_out:
         fits.append(f"{_percent(unexplained_share(part.traces.held_out))} on held-out recordings")
     usable = "" if part.answer.is_usable else " The model must not be used as it is."
-    return f"The model of {part.name} explains of the {part.units.effort_word}: {', '.join(fits)}.{usable}"
+    return f"The model of {part.name} explains {', '.join(fits)}.{usable}"
 
 
-def _sections(part: Part, of_axis: str) -> list[Section]:
+def _sections(part: IdentifiedAxis, of_axis: str) -> list[Section]:
     """Return the sections of one axis."""
     word = part.units.effort_word
     definition = (
@@ -115,7 +146,7 @@ def _row(row: Row) -> tuple[str, str, str, str, str]:
     return row.name, f"{row.value:.6g}", interval, row.unit, shown
 
 
-def _fits(part: Part) -> Table:
+def _fits(part: IdentifiedAxis) -> Table:
     """Return the fit of each piece."""
     unit = part.units.effort
     rows = []
@@ -127,7 +158,7 @@ def _fits(part: Part) -> Table:
     return Table(("recording", "use", "seconds", f"rms residual [{unit}]", "fit"), rows)
 
 
-def _over_time(part: Part, traces: Sequence[Trace], name: str, where: str) -> Plot:
+def _over_time(part: IdentifiedAxis, traces: Sequence[Trace], name: str, where: str) -> Plot:
     """Return measured and modelled effort, residual and velocity over time, one piece after the other."""
     units = part.units
 
@@ -150,7 +181,7 @@ def _over_time(part: Part, traces: Sequence[Trace], name: str, where: str) -> Pl
     return time_plot(f"{part.name}_{name}", caption, one_after_another([one.time for one in traces]), panels)
 
 
-def _beside_each_other(part: Part, traces: Sequence[Trace], name: str, where: str) -> Picture:
+def _beside_each_other(part: IdentifiedAxis, traces: Sequence[Trace], name: str, where: str) -> Picture:
     """Draw measured over modelled effort."""
     caption = f"Measured over modelled {part.units.effort_word} of {part.name}, {where}."
     fit = 100.0 * (1.0 - unexplained_share(traces))
@@ -160,16 +191,12 @@ def _beside_each_other(part: Part, traces: Sequence[Trace], name: str, where: st
 
 
 def sliding_rows(traces: Traces) -> tuple[Floats, Floats]:
-    """Return velocity and measured friction of the fitted rows where the axis slides.
-
-    Args:
-        traces: of the axis.
-    """
+    """Return velocity and measured friction of the fitted rows where the axis slides."""
     velocity = np.concatenate([trace.velocity[trace.is_sliding] for trace in traces.learnt])
     return velocity, np.concatenate([trace.friction[trace.is_sliding] for trace in traces.learnt])
 
 
-def _friction(part: Part) -> list[Picture]:
+def _friction(part: IdentifiedAxis) -> list[Picture]:
     """Draw friction over velocity and over position, and the residual over position."""
     units, traces = part.units, part.traces.learnt
     top = max(float(np.max(np.abs(trace.velocity))) for trace in traces)
@@ -192,3 +219,61 @@ def _friction(part: Part) -> list[Picture]:
 def _all(traces: Sequence[Trace], key: str) -> Floats:
     """Return a signal of all pieces."""
     return np.concatenate([getattr(trace, key) for trace in traces])
+
+
+def _questions(part: IdentifiedAxis, of_axis: str) -> tuple[Light, ...]:
+    """Return the questions about one axis with their answers; ``of_axis`` is empty where the report is about one."""
+    return (_shown(part, of_axis), _held_out(part, of_axis), _converged(part, of_axis), *_explained(part, of_axis))
+
+
+def _shown(part: IdentifiedAxis, of_axis: str) -> Light:
+    """Ask whether the parameters are identifiable."""
+    missing = [row.name for row in part.answer.rows if not row.is_identifiable]
+    count = len(part.answer.rows)
+    question = f"Do the recordings show all parameters{of_axis}?"
+    if not missing:
+        return Light(DATA, question, GOOD, f"All {count} are known to 5 %.")
+    return Light(DATA, question, UNSURE, f"{len(missing)} of {count} are not known to 5 %: {', '.join(missing)}.")
+
+
+def _held_out(part: IdentifiedAxis, of_axis: str) -> Light:
+    """Ask whether there is a held-out recording."""
+    question = f"Was the model{of_axis} judged on recordings that it did not learn from?"
+    if part.traces.held_out:
+        share = 100.0 * unexplained_share(part.traces.held_out)
+        return Light(DATA, question, GOOD, f"{share:.3g} % of the rms {part.units.effort_word} is unexplained there.")
+    return Light(DATA, question, UNSURE, "Name a recording of another motion with --holdout.")
+
+
+def _converged(part: IdentifiedAxis, of_axis: str) -> Light:
+    """Ask whether the search converged."""
+    question = f"Did the fit{of_axis} converge?"
+    if part.is_converged is None:
+        return Light(CONVERGENCE, question, GOOD, "Least squares needs no search.")
+    if part.is_converged:
+        return Light(CONVERGENCE, question, GOOD, "The last step was small against the parameters' intervals.")
+    return Light(CONVERGENCE, question, BAD, "Rerun from the file that was written, or record longer.")
+
+
+def _explained(part: IdentifiedAxis, of_axis: str) -> list[Light]:
+    """Ask whether the model explains the effort, and whether it may be used."""
+    share, where = unexplained_share(part.traces.learnt), "on the fitted recordings"
+    if part.traces.held_out:
+        share, where = unexplained_share(part.traces.held_out), "on held-out recordings"
+    elif part.unexplained is not None:
+        share, where = part.unexplained, "on chunks left out of the fit"
+    facts = (
+        f"{100.0 * share:.3g} % of the rms {part.units.effort_word} is unexplained {where}; the limit is"
+        f" {100.0 * MAX_UNEXPLAINED:.3g} %."
+    )
+    state = GOOD if share <= MAX_UNEXPLAINED else BAD
+    reasons = "See the warnings." if part.answer.warnings else "Load it into the nodes."
+    return [
+        Light(BELIEVABILITY, f"Does the model{of_axis} explain the {part.units.effort_word}?", state, facts),
+        Light(
+            BELIEVABILITY,
+            f"May the model{of_axis} be used as it is?",
+            GOOD if part.answer.is_usable else BAD,
+            "" if part.answer.is_usable and not part.answer.warnings else reasons,
+        ),
+    ]

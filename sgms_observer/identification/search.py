@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.errors import DataError
 from sgms_observer.identification.prepared import Prepared
 from sgms_observer.identification.problem import (
     DELAY,
@@ -22,12 +23,18 @@ from sgms_observer.identification.problem import (
     Parameters,
     residual_and_jacobian,
 )
-from sgms_observer.identification.scales import Scales, scales_of
 from sgms_observer.identification.simulation import ElementShape
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
+MIN_STEPS_OF_TRAVEL = 20.0
+"""Travel over the smallest slip deflection that can be seen, below which nothing can be identified."""
+_NOISES = 1.5
+"""Smallest slip deflection over the position noise: an element that slips earlier looks like a step."""
+_FINEST = 1.0e-7
+"""The same over the travel, for recordings without noise; it bounds the size of the problem."""
+_BUILD_UP_SHARE = 0.05  # of the travel: a friction that builds up over more is a spring, or gravity
 _SHARES = (1.0e-6, 1.0e2)
 """Smallest and largest mass and viscous coefficient, over the values that would need the whole effort."""
 _LOWEST = {RHO: 1.0, RATE: 1e-2}
@@ -42,6 +49,79 @@ _LARGEST_DELAY = 0.02
 _DELAY_SCALE = 1e-3
 _LONGEST_RELAXATION = 0.01  # s
 _MAX_DAMPING = 1e8
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Typical sizes.
+
+    Attributes:
+        effort: rms effort [N].
+        velocity: rms velocity [m/s].
+        top_velocity: largest velocity [m/s].
+        acceleration: rms acceleration [m/s^2].
+        travel: longest travel within one piece [m].
+        smallest: smallest slip deflection above the position noise [m].
+        period: longest sample period of the simulation [s].
+    """
+
+    effort: float
+    velocity: float
+    top_velocity: float
+    acceleration: float
+    travel: float
+    smallest: float
+    period: float
+
+    @property
+    def largest(self) -> float:
+        """Largest slip deflection of the search [m]."""
+        return max(_BUILD_UP_SHARE * self.travel, 10.0 * self.smallest)
+
+    @property
+    def mass(self) -> float:
+        """Mass that would need all of the effort [kg]."""
+        return self.effort / self.acceleration
+
+    @property
+    def viscous(self) -> float:
+        """Viscous coefficient that would need all of the effort [N s/m]."""
+        return self.effort / self.velocity
+
+
+def scales_of(data: Sequence[Prepared]) -> Scales:
+    """Return the typical sizes of prepared recordings.
+
+    Raises:
+        DataError: if the axis hardly moves, or the effort is zero.
+    """
+    travel = max(float(np.ptp(piece.position)) for piece in data)
+    noise = min(piece.noise for piece in data)
+    smallest = max(_NOISES * noise, _FINEST * travel)
+    if not travel >= MIN_STEPS_OF_TRAVEL * smallest or travel <= 0.0:
+        raise DataError(
+            f"the axis moves by {travel:.2g} {data[0].unit} only, {travel / max(noise, 1e-300):.3g} times the noise and"
+            f" resolution of its position ({noise:.2g} {data[0].unit}); identification needs sliding and reversals:"
+            " record longer strokes, or use a finer encoder"
+        )
+    effort = _rms([piece.effort(piece.time)[piece.usable] for piece in data])
+    if not effort > 0.0:
+        raise DataError("control_effort is zero throughout; record the effort that drives the axis")
+    velocities = [piece.velocity[piece.usable] for piece in data]
+    return Scales(
+        effort,
+        _rms(velocities),
+        max(float(np.max(np.abs(values), initial=0.0)) for values in velocities),
+        _rms([piece.acceleration[piece.usable] for piece in data]),
+        travel,
+        smallest,
+        max(piece.period for piece in data),
+    )
+
+
+def _rms(parts: Sequence[np.ndarray]) -> float:
+    """Return the root of the mean square over all parts."""
+    return float(np.sqrt(np.mean(np.concatenate(list(parts)) ** 2)))
 
 
 @dataclass(frozen=True)
@@ -129,6 +209,12 @@ def _normal_equations(
     return cost / rows, gradient / rows, matrix / rows
 
 
+def _damped_step(matrix: Floats, gradient: Floats, damping: float) -> Floats:
+    """Return the Levenberg-Marquardt step, limited in each variable."""
+    diagonal = np.maximum(np.diag(matrix), 1e-9 * float(np.max(np.diag(matrix))))
+    return np.clip(-np.linalg.solve(matrix + damping * np.diag(diagonal), gradient), -1.5, 1.5)
+
+
 def search(
     data: Sequence[Prepared],
     masks: Sequence[Booleans],
@@ -165,13 +251,9 @@ def search(
         steps += 1
         at_bound = ((variables <= low) & (gradient > 0.0)) | ((variables >= high) & (gradient < 0.0))
         moving = free[~at_bound[free]]
-        block = matrix[np.ix_(moving, moving)]
-        diagonal = np.maximum(np.diag(block), 1e-9 * float(np.max(np.diag(block))))
-        step = np.zeros(len(variables))
-        step[moving] = -np.linalg.solve(block + damping * np.diag(diagonal), gradient[moving])
-        step = np.clip(step, -1.5, 1.5)
+        step = _damped_step(matrix[np.ix_(moving, moving)], gradient[moving], damping)
         trial = variables.copy()
-        trial[moving] = np.clip(variables[moving] + step[moving], low[moving], high[moving])
+        trial[moving] = np.clip(variables[moving] + step, low[moving], high[moving])
         candidate = from_search(trial, start, scales)
         new_cost, new_gradient, new_matrix = _normal_equations(data, masks, candidate, shape, scales)
         if not new_cost < cost:

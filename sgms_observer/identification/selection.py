@@ -13,7 +13,7 @@ from sgms_observer.identification.prepared import Prepared
 from sgms_observer.identification.problem import V_S, Parameters, chunk_numbers, residual_and_jacobian
 from sgms_observer.identification.search import Fit, search
 from sgms_observer.identification.simulation import ElementShape
-from sgms_observer.identification.start_values import Atoms, merge_elements, start_parameters
+from sgms_observer.identification.start_values import Start, cluster
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -73,22 +73,14 @@ def rows_to_use(main: list[Prepared], others: Sequence[list[Prepared]], deflecti
 
 
 def fit_each_count(
-    data: Rows,
-    atoms: Atoms,
-    shape: ElementShape,
-    rate: float,
-    start_velocity: float,
-    counts: tuple[int, ...],
-    show: Callable[[float], None] = lambda share: None,
+    data: Rows, start: Start, shape: ElementShape, counts: tuple[int, ...], show: Callable[[float], None]
 ) -> dict[int, Fit]:
     """Return the fit with each number of elements, on the fitted rows.
 
     Args:
         data: recordings and rows.
-        atoms: the convex fit.
+        start: start of the search; several multiples of its v_s are tried.
         shape: kind of model and its smoothing.
-        rate: start value of c [1/s].
-        start_velocity: start value of v_s [m/s]; several multiples of it are tried.
         counts: numbers of elements, consecutive.
         show: called with the completed share, from 0 to 1.
     """
@@ -97,18 +89,18 @@ def fit_each_count(
     trials = []
     for number, share in enumerate(_STARTS):
         show(number / searches)
-        start = start_parameters(atoms, first, start_velocity * share, 0.0, rate)
-        trials.append(search(data.main, data.fit_rows, start, shape, iterations=12, tolerance=1e-3))
+        parameters = start.parameters(first, start.velocity * share)
+        trials.append(search(data.main, data.fit_rows, parameters, shape, iterations=12, tolerance=1e-3))
     velocity = float(min(trials, key=lambda fit: fit.cost).parameters.scalars[V_S])
     fits = {}
     for number, count in enumerate(counts, len(trials)):
         show(number / searches)
-        start = start_parameters(atoms, count, velocity, 0.0, rate)
-        fits[count] = search(data.main, data.fit_rows, start, shape, iterations=20, tolerance=1e-3)
+        parameters = start.parameters(count, velocity)
+        fits[count] = search(data.main, data.fit_rows, parameters, shape, iterations=20, tolerance=1e-3)
     for number, count in enumerate(sorted(fits, reverse=True)[1:], len(trials) + len(fits)):
         show(number / searches)
         if fits[count + 1].cost < _MERGE_COST_RATIO * fits[count].cost:
-            merged = merge_elements(fits[count + 1].parameters, count)
+            merged = _merge_elements(fits[count + 1].parameters, count)
             again = search(data.main, data.fit_rows, merged, shape, iterations=20, tolerance=1e-3)
             fits[count] = min(fits[count], again, key=lambda fit: fit.cost)
     return fits
@@ -151,3 +143,11 @@ def by_deflection(parameters: Parameters) -> Parameters:
     """Return the same parameters with the elements in the order of their slip deflections."""
     order = np.argsort(parameters.slip_deflection)
     return replace(parameters, kappa=parameters.kappa[order], level=parameters.level[order])
+
+
+def _merge_elements(parameters: Parameters, count: int) -> Parameters:
+    """Return the same model with fewer elements."""
+    order = np.argsort(parameters.level / parameters.kappa)
+    level = parameters.level[order]
+    deflection, force = cluster(level / parameters.kappa[order], level, count)
+    return Parameters(parameters.scalars, force / deflection, force, parameters.effects)

@@ -8,20 +8,29 @@ distribution as atoms; neighbouring atoms are merged until the wanted number of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from sgms_observer.identification.effect_terms import EffectVector
-from sgms_observer.identification.linear_effects import LinearEffects
-from sgms_observer.identification.prepared import Prepared
-from sgms_observer.identification.problem import Parameters
+from sgms_observer.errors import DataError
+from sgms_observer.identification.effect_terms import GRAVITY, EffectTerms, EffectVector, effect_terms
+from sgms_observer.identification.linear_effects import LinearEffects, linear_effects
+from sgms_observer.identification.prepared import Prepared, prepare_all
+from sgms_observer.identification.problem import ELEMENTS, Parameters
+from sgms_observer.identification.search import Scales, scales_of
 from sgms_observer.identification.simulation import ElementShape, unit_elements
+from sgms_observer.offline.recording import Recording
+from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]
 
+MIN_REVERSALS = 2
+"""Fewer reversals cannot tell friction from whatever else changed at that time."""
+_REVERSAL_SHARE = 0.02  # of the travel: a shorter way back is no reversal of the sliding
+_MIN_GRAVITY_GAIN = 0.05  # share of the squared residual that gravity has to explain where the file does not have it
+_V_S_SHARES = (1.0e-3, 0.3)  # of the largest velocity: where the search for the Stribeck velocity starts
 _GRID_PER_DECADE = 5
 _ROWS = 40_000  # largest number of rows for a start
 _NEGLIGIBLE = 5.0e-3  # of the Coulomb force: smaller atoms are dropped
@@ -69,60 +78,155 @@ class Atoms:
         return self.opposed_cost < _MAX_OPPOSED_RATIO * self.cost
 
 
-def fit_atoms(
-    data: Sequence[Prepared],
-    shape: ElementShape,
-    smallest: float,
-    largest: float,
-    stribeck_velocity: float,
-    terms: LinearEffects,
-) -> Atoms:
-    """Fit the distribution over a coarse grid of slip deflections, then over a grid up to the largest deflection.
+@dataclass(frozen=True)
+class Start:
+    """Start of the search.
+
+    Attributes:
+        data: prepared recordings.
+        terms: effects of the balance.
+        linear: their linear part.
+        atoms: the convex fit.
+        scales: typical sizes of the signals.
+        velocity: start value of v_s [m/s].
+        rate: start value of c = C / f_C of the GMS model [1/s].
+    """
+
+    data: list[Prepared]
+    terms: EffectTerms
+    linear: LinearEffects
+    atoms: Atoms
+    scales: Scales
+    velocity: float
+    rate: float
+
+    def parameters(self, count: int, stribeck_velocity: float) -> Parameters:
+        """Return start values for ``count`` elements.
+
+        Args:
+            count: number of elements.
+            stribeck_velocity: v_s [m/s].
+        """
+        atoms = self.atoms
+        deflection, force = cluster(atoms.deflection, atoms.force, count)
+        rho = min(max(1.0 + atoms.rise, 1.01), 3.0)
+        scalars = np.array([atoms.mass, atoms.viscous, atoms.offset, 0.0, rho, stribeck_velocity, self.rate, 0.0])
+        return Parameters(scalars, force / deflection, force, atoms.effects)
+
+    def vector(self, parameters: Parameters, axis: AxisSettings) -> Floats:
+        """Return ``Parameters.vector`` with the start settings' values of all shared parameters and effects."""
+        friction = axis.friction
+        offset = next((item.values[0] for item in axis.effects if item.name == "offset" and item.values), 0.0)
+        out = parameters.vector()
+        out[:ELEMENTS] = [
+            axis.mass,
+            max(friction.viscous_coefficient, 1e-6 * self.scales.viscous),
+            offset,
+            0.0,
+            max(friction.static_force / friction.coulomb_force, 1.0),
+            friction.stribeck_velocity,
+            self.rate,
+            0.0,
+        ]
+        out[parameters.first_effect :] = self.terms.start.values
+        return out
+
+
+def linear_start(recordings: Sequence[Recording], axis: AxisSettings, shape: ElementShape, cutoff: float) -> Start:
+    """Fit the linear parameters; gravity that the file does not have is kept only if the recordings show it.
 
     Args:
-        data: prepared recordings.
+        recordings: evenly sampled pieces.
+        axis: start settings.
         shape: smoothing of the elements.
-        smallest: smallest deflection of the grid [m].
-        largest: largest deflection of the grid [m].
-        stribeck_velocity: order of magnitude of v_s [m/s].
-        terms: effects with linear strengths.
+        cutoff: corner of the balance's low-pass [Hz].
 
     Raises:
-        DataError: if the recordings show no friction.
+        DataError: if the recordings hold too little motion.
     """
-    first = _fit(data, shape, smallest, largest, stribeck_velocity, 10.0 * smallest, terms)
+    terms = effect_terms(axis)
+    start = _start_with(recordings, axis, shape, cutoff, terms)
+    if GRAVITY not in terms.added:
+        return start
+    without = _start_with(recordings, axis, shape, cutoff, terms.without(GRAVITY))
+    number = terms.names.index(f"{GRAVITY}.amplitude")
+    is_identifiable = any(strength == number and phase is not None for strength, phase in start.linear.strengths)
+    gain = 1.0 - start.atoms.cost / without.atoms.cost
+    return start if is_identifiable and gain > _MIN_GRAVITY_GAIN else without
+
+
+def _start_with(
+    recordings: Sequence[Recording], axis: AxisSettings, shape: ElementShape, cutoff: float, terms: EffectTerms
+) -> Start:
+    """Fit the linear parameters with given effects."""
+    data = prepare_all(recordings, cutoff, terms)
+    scales = scales_of(data)
+    _check_reversals(data, scales)
+    vector, coulomb = terms.start, axis.friction.coulomb_force
+    level = np.full(len(data[0].position), coulomb)
+    vector = replace(vector, scale=data[0].effects.scales(vector, terms.names, level, scales.effort))
+    linear = linear_effects(data, terms, vector, coulomb)
+    low, high = (share * scales.top_velocity for share in _V_S_SHARES)
+    velocity = min(max(axis.friction.stribeck_velocity, low), high)
+    atoms = _fit_atoms(data, shape, scales, velocity, linear)
+    rate = axis.friction.attraction_rate / axis.friction.coulomb_force
+    return Start(data, terms, linear, atoms, scales, velocity, rate)
+
+
+def _check_reversals(data: Sequence[Prepared], scales: Scales) -> None:
+    """Raise an error if the axis has too few reversals."""
+    reversals = 0
+    for piece in data:
+        turns, extreme, way = 0, float(piece.position[0]), 0
+        for value in piece.position[:: piece.stride]:
+            moved = float(value) - extreme
+            if way * moved > 0.0:
+                extreme = float(value)
+            elif abs(moved) > _REVERSAL_SHARE * scales.travel:
+                turns += way != 0
+                extreme, way = float(value), 1 if moved > 0.0 else -1
+        reversals += turns
+    if reversals < MIN_REVERSALS:
+        raise DataError(
+            f"the axis reverses {'once' if reversals else 'never'}: these recordings cannot show its friction, which"
+            f" offset, gravity and slow changes imitate; record {MIN_REVERSALS} reversals or more (sgms excite)"
+        )
+
+
+def _fit_atoms(
+    data: Sequence[Prepared], shape: ElementShape, scales: Scales, stribeck_velocity: float, terms: LinearEffects
+) -> Atoms:
+    """Fit the distribution over a coarse grid of slip deflections, then over a grid up to the largest deflection."""
+    smallest, largest = scales.smallest, scales.largest
+    first = _fit(data, shape, _grid(smallest, largest), stribeck_velocity, 10.0 * smallest, terms)
     if first.is_opposed or first.force.sum() <= 0.0:
         return first
     slip_deflection = first.slip_deflection
     largest = min(largest, max(_MARGIN * slip_deflection, 4.0 * smallest))
-    return _fit(data, shape, smallest, largest, stribeck_velocity, slip_deflection, terms)
+    return _fit(data, shape, _grid(smallest, largest), stribeck_velocity, slip_deflection, terms)
+
+
+def _grid(smallest: float, largest: float) -> Floats:
+    count = max(3, int(np.ceil(_GRID_PER_DECADE * np.log10(largest / smallest))) + 1)
+    return np.geomspace(smallest, largest, count)
 
 
 def _fit(
     data: Sequence[Prepared],
     shape: ElementShape,
-    smallest: float,
-    largest: float,
+    grid: Floats,
     stribeck_velocity: float,
     forgotten: float,
     terms: LinearEffects,
 ) -> Atoms:
     """Solve the convex problem on one grid, once elements up to deflection ``forgotten`` have forgotten their start."""
-    count = max(3, int(np.ceil(_GRID_PER_DECADE * np.log10(largest / smallest))) + 1)
-    grid = np.geomspace(smallest, largest, count)
     rows, efforts = [], []
     for piece, base, added in zip(data, terms.base, terms.columns, strict=True):
         mask = piece.settled(forgotten)
         if not np.any(mask):
             mask = piece.usable
-        elements = unit_elements(piece.position, piece.period, grid, shape)
-        velocity: Floats = np.gradient(piece.position) / piece.period
-        bumps = [np.sign(velocity) * np.exp(-((velocity / (share * stribeck_velocity)) ** 2)) for share in _BUMPS]
-        columns = piece.low_pass(np.column_stack([elements, *bumps]))
         stride = max(1, int(mask.sum()) * len(data) // _ROWS)
-        ones = np.ones(len(piece.time))
-        matrix = np.column_stack([columns, piece.acceleration, piece.velocity, ones, -ones, added, -added])
-        rows.append(matrix[mask][::stride])
+        rows.append(_columns(piece, shape, grid, stribeck_velocity, added)[mask][::stride])
         efforts.append((piece.effort(piece.time) - base)[mask][::stride])
     matrix, effort = np.concatenate(rows), np.concatenate(efforts)
     scale = np.linalg.norm(matrix, axis=0)
@@ -133,10 +237,9 @@ def _fit(
     solution, norm = nnls(triangle, projected)
     _opposed, opposed_norm = nnls(triangle, -projected)
     weights = solution / scale
-    force = weights[:count]
+    force, bumps, rest = np.split(weights, [len(grid), len(grid) + len(_BUMPS)])
     total = float(force.sum())
     keep = force > _NEGLIGIBLE * total
-    rest = weights[count + len(_BUMPS) :]
     plus, minus = np.split(rest[4:], 2)
     return Atoms(
         grid[keep],
@@ -144,24 +247,25 @@ def _fit(
         float(rest[0]),
         float(rest[1]),
         float(rest[2] - rest[3]),
-        float(weights[count : count + len(_BUMPS)].sum()) / max(total, 1e-300),
+        float(bumps.sum()) / max(total, 1e-300),
         terms.vector_of(plus - minus),
         max(float(norm**2) + orthogonal_square, 1e-300) / len(effort),
         max(float(opposed_norm**2) + orthogonal_square, 1e-300) / len(effort),
     )
 
 
+def _columns(piece: Prepared, shape: ElementShape, grid: Floats, stribeck_velocity: float, added: Floats) -> Floats:
+    """Return a column for each unknown: elements, Stribeck bumps, mass, viscous friction, then signs of the rest."""
+    elements = unit_elements(piece.position, piece.period, grid, shape)
+    velocity: Floats = np.gradient(piece.position) / piece.period
+    bumps = [np.sign(velocity) * np.exp(-((velocity / (share * stribeck_velocity)) ** 2)) for share in _BUMPS]
+    columns = piece.low_pass(np.column_stack([elements, *bumps]))
+    ones = np.ones(len(piece.time))
+    return np.column_stack([columns, piece.acceleration, piece.velocity, ones, -ones, added, -added])
+
+
 def cluster(atom_deflection: Floats, atom_force: Floats, count: int) -> tuple[Floats, Floats]:
-    """Merge or split atoms into ``count`` elements.
-
-    Args:
-        atom_deflection: slip deflection of each atom [m], ascending.
-        atom_force: its force [N].
-        count: number of elements.
-
-    Returns:
-        Slip deflection [m] and force [N] of each element, ascending in deflection.
-    """
+    """Return slip deflection [m] and force [N] of ``count`` elements, merged or split from atoms in ascending order."""
     deflection, force = list(atom_deflection), list(atom_force)
     while len(force) > count:
         losses = [
@@ -179,32 +283,3 @@ def cluster(atom_deflection: Floats, atom_force: Floats, count: int) -> tuple[Fl
         deflection[i : i + 1] = [deflection[i] / 1.5, deflection[i] * 1.5]
         force[i : i + 1] = [0.5 * force[i], 0.5 * force[i]]
     return np.array(deflection), np.array(force)
-
-
-def start_parameters(atoms: Atoms, count: int, stribeck_velocity: float, delay: float, rate: float) -> Parameters:
-    """Return start values for ``count`` elements.
-
-    Args:
-        atoms: the convex fit.
-        count: number of elements.
-        stribeck_velocity: v_s [m/s].
-        delay: [s].
-        rate: c = C / f_C of the GMS model [1/s].
-    """
-    deflection, force = cluster(atoms.deflection, atoms.force, count)
-    rho = min(max(1.0 + atoms.rise, 1.01), 3.0)
-    scalars = np.array([atoms.mass, atoms.viscous, atoms.offset, delay, rho, stribeck_velocity, rate, 0.0])
-    return Parameters(scalars, force / deflection, force, atoms.effects)
-
-
-def merge_elements(parameters: Parameters, count: int) -> Parameters:
-    """Return the same model with fewer elements.
-
-    Args:
-        parameters: a model with at least ``count`` elements.
-        count: number of elements.
-    """
-    order = np.argsort(parameters.level / parameters.kappa)
-    level = parameters.level[order]
-    deflection, force = cluster(level / parameters.kappa[order], level, count)
-    return Parameters(parameters.scalars, force / deflection, force, parameters.effects)

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 Floats = NDArray[np.float64]
 
@@ -84,21 +83,12 @@ def least_squares_covariance(jacobians: Sequence[Floats], residuals: Sequence[Fl
         Covariance, shape (k, k). Directions that are not identifiable have infinite variance.
     """
     stacked = np.concatenate(list(jacobians))
-    scale = np.linalg.norm(stacked, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = _column_norms(stacked)
     scaled = [jacobian / scale for jacobian in jacobians]
     hessian = sum((jacobian.T @ jacobian for jacobian in scaled), np.zeros((stacked.shape[1],) * 2))
-    values, vectors = np.linalg.eigh(hessian)
-    is_observable = values > 1e-12 * values[-1]
-    inverse = (vectors[:, is_observable] / values[is_observable]) @ vectors[:, is_observable].T
     scores = [jacobian * residual[:, None] for jacobian, residual in zip(scaled, residuals, strict=True)]
-    score_covariance = long_run_covariance(scores)
-    rows = sum(len(residual) for residual in residuals)
-    freedom = rows / max(rows - stacked.shape[1], 1)
-    covariance = freedom * inverse @ score_covariance @ inverse
-    is_unobservable = (vectors[:, ~is_observable] ** 2).sum(axis=1) > 1e-6
-    covariance[is_unobservable, is_unobservable] = np.inf
-    return np.asarray(covariance / np.outer(scale, scale))
+    freedom = len(stacked) / max(len(stacked) - stacked.shape[1], 1)
+    return _sandwich(hessian, long_run_covariance(scores), freedom, scale)
 
 
 def clustered_covariance(jacobian: Floats, residual: Floats, cluster: NDArray[np.int64]) -> Floats:
@@ -114,22 +104,25 @@ def clustered_covariance(jacobian: Floats, residual: Floats, cluster: NDArray[np
 
     Source: Liang and Zeger, Biometrika 73 (1986), with the small-sample factor C / (C - 1).
     """
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = _column_norms(jacobian)
     scaled = jacobian / scale
-    values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    is_observable = values > 1e-12 * values[-1]
-    inverse = (vectors[:, is_observable] / values[is_observable]) @ vectors[:, is_observable].T
     names = np.unique(cluster)
     sums = np.array([(scaled[cluster == name] * residual[cluster == name, None]).sum(axis=0) for name in names])
-    factor = len(names) / max(len(names) - 1, 1)
-    covariance = factor * inverse @ (sums.T @ sums) @ inverse
+    return _sandwich(scaled.T @ scaled, sums.T @ sums, len(names) / max(len(names) - 1, 1), scale)
+
+
+def _column_norms(jacobian: Floats) -> Floats:
+    """Return the norm of each column, 1 for a column of zeros."""
+    scale = np.linalg.norm(jacobian, axis=0)
+    return np.where(scale > 0.0, scale, 1.0)
+
+
+def _sandwich(hessian: Floats, score_covariance: Floats, factor: float, scale: Floats) -> Floats:
+    """Return hessian^-1 S hessian^-1 in the units before scaling, infinite where the hessian is singular."""
+    values, vectors = np.linalg.eigh(hessian)
+    is_observable = values > 1e-12 * values[-1]
+    inverse = (vectors[:, is_observable] / values[is_observable]) @ vectors[:, is_observable].T
+    covariance = factor * inverse @ score_covariance @ inverse
     is_unobservable = (vectors[:, ~is_observable] ** 2).sum(axis=1) > 1e-6
     covariance[is_unobservable, is_unobservable] = np.inf
     return np.asarray(covariance / np.outer(scale, scale))
-
-
-def interval(value: float, std_error: float, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the two-sided interval of a normal estimate."""
-    half_width = float(stats.norm.ppf(0.5 + 0.5 * confidence)) * std_error
-    return value - half_width, value + half_width

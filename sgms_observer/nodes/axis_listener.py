@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,7 +35,6 @@ class AxisListener:
         positions: stamp [ns] and position [m] of each sample since ``forget``.
         heard_at: when each topic was heard last, by the monotonic clock [s].
         names: the axes that each topic named.
-        writer: bag that messages between the stamps of ``span`` go into; None for none.
         span: first and last stamp that is recorded [ns].
     """
 
@@ -47,7 +48,7 @@ class AxisListener:
         self.positions: list[tuple[int, float]] = []
         self.heard_at = {POSITION: 0.0, EFFORT: 0.0}
         self.names: dict[str, tuple[str, ...]] = {}
-        self.writer: BagWriter | None = None
+        self._writer: BagWriter | None = None
         self.span = (0, 0)
 
     def subscribe(self, node: Node) -> None:
@@ -110,6 +111,25 @@ class AxisListener:
         nothing = np.full(len(rows), math.nan)
         return Samples(stamps, positions, efforts, *((nothing, nothing) if reference is None else reference))
 
+    @property
+    def is_recording(self) -> bool:
+        """Return whether messages go into a bag."""
+        return self._writer is not None
+
+    @contextmanager
+    def recording(self, bag: Path) -> Iterator[None]:
+        """Write the messages between the stamps of ``span`` into a bag while the block runs.
+
+        Args:
+            bag: its folder; a bag that is there is replaced.
+        """
+        with BagWriter(bag, is_overwriting=True) as writer:
+            self._writer = writer
+            try:
+                yield
+            finally:  # messages that still come find no closed bag
+                self._writer = None
+
     def record(self, topic: str, stamp_ns: int, message: bytes) -> None:
         """Write a message into the bag, if it is recorded.
 
@@ -118,8 +138,8 @@ class AxisListener:
             stamp_ns: its stamp [ns].
             message: its bytes.
         """
-        if self.writer is not None and self.span[0] <= stamp_ns <= self.span[1]:
-            self.writer.write(topic, JOINT_STATE, time.time_ns(), message)
+        if self._writer is not None and self.span[0] <= stamp_ns <= self.span[1]:
+            self._writer.write(topic, JOINT_STATE, time.time_ns(), message)
 
     def _take_position(self, message: bytes) -> None:
         found = self._number(POSITION, message, 2)

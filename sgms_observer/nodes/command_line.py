@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from sgms_observer import __version__
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import silent_interrupts
-from sgms_observer.nodes.spin import MISSING_ROS, fail, leave_if_working, run_node
-from sgms_observer.outcome import EXIT_INTERRUPTED, SentenceParser
+from sgms_observer.nodes.spin import MISSING_ROS, fail, run_node
+from sgms_observer.outcome import EXIT_INTERRUPTED, SentenceParser, leave_if_working
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from sgms_observer.bags.cdr_bytes import Buffer
 from sgms_observer.bags.trajectory_cdr import decode_trajectory, encode_trajectory
-from sgms_observer.compensation.horizon import Horizon, KnownMotion
+from sgms_observer.compensation.horizon import MIN_STEP, Horizon, KnownMotion
 from sgms_observer.errors import DataError
 from sgms_observer.observer.all_axes import AllAxes
 from sgms_observer.observer.samples import Estimates
-from sgms_observer.settings.axis import Settings
+from sgms_observer.settings.axis import AxisSettings, Settings
 
 EVERY = 0.05
 """Sample time from one horizon to the next [s]; a horizon of the default length bridges 0.2 s without a message."""
@@ -20,19 +21,46 @@ EVERY = 0.05
 BEFORE = 0.05
 """A reference is told from so long before the present [s], for an observer that has not got so far."""
 
+AHEAD = 0.5
+"""Time that a whole motion is told ahead [s]: a ``compensation_horizon`` of the default length, and its pauses."""
 
-def encode_reference(settings: Settings, now_ns: int, time_ns: np.ndarray, motions: Mapping[str, np.ndarray]) -> bytes:
+
+def encode_reference(
+    axes: Sequence[AxisSettings], now_ns: int, time_ns: np.ndarray, motions: Mapping[str, np.ndarray]
+) -> bytes:
     """Return ``reference_horizon`` in topic units.
 
     Args:
-        settings: all axes.
+        axes: in the order of the motions.
         now_ns: the present [ns].
         time_ns: time of each point [ns], shape (n,).
         motions: name of the axis to its position and velocity [SI units], shape (2, n) each.
     """
-    scales = np.array([axis.position_scale for axis in settings.axes if axis.name in motions])
+    scales = np.array([axis.position_scale for axis in axes if axis.name in motions])
     positions, velocities = (np.stack([motion[row] for motion in motions.values()], axis=1) / scales for row in (0, 1))
     return encode_trajectory(now_ns, tuple(motions), time_ns, {"positions": positions, "velocities": velocities})
+
+
+def encode_motion_ahead(
+    axis: AxisSettings, period: float, begin_ns: int, now_ns: int, position: np.ndarray, velocity: np.ndarray
+) -> bytes:
+    """Return the part of a motion that is ahead as ``reference_horizon``; the axis rests before and after the motion.
+
+    Args:
+        axis: the one that moves.
+        period: time between two samples of the motion [s].
+        begin_ns: time of its first sample [ns].
+        now_ns: the present, on the same clock [ns].
+        position: of each sample [m], shape (n,).
+        velocity: of each sample [m/s], shape (n,).
+    """
+    period_ns, every = round(period * 1e9), max(1, round(MIN_STEP / period))
+    first = (now_ns - begin_ns) // period_ns - math.ceil(BEFORE / period)
+    number = np.arange(first, first + math.ceil((BEFORE + AHEAD) / period), every)
+    at = np.clip(number, 0, len(position) - 1)
+    time_ns = begin_ns + number * period_ns
+    motion = np.stack([position[at], np.where(at == number, velocity[at], 0.0)])
+    return encode_reference((axis,), int(time_ns[0]), time_ns, {axis.name: motion})
 
 
 def decode_horizons(message: Buffer) -> dict[str, Horizon]:

@@ -19,12 +19,11 @@ from rclpy.parameter import Parameter
 
 from sgms_observer import jit
 from sgms_observer.application.kernels import Compilation, missing_parts
-from sgms_observer.bags.blocks import warm_up_encoding
+from sgms_observer.bags.rows import warm_up_encoding
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import is_told
 from sgms_observer.nodes.parameters import NodeParameters
-from sgms_observer.nodes.spin import LONG_WORK
-from sgms_observer.outcome import SHOW_TRACEBACK
+from sgms_observer.outcome import LONG_WORK, SHOW_TRACEBACK
 from sgms_observer.settings.arguments import NodeArguments
 from sgms_observer.settings.axis import Settings
 

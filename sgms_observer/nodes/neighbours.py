@@ -19,17 +19,29 @@ class Neighbours:
 
     Args:
         node: the observer.
+
+    Attributes:
+        rivals: topics of the compensation that somebody else published too when it was looked at last.
     """
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._readers: dict[str, list[str]] = {}
         self._looked_at = -1
+        self.rivals: tuple[str, ...] = ()
 
-    def rivals(self) -> tuple[str, ...]:
-        """Return the topics of the compensation that somebody else publishes too."""
+    def _rivals(self) -> tuple[str, ...]:
         topics = (self._node.resolve_topic_name(topic) for topic in (COMPENSATION, HORIZON, COMMANDS))
         return tuple(topic for topic in topics if self._node.count_publishers(topic) > 1)
+
+    def judge_rivals(self) -> list[str]:
+        """Look for rivals again; return the sentence about each."""
+        self.rivals = self._rivals()
+        return [
+            f"{topic} is published by another node as well; the compensation stays at zero until only one node does;"
+            " stop one of them or give it a namespace of its own"
+            for topic in self.rivals
+        ]
 
     def judge_readers(self) -> list[str]:
         """Return the sentence about a command-line tool that reads one of the topics with every sample reliably.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -23,12 +22,9 @@ from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.neighbours import Neighbours, without_compensation
 from sgms_observer.nodes.report import Report, scale_sentences
 from sgms_observer.nodes.statistics import Sentences
-from sgms_observer.nodes.topics import HORIZON_QOS, CommandTopic, JointStateTopics, subscribe
+from sgms_observer.nodes.topics import HORIZON_QOS, Outlets, subscribe
 from sgms_observer.nodes.watchdog import SHORTEST_PERIOD, Watchdog
 from sgms_observer.observer.outgoing import (
-    COMPENSATION,
-    HORIZON,
-    JOINT_STATE_TOPICS,
     PARAMETERS,
     REFERENCE_HORIZON,
     OutgoingBlock,
@@ -65,9 +61,7 @@ class ObserverNode(ManagedNode):
     def __init__(self, name: str, executor: Executor, given: NodeArguments) -> None:
         super().__init__(name, executor, given)
         self._engine: Engine | None = None
-        self._topics: JointStateTopics | None = None
-        self._commands: CommandTopic | None = None
-        self._horizons: Publisher | None = None
+        self._outlets: Outlets | None = None
         self._subscriptions_of_inputs: list[Subscription] = []
         self._is_scheduled = False
         self._is_late = False
@@ -79,7 +73,6 @@ class ObserverNode(ManagedNode):
         self._reported_at = time.monotonic()
         self._sentences = Sentences()
         self._diagnosed = Report()
-        self._rivals: tuple[str, ...] = ()
         self._neighbours = Neighbours(self)
         self._watchdog: Watchdog | None = None
         self._watch_timer: Timer | None = None
@@ -96,9 +89,7 @@ class ObserverNode(ManagedNode):
 
     def set_up(self) -> None:
         """Make publishers and subscriptions."""
-        self._topics = JointStateTopics(self, JOINT_STATE_TOPICS)
-        self._commands = CommandTopic(self, self.settings)
-        self._horizons = self.create_publisher(JointTrajectory, HORIZON, HORIZON_QOS)
+        self._outlets = Outlets(self, self.settings)
         is_one_topic = self.resolve_topic_name("position") == self.resolve_topic_name("control_effort")
         inputs = (
             {"position": self._on_both}
@@ -122,7 +113,7 @@ class ObserverNode(ManagedNode):
         self._working_engine().reset()
         self._reported_at = time.monotonic()
         self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
-        self._rivals = self._neighbours.rivals()
+        self._neighbours.judge_rivals()
         self.on_tuned()
         for number in range(len(self.settings.axes)):
             self._working_engine().continue_compensation(number, 0.0)
@@ -130,8 +121,8 @@ class ObserverNode(ManagedNode):
     def end(self) -> None:
         """Leave no compensation behind: to zero within the slew limit, and what is left after a second at once."""
         watchdog, begun = self._watchdog, time.monotonic()
-        if self.context.ok() and self._engine is not None:
-            self._publish_horizons(self._engine.horizons.let_go(self.get_clock().now().nanoseconds))
+        if self.context.ok() and self._engine is not None and self._outlets is not None:
+            self._outlets.give_horizons(self._engine.horizons.let_go(self.get_clock().now().nanoseconds))
         while self.context.ok() and watchdog is not None and any(watchdog.outputs):
             now = time.monotonic()
             forces = watchdog.silent(now, is_ending=True)
@@ -142,9 +133,8 @@ class ObserverNode(ManagedNode):
             self._publish_compensation(forces)
             if any(watchdog.outputs):
                 time.sleep(SHORTEST_PERIOD)
-            elif self._topics is not None and self._commands is not None:
-                self._topics.wait_acknowledged()
-                self._commands.wait_acknowledged()
+            elif self._outlets is not None:
+                self._outlets.wait_acknowledged()
         self._watchdog = None
 
     def tear_down(self) -> None:
@@ -154,21 +144,16 @@ class ObserverNode(ManagedNode):
         self._subscriptions_of_inputs = []
         if self._watch_timer is not None:
             self.destroy_timer(self._watch_timer)
-        if self._topics is not None:
-            self._topics.destroy()
-        if self._commands is not None:
-            self._commands.destroy()
-        if self._horizons is not None:
-            self.destroy_publisher(self._horizons)
-        self._horizons = None
-        self._watch_timer = self._watchdog = self._topics = self._commands = self._engine = None
+        if self._outlets is not None:
+            self._outlets.destroy()
+        self._watch_timer = self._watchdog = self._outlets = self._engine = None
 
     def on_tuned(self) -> None:
         """Take over the compensation's settings; beside another observer none is given out, whatever they say."""
-        settings = self.settings if not self._rivals else without_compensation(self.settings)
+        settings = self.settings if not self._neighbours.rivals else without_compensation(self.settings)
         self._working_engine().tune_compensation(settings)
-        if self._commands is not None:
-            self._commands.settings = settings
+        if self._outlets is not None:
+            self._outlets.commands.settings = settings
         compensations = [axis.compensation for axis in settings.axes]
         self._oldest_ns = round(1e9 * max(found.look_ahead + found.timeout for found in compensations))
         if self._watchdog is not None:
@@ -222,19 +207,19 @@ class ObserverNode(ManagedNode):
 
     def _process(self) -> None:
         self._is_scheduled = False
-        if not self.is_active or self._topics is None or self._watchdog is None:
+        if not self.is_active or self._outlets is None or self._watchdog is None:
             return
         processed = self._working_engine().process(self._send_compensation)
         for block in processed.blocks:
-            self._topics.publish(block)
+            self._outlets.topics.publish(block)
         for report in processed.reports:
             self._parameter_topic.publish(encode_diagnostics(report.stamp_ns, [parameter_entry(report)]))
         now = time.monotonic()
         for number, estimates in processed.estimates.items():
             self._watchdog.feed(number, float(estimates.compensation[-1]), now)
-        if processed.estimates and self._commands is not None:
-            self._commands.publish(self._watchdog.outputs, self._is_late)
-        self._publish_horizons(self._working_engine().horizons.give(processed.estimates))
+        if processed.estimates:
+            self._outlets.commands.publish(self._watchdog.outputs, self._is_late)
+        self._outlets.give_horizons(self._working_engine().horizons.give(processed.estimates))
         if self._pause > 0.0:
             time.sleep(self._pause)
         self._idle_since = time.monotonic()
@@ -249,8 +234,8 @@ class ObserverNode(ManagedNode):
         if now - int(stamps[0]) > self._oldest_ns:
             late = np.count_nonzero((now - stamps > self._oldest_ns) & (now - stamps < _OWN_CLOCK_NS))
             self._working_engine().intake.counts.too_late += int(late)
-        if self._topics is not None:
-            self._topics.publish(block, is_heard=True)
+        if self._outlets is not None:
+            self._outlets.topics.publish(block, is_heard=True)
 
     def _watch(self) -> None:
         """Bring the compensation of every axis to zero whose samples stopped."""
@@ -262,26 +247,12 @@ class ObserverNode(ManagedNode):
                 self._working_engine().continue_compensation(number, force)
             self._publish_compensation(forces)
 
-    def _publish_horizons(self, messages: Iterable[bytes]) -> None:
-        """Publish horizons, if anybody listens."""
-        if self._horizons is not None and self._horizons.get_subscription_count():
-            for message in messages:
-                self._horizons.publish(message)
-
     def _publish_compensation(self, forces: dict[int, float]) -> None:
-        """Publish forces that no sample led to.
-
-        Args:
-            forces: number of the axis to its force [N].
-        """
-        if self._commands is not None:
+        """Publish forces that no sample led to [N], by the number of the axis."""
+        if self._outlets is not None:
             outputs = self._watchdog.outputs if self._watchdog is not None else [0.0] * len(self.settings.axes)
-            self._commands.publish(outputs)
-        if self._topics is not None:
-            stamp = np.array([self.get_clock().now().nanoseconds], dtype=np.int64)
-            names = tuple(self.settings.axes[number].name for number in forces)
-            effort = np.array([list(forces.values())])
-            self._topics.publish(OutgoingBlock(COMPENSATION, names, stamp, {"effort": effort}))
+            named = {self.settings.axes[number].name: force for number, force in forces.items()}
+            self._outlets.give_forces(named, outputs)
 
     def _report(self) -> None:
         """Publish diagnostics and say what is new in them."""
@@ -303,18 +274,13 @@ class ObserverNode(ManagedNode):
 
     def _judge_rivals(self) -> list[str]:
         """Keep the compensation back while another node publishes it too; return the sentence about that."""
-        rivals = self._neighbours.rivals()
-        if bool(rivals) != bool(self._rivals):
-            self._rivals = rivals
+        had_rivals = bool(self._neighbours.rivals)
+        sentences = self._neighbours.judge_rivals()
+        if bool(sentences) != had_rivals:
             self.on_tuned()
-            if not rivals:
+            if had_rivals:
                 self.get_logger().info("no other node publishes the compensation any more: it follows its settings")
-        self._rivals = rivals
-        return [
-            f"{topic} is published by another node as well; the compensation stays at zero until only one node does;"
-            " stop one of them or give it a namespace of its own"
-            for topic in rivals
-        ]
+        return sentences
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Answer ``~/reset``: forget every sample and everything learnt."""

@@ -7,7 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,40 +23,28 @@ Floats = NDArray[np.float64]
 
 _TURN = 5.0e-4  # s from one look at the clock to the next
 _FIRST_POSITION_TIME = 10.0  # s to wait for the table's position, and for a listener
-_ACK_TIME = 2.0  # s for the last set-points to arrive
+_CLOCK_TIME = 0.1  # s of positions from which the table's clock is read
+_LEAD = 5.0e-3  # s that a set-point is sent before its stamp, so that the observer has it with its sample
 _LATEST = 0.25  # s of delay after which the motion is stopped rather than caught up
-
-
-def braking(position: float, velocity: float, acceleration: float, period: float) -> tuple[Floats, Floats]:
-    """Return position and velocity of the way to rest.
-
-    Args:
-        position: where it starts [m].
-        velocity: velocity there [m/s].
-        acceleration: deceleration, not exceeded [m/s^2].
-        period: time between two samples [s].
-
-    Returns:
-        Position [m] and velocity [m/s] of each sample, the last at rest.
-    """
-    count = max(1, math.ceil(abs(velocity) / (acceleration * period)))
-    velocities: Floats = np.linspace(velocity, 0.0, count + 1)[1:]
-    return np.asarray(position + period * np.cumsum(velocities)), velocities
 
 
 def play_reference(
     axis: AxisSettings,
     reference_from: Callable[[float], tuple[Floats, Floats]],
     period: float,
+    sample_period: float,
     acceleration: float,
 ) -> bool:
-    """Publish a reference that starts where the table stands.
+    """Publish a reference that starts where the table stands, and the part of it that is ahead.
+
+    Set-points carry stamps of the table's clock, and those of its samples: the observer pairs them by stamp.
 
     Args:
         axis: its name and ``position_scale`` are those of the messages.
         reference_from: gets the position at which the table stands [m]; returns position [m] and velocity [m/s] of
             each sample, shape (n,), at rest at that position in the beginning.
-        period: time between two samples [s].
+        period: time between two set-points [s].
+        sample_period: time between two samples of the table [s].
         acceleration: deceleration when it is interrupted [m/s^2].
 
     Returns:
@@ -72,11 +60,8 @@ def play_reference(
         from rclpy.signals import SignalHandlerOptions
     except ImportError:
         raise RecordingError(MISSING_ROS) from None
-    from rclpy.duration import Duration
-    from sensor_msgs.msg import JointState
-
-    from sgms_observer.bags.cdr import JointStateEncoder
-    from sgms_observer.nodes.topics import SAMPLE_QOS
+    from sgms_observer.nodes.horizons import EVERY
+    from sgms_observer.nodes.set_points import SetPoints, braking
     from sgms_observer.nodes.transport import prepare_transport
 
     prepare_transport()
@@ -86,29 +71,36 @@ def play_reference(
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("sgms_excite")
     try:
-        position, velocity = reference_from(_standing_at(node, axis, stop))
-        publisher = node.create_publisher(JointState, "reference", SAMPLE_QOS)
-        _await(lambda: publisher.get_subscription_count() > 0, stop, "no node subscribes to reference; start the table")
-        encoder = JointStateEncoder((axis.name,), ("position", "velocity"))
-        scale = axis.position_scale
-        clock = node.get_clock()
-        begun, start_ns = time.monotonic(), clock.now().nanoseconds
-        done, is_braking = 0, False
+        position, velocity = reference_from(_standing_at(node, axis, stop).position)
+        set_points = SetPoints(node, axis)
+        _await(lambda: set_points.reader_count > 0, stop, "no node subscribes to reference; start the table")
+        clock = _standing_at(node, axis, stop)  # anew: a simulated table may have caught up meanwhile
+        begun = time.monotonic()
+        samples = math.ceil((begun + _LEAD - clock.heard_at) / sample_period)
+        start_ns = clock.stamp_ns + samples * round(sample_period * 1e9)
+        done, told, is_braking = 0, -math.inf, False
         while done < len(position):
             late = time.monotonic() - begun - done * period
             if (stop.is_set() or late > _LATEST) and not is_braking:
                 is_braking = True
                 last = max(done - 1, 0)
-                position, velocity = braking(float(position[last]), float(velocity[last]), acceleration, period)
-                begun, start_ns, done = time.monotonic(), clock.now().nanoseconds, 0
+                way = braking(float(position[last]), float(velocity[last]), acceleration, period)
+                position, velocity = (
+                    np.append(old[:done], new) for old, new in zip((position, velocity), way, strict=True)
+                )
+                missed = max(0, int(late / period))  # what was not sent in time is left out, and the rest comes later
+                begun, start_ns, told = begun + missed * period, start_ns + round(missed * period * 1e9), -math.inf
+            now = time.monotonic() - begun
+            if now >= told + EVERY:
+                told = now
+                now_ns = start_ns + round((now - _LEAD) * 1e9)
+                set_points.tell_ahead(period, start_ns, now_ns, position, velocity)
             due = min(len(position), int((time.monotonic() - begun) / period) + 1)
             for i in range(done, due):
-                stamp = start_ns + round(i * period * 1e9)
-                set_point = float(position[i]) / scale
-                publisher.publish(encoder.encode(stamp, [set_point], [float(velocity[i]) / scale]))
+                set_points.send(start_ns + round(i * period * 1e9), float(position[i]), float(velocity[i]))
             done = due
             time.sleep(_TURN)
-        publisher.wait_for_all_acked(Duration(seconds=_ACK_TIME))  # the last of them is the one that says rest
+        set_points.wait_acknowledged()
         if is_braking and not stop.is_set():
             raise DataError(f"the machine was busy for more than {_LATEST:g} s; the motion was stopped: start it again")
         return not is_braking
@@ -126,24 +118,34 @@ def _await(condition: Callable[[], bool], stop: threading.Event, sentence: str) 
         time.sleep(0.02)
 
 
-def _standing_at(node: Node, axis: AxisSettings, stop: threading.Event) -> float:
-    """Return where the table stands [m]: the first position it publishes."""
+class _Standing(NamedTuple):
+    """Where the table stands [m], the stamp of that sample [ns], and when it came by the monotonic clock [s]."""
+
+    position: float
+    stamp_ns: int
+    heard_at: float
+
+
+def _standing_at(node: Node, axis: AxisSettings, stop: threading.Event) -> _Standing:
+    """Return where the table stands: of its first positions, the one that took the shortest way."""
     import rclpy
     from sensor_msgs.msg import JointState
 
     from sgms_observer.nodes.topics import SAMPLE_QOS
 
-    found: list[float] = []
+    found: list[_Standing] = []
 
     def take(message: JointState) -> None:
         if axis.name in message.name and len(message.position) > message.name.index(axis.name):
-            found.append(axis.position_scale * float(message.position[message.name.index(axis.name)]))
+            position = axis.position_scale * float(message.position[message.name.index(axis.name)])
+            stamp = message.header.stamp
+            found.append(_Standing(position, stamp.sec * 1_000_000_000 + stamp.nanosec, time.monotonic()))
 
     subscription = node.create_subscription(JointState, "position", take, SAMPLE_QOS)
     end = time.monotonic() + _FIRST_POSITION_TIME
-    while not found:
-        if stop.is_set() or time.monotonic() > end:
+    while not found or time.monotonic() < found[0].heard_at + _CLOCK_TIME:
+        if not found and (stop.is_set() or time.monotonic() > end):
             raise RecordingError(f"no position of axis {axis.name} arrives; start the table")
         rclpy.spin_once(node, timeout_sec=0.05)
     node.destroy_subscription(subscription)
-    return found[-1]
+    return max(found, key=lambda one: one.stamp_ns * 1e-9 - one.heard_at)

@@ -11,12 +11,11 @@ from sgms_observer.nodes.intake import IntakeCounts
 from sgms_observer.nodes.statistics import AxisStatistics, Growth, StepTimes
 from sgms_observer.observer.pairing import PairingCounts
 from sgms_observer.settings.axis import AxisSettings
-from sgms_observer.status import Status
+from sgms_observer.status import MAX_NIS, Status
 
 HIGH_NIS = "innovations are larger than the model expects; raise measurement_std or identify the model anew"
 NO_SAMPLES = "no samples arrive; check that position and control_effort are published and remapped"
 _LEVELS = {Status.RUNNING: OK, Status.STARTING: OK}
-_NIS_HIGH = 5.0
 
 
 def _number(value: float) -> str:
@@ -48,7 +47,7 @@ def axis_entry(
     if statistics.samples == 0:
         level, sentence = ERROR if statistics.total else WARN, NO_SAMPLES
         state = "without samples" if statistics.total else state
-    elif level == OK and statistics.nis > _NIS_HIGH:
+    elif level == OK and statistics.nis > MAX_NIS:
         level, sentence = WARN, HIGH_NIS
     troubles = new.sentences()
     if troubles and (level == OK or sentence == NO_SAMPLES):
@@ -79,7 +78,7 @@ def axis_sentences(entry: DiagnosticStatus, statistics: AxisStatistics, new: Pai
         new: what became of the axis's messages since the last report.
     """
     troubles = [status.sentence for status in sorted(statistics.seen) if _LEVELS.get(status, WARN) != OK]
-    troubles += [HIGH_NIS] if statistics.nis > _NIS_HIGH else []
+    troubles += [HIGH_NIS] if statistics.nis > MAX_NIS else []
     told = [entry.message] if entry.level != OK else []
     return list(dict.fromkeys([*new.sentences(), *troubles, *told]))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -23,9 +22,6 @@ if TYPE_CHECKING:
 #: in between.
 _SPIN_AT_ONCE = 0.1
 _LONG = 3600.0  # s
-
-#: Name of a thread that may still compile when the process is told to stop.
-LONG_WORK = "long work"
 
 MISSING_ROS = (
     "ROS 2 is not importable (no module rclpy): source your ROS 2 installation, "
@@ -145,22 +141,6 @@ def fail(sentences: str) -> int:
     """
     print(sentences, file=sys.stderr)
     return EXIT_FAILED
-
-
-def leave_if_working(code: int) -> int:
-    """End the process at once where a thread is still compiling, which nothing else can stop.
-
-    Args:
-        code: the exit code.
-
-    Returns:
-        The same code, if there is no such thread.
-    """
-    if any(thread.name == LONG_WORK for thread in threading.enumerate()):
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
-    return code
 
 
 def _own_fault(error: Exception) -> str:

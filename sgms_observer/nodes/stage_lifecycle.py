@@ -213,7 +213,7 @@ class StageNode(ManagedNode):
             if stage.followed is None
         }
         time_ns = next_ns + np.rint(time_ahead * 1e9).astype(np.int64)
-        self._reference_ahead.publish(encode_reference(self.settings, int(time_ns[0]), time_ns, motions))
+        self._reference_ahead.publish(encode_reference(self.settings.axes, int(time_ns[0]), time_ns, motions))
 
     def _run(self) -> None:
         """Step and publish until told to stop."""

@@ -1,11 +1,12 @@
-"""Topics of the nodes: quality of service, blocks of messages as prepared bytes, commands of ros2_control."""
+"""Topics of the nodes: quality of service, prepared bytes of messages, commands, what an observer gives out."""
 
 from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
+import numpy as np
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -16,10 +17,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from sgms_observer.bags.blocks import BY_ARRAYS, encode_joint_states
 from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.bags.rows import BY_ARRAYS, encode_joint_states
 from sgms_observer.compensation.safety import safe_output
-from sgms_observer.observer.outgoing import OutgoingBlock
+from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, JOINT_STATE_TOPICS, OutgoingBlock
 from sgms_observer.settings.axis import Settings
 
 COMMANDS = "~/commands"
@@ -182,3 +183,55 @@ class CommandTopic:
     def destroy(self) -> None:
         """Remove the publisher from the graph."""
         self._node.destroy_publisher(self._publisher)
+
+
+class Outlets:
+    """What an observer gives out with its samples: estimates, commands, horizons.
+
+    Args:
+        node: publishes them.
+        settings: of its axes.
+
+    Attributes:
+        topics: the estimates.
+        commands: the commands of controllers.
+    """
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self._node = node
+        self.topics = JointStateTopics(node, JOINT_STATE_TOPICS)
+        self.commands = CommandTopic(node, settings)
+        self._horizons = node.create_publisher(JointTrajectory, HORIZON, HORIZON_QOS)
+
+    def give_horizons(self, messages: Iterable[bytes]) -> None:
+        """Publish horizons, if anybody listens.
+
+        Args:
+            messages: made only then.
+        """
+        if self._horizons.get_subscription_count():
+            for message in messages:
+                self._horizons.publish(message)
+
+    def give_forces(self, forces: dict[str, float], outputs: Sequence[float]) -> None:
+        """Publish forces that no sample led to.
+
+        Args:
+            forces: name of the axis to its force [N].
+            outputs: the compensation of every axis [N].
+        """
+        self.commands.publish(outputs)
+        stamp = np.array([self._node.get_clock().now().nanoseconds], dtype=np.int64)
+        effort = np.array([list(forces.values())])
+        self.topics.publish(OutgoingBlock(COMPENSATION, tuple(forces), stamp, {"effort": effort}))
+
+    def wait_acknowledged(self) -> None:
+        """Wait until the last messages have arrived."""
+        self.topics.wait_acknowledged()
+        self.commands.wait_acknowledged()
+
+    def destroy(self) -> None:
+        """Remove the publishers."""
+        self.topics.destroy()
+        self.commands.destroy()
+        self._node.destroy_publisher(self._horizons)

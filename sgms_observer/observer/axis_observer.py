@@ -191,15 +191,19 @@ class AxisObserver:
         Args:
             block: from ``filter``.
             other: as for ``step``.
-
-        Returns:
-            As ``observe``.
         """
         start = time.perf_counter()
         samples, motion, ahead = block.samples, block.motion, block.ahead
         if self.effects.has_force_or_level:
-            self._latest_effort = float(motion.effort[-1]) if len(motion.effort) else self._latest_effort
-            force, factor = self._effects_on(samples, motion, other)
+            if len(samples.stamp_ns):
+                self._latest_effort = float(motion.effort[-1])
+                self._origin_ns = int(samples.stamp_ns[0]) if self._origin_ns is None else self._origin_ns
+            since = self._since(samples.stamp_ns)
+            path = motion.position, motion.velocity, motion.acceleration
+            coupling = None if other is None else (other.velocity, other.acceleration)
+            force, factor = self._evaluate(
+                path, since - self.differentiator.delay, motion.effort, motion.period, self._effects_state, coupling
+            )
             effort = motion.effort - force
         else:
             force, factor = self._no_effects(len(samples.stamp_ns))
@@ -207,7 +211,10 @@ class AxisObserver:
         results = self.estimator.step(motion, effort, factor)
         self._watch_deadline(block.seconds + time.perf_counter() - start, len(samples.stamp_ns))
         if self.effects.has_force_or_level:
-            force, factor = self._effects_ahead(samples, motion, ahead, other)
+            path = ahead[:, AHEAD_POSITION], ahead[:, AHEAD_VELOCITY], ahead[:, AHEAD_ACCELERATION]
+            coupling = None if other is None else (other.velocity_ahead, other.acceleration_ahead)
+            later = since + self.compensator.look_ahead_time
+            force, factor = self._evaluate(path, later, motion.effort, motion.period, self._ahead_state, coupling)
         compensation = self.compensator.step_tables(motion.table, results.table, ahead, force, factor)
         return Observed(samples.stamp_ns, motion, results, compensation, block.seconds + time.perf_counter() - start)
 
@@ -237,14 +244,12 @@ class AxisObserver:
         if self.effects.has_force_or_level:
             count = len(time) - first
             position, velocity, acceleration = motion[:, first:].copy()
-            level = np.empty(count)
-            _levels(self.estimator.model, velocity, level)
-            since = np.asarray(time_ns[first:] - (self._origin_ns or 0), dtype=np.float64) * 1e-9
             effort, period = np.full(count, self._latest_effort), np.full(count, time[first + 1] - time[first])
-            others = (None, None) if other is None else other.at(time_ns[first:])[1:]
-            force[first:], factor[first:] = self.effects.evaluate(
-                position, velocity, acceleration, since, effort, period, level, self._ahead_state.copy(), *others
-            )
+            coupling = None if other is None else other.at(time_ns[first:])[1:]
+            force[first:], factor[first:] = self._evaluate(
+                (position, velocity, acceleration), self._since(time_ns[first:]), effort, period,
+                self._ahead_state.copy(), coupling,
+            )  # fmt: skip
             factor[:first] = factor[first]
         row = (latest.parameters[-1], float(latest.friction_std[-1]), int(latest.status[-1]))
         values = self.compensator.horizon(time, first, motion, force, factor, row)
@@ -267,57 +272,26 @@ class AxisObserver:
             self._zeros, self._ones = np.zeros(count), np.ones(count)
         return self._zeros, self._ones
 
-    def _effects_on(self, samples: Samples, motion: Motion, other: OtherMotion | None) -> tuple[Floats, Floats]:
-        """Return the effects' force [N] and factor on the Stribeck level at the rows' instants."""
-        return self._evaluate(
-            samples,
-            motion,
-            -self.differentiator.delay,
-            (motion.position, motion.velocity, motion.acceleration),
-            self._effects_state,
-            None if other is None else (other.velocity, other.acceleration),
-        )
-
-    def _effects_ahead(
-        self, samples: Samples, motion: Motion, ahead: Floats, other: OtherMotion | None
-    ) -> tuple[Floats, Floats]:
-        """Return the same along the set-point, at the time when the compensation acts."""
-        return self._evaluate(
-            samples,
-            motion,
-            self.compensator.look_ahead_time,
-            (ahead[:, AHEAD_POSITION], ahead[:, AHEAD_VELOCITY], ahead[:, AHEAD_ACCELERATION]),
-            self._ahead_state,
-            None if other is None else (other.velocity_ahead, other.acceleration_ahead),
-        )
+    def _since(self, stamp_ns: NDArray[np.int64]) -> Floats:
+        """Return the time since the first sample [s]."""
+        return np.asarray(stamp_ns - (self._origin_ns or 0), dtype=np.float64) * 1e-9
 
     def _evaluate(
         self,
-        samples: Samples,
-        motion: Motion,
-        later: float,
         path: tuple[Floats, Floats, Floats],
+        since: Floats,
+        effort: Floats,
+        period: Floats,
         state: Floats,
         other: tuple[Floats, Floats] | None,
     ) -> tuple[Floats, Floats]:
-        """Return the effects' force [N] and factor along a path, ``later`` seconds after the samples."""
-        count = len(samples.stamp_ns)
-        if self._origin_ns is None and count:
-            self._origin_ns = int(samples.stamp_ns[0])
-        since = np.asarray(samples.stamp_ns - (self._origin_ns or 0), dtype=np.float64)
+        """Return the effects' force [N] and factor on the Stribeck level along a path."""
         position, velocity, acceleration = (np.ascontiguousarray(values) for values in path)
-        level = np.empty(count)
+        level = np.empty(len(velocity))
         _levels(self.estimator.model, velocity, level)
+        effort, period = np.ascontiguousarray(effort), np.ascontiguousarray(period)
         return self.effects.evaluate(
-            position,
-            velocity,
-            acceleration,
-            since * 1e-9 + later,
-            np.ascontiguousarray(motion.effort),
-            np.ascontiguousarray(motion.period),
-            level,
-            state,
-            *(other or (None, None)),
+            position, velocity, acceleration, since, effort, period, level, state, *(other or (None, None))
         )
 
     def _watch_deadline(self, seconds: float, samples: int) -> None:

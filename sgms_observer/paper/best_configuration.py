@@ -98,13 +98,7 @@ WITHOUT: dict[str, Configuration] = {
 
 
 def run(configuration: Configuration, record: StageRecord, factor: float) -> Estimate:
-    """Run one configuration over one record.
-
-    Args:
-        configuration: what to run.
-        record: the stage's record.
-        factor: kappa at the start over the stage's.
-    """
+    """Run one configuration over one record."""
     friction = replace(estimator_friction(configuration.model, factor), reset="rate_independent")
     return estimate(
         record, configuration.filter, configuration.settings, friction, CHOSEN.mass, factor, with_trajectory=False
@@ -142,10 +136,6 @@ def consistency(seeds: int, step: Step = lambda: None) -> dict[str, Any]:
 
     At every correction of the last period the NIS is averaged over the seeds; its 95 % bounds are those of a chi-square
     with one degree of freedom per seed. Coverage is the share of time the truth lies in the 95 % band, start left out.
-
-    Args:
-        seeds: number of noise seeds.
-        step: called after every run of the estimator.
     """
     from scipy.stats import chi2
 
@@ -179,12 +169,7 @@ def _nis(outcome: Estimate, span: slice) -> Floats:
 
 
 def runs_beyond(seeds: int, consistency_seeds: int) -> int:
-    """Return how many runs of an estimator ``beyond`` makes.
-
-    Args:
-        seeds: as there.
-        consistency_seeds: as there.
-    """
+    """Return how many runs of an estimator ``beyond`` makes."""
     return len(ROWS) * (seeds + (len(LADDER) + len(WITHOUT)) * fewer(seeds) + consistency_seeds)
 
 

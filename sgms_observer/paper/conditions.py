@@ -60,22 +60,12 @@ PROCESS_STD = 0.1  # Q: share of nu f_C per correction; the paper gives a number
 
 
 def fewer(seeds: int) -> int:
-    """Return how many noise seeds serve for what is only compared.
-
-    Args:
-        seeds: noise seeds of the main figures.
-    """
+    """Return how many noise seeds serve for what is only compared."""
     return max(2, seeds // 4)
 
 
 def simulate(stage: Stage, periods: int, seed: int) -> StageRecord:
-    """Run the GMS stage of Table I on the sine.
-
-    Args:
-        stage: mass, controller, noise.
-        periods: periods of the sine, from rest.
-        seed: of the noise.
-    """
+    """Run the GMS stage of Table I on the sine."""
     axis = AxisSettings(
         mass=stage.mass,
         friction=FrictionSettings(model="gms"),

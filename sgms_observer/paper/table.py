@@ -99,13 +99,7 @@ def literal_process(friction: FrictionSettings) -> Floats:
 def cells_of(
     reading: Reading, seeds: Iterable[int], step: Step = lambda: None
 ) -> dict[str, dict[str, dict[str, list[float]]]]:
-    """Return the NRMSE [%] of the twelve cells, one value per seed.
-
-    Args:
-        reading: how to read the paper.
-        seeds: of the noise.
-        step: called after every run of an estimator.
-    """
+    """Return the NRMSE [%] of the twelve cells, one value per seed."""
     records = [simulate(reading.stage, PERIOD, seed) for seed in seeds]
     cells: dict[str, dict[str, dict[str, list[float]]]] = {}
     for row, factor in ROWS.items():
@@ -137,11 +131,7 @@ def reduce_cells(cells: dict[str, dict[str, dict[str, list[float]]]], function: 
 
 
 def runs_of_table(seeds: int) -> int:
-    """Return how many runs of an estimator ``table_two`` makes.
-
-    Args:
-        seeds: as there.
-    """
+    """Return how many runs of an estimator ``table_two`` makes."""
     cells = len(ROWS) * len(MODELS) * len(ESTIMATORS)
     others = len(stage_readings()) + len(process_readings())
     return cells * (len(READINGS) * seeds + others * fewer(seeds))

@@ -13,16 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.message_types import TRAJECTORY
-from sgms_observer.bags.reader import BagSamples, find_topic, read_joint_states
-from sgms_observer.bags.source import BagReader
-from sgms_observer.bags.trajectory_cdr import decode_trajectory
+from sgms_observer.bags.reader import BagSamples
 from sgms_observer.errors import DataError
 from sgms_observer.observer.axis_observer import AxisObserver
-from sgms_observer.observer.outgoing import HORIZON
-from sgms_observer.report.demonstration_result import axis_result, change, headline, result_of
-from sgms_observer.report.lateness import RECOVERY, Lateness, Sent, judge_lateness
+from sgms_observer.report.demonstration_result import Half, axis_result, change, headline, result_of
+from sgms_observer.report.lateness import RECOVERY, Lateness
 from sgms_observer.report.page import Page, Section, Table, write_page
+from sgms_observer.report.recorded import recorded_lateness, signal_of
 from sgms_observer.report.run_pictures import Run, run_pictures, tracking_picture
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.units import Units
@@ -34,33 +31,6 @@ Ints = NDArray[np.int64]
 RESULT = "result.json"
 _SETTLE = 1.0  # s at the start of each half that count for nothing
 _SHOWN = 0.4  # s in the pictures
-
-
-@dataclass(frozen=True)
-class Half:
-    """Errors over one half of the run.
-
-    Attributes:
-        samples: how many there are.
-        friction_rms: rms of estimated minus true friction [N].
-        friction_share: the same as a share of the true friction's range.
-        coverage: share of the samples whose truth lies within two standard deviations.
-        tracking_rms: rms of true position minus set-point [m].
-        tracking_peak: the largest of it [m].
-        late_share: share of the samples whose compensation came after the time it was made for; NaN if not known.
-        clear_rms: rms of the tracking error apart from those, and from what followed them [m].
-        clear_peak: the largest of it [m].
-    """
-
-    samples: int
-    friction_rms: float
-    friction_share: float
-    coverage: float
-    tracking_rms: float
-    tracking_peak: float
-    late_share: float
-    clear_rms: float
-    clear_peak: float
 
 
 @dataclass(frozen=True)
@@ -98,7 +68,7 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
     for axis in settings.axes:
         run, stamps = _run_of(bag, axis)
         switched = (switched_ns - int(stamps[0])) * 1e-9
-        way = _way(bag, axis, stamps, settings.sample_period)
+        way = recorded_lateness(bag, axis, stamps, settings.sample_period)
         without = _half(run, way, _SETTLE, switched)
         with_it = _half(run, way, switched + _SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
@@ -119,10 +89,10 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
 
 def _run_of(bag: Path, axis: AxisSettings) -> tuple[Run, Ints]:
     """Return one axis's signals on the stamps of its estimates, in SI, and those stamps [ns]."""
-    stamps, estimate = _signal(bag, "friction_estimate", axis.name)
+    stamps, estimate = signal_of(bag, "friction_estimate", axis.name)
 
     def on_stamps(topic: str) -> dict[str, Floats]:
-        stamps_of_topic, fields = _signal(bag, topic, axis.name)
+        stamps_of_topic, fields = signal_of(bag, topic, axis.name)
         place = np.minimum(np.searchsorted(stamps_of_topic, stamps), max(0, len(stamps_of_topic) - 1))
         is_there = stamps_of_topic[place] == stamps
         return {name: np.where(is_there, values[place], np.nan) for name, values in fields.items()}
@@ -140,39 +110,6 @@ def _run_of(bag: Path, axis: AxisSettings) -> tuple[Run, Ints]:
         units=axis.units,
     )
     return run, stamps
-
-
-def _way(bag: Path, axis: AxisSettings, stamps: Ints, sample_period: float) -> Lateness:
-    """Return whether each sample of the stage got its compensation in time."""
-    applied_ns, reference = _signal(bag, "reference", axis.name)
-    sent_ns, compensation = _signal(bag, "friction_compensation", axis.name)
-    lead = max(0.0, axis.compensation.look_ahead - axis.stage.actuation_delay)
-    ahead = axis.stage.actuation_delay + 0.5 * sample_period
-    sent = Sent(sent_ns, compensation["effort"], lead, _horizons(bag, axis.name), ahead)
-    return judge_lateness(stamps, applied_ns, reference["effort"], sent)
-
-
-def _horizons(bag: Path, axis: str) -> list[tuple[Ints, Floats]]:
-    """Return times [ns] and values [N] of each recorded horizon of an axis; none where none was recorded."""
-    found = []
-    with BagReader(bag) as reader:
-        topic = find_topic(reader, HORIZON, TRAJECTORY)
-        for _, _, message in reader.messages([topic] if topic else []):
-            horizon = decode_trajectory(message)
-            if axis in horizon.names and horizon.values["effort"].shape[1] and len(horizon.time_ns):
-                found.append((horizon.time_ns, horizon.values["effort"][:, horizon.names.index(axis)]))
-    return found
-
-
-def _signal(bag: Path, topic: str, axis: str) -> tuple[Ints, dict[str, Floats]]:
-    """Return the stamps and fields of one axis of a topic, in the order of the stamps."""
-    states = read_joint_states(bag, topic)
-    if axis not in states.names or not states.stamp_ns.size:
-        raise DataError(f"{topic} in {bag} holds nothing of axis {axis}; see the logs beside it")
-    column = states.names.index(axis)
-    stamps, rows = np.unique(states.stamp_ns, return_index=True)
-    fields = {name: getattr(states, name)[rows, column] for name in ("position", "velocity", "effort")}
-    return stamps, fields
 
 
 def _half(run: Run, way: Lateness, start: float, end: float) -> Half:
@@ -208,7 +145,7 @@ def _replayed(bag: Path, settings: Settings, axis: str) -> tuple[int, int]:
     for _, samples in BagSamples(bag, {axis: chosen.scales}, settings.sample_period):
         estimates = observer.step(samples)
         replayed.update(zip(estimates.stamp_ns.tolist(), estimates.friction.tolist(), strict=True))
-    stamps, fields = _signal(bag, "friction_estimate", axis)
+    stamps, fields = signal_of(bag, "friction_estimate", axis)
     live = zip(stamps.tolist(), fields["effort"].tolist(), strict=True)
     return sum(replayed.get(stamp) == friction for stamp, friction in live), len(stamps)
 

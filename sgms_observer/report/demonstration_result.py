@@ -3,14 +3,39 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 from sgms_observer.settings.units import Units
 
-if TYPE_CHECKING:
-    from sgms_observer.report.demonstration import Half
-
 SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Half:
+    """Errors over one half of the run.
+
+    Attributes:
+        samples: how many there are.
+        friction_rms: rms of estimated minus true friction [N].
+        friction_share: the same as a share of the true friction's range.
+        coverage: share of the samples whose truth lies within two standard deviations.
+        tracking_rms: rms of true position minus set-point [m].
+        tracking_peak: the largest of it [m].
+        late_share: share of the samples whose compensation came after the time it was made for; NaN if not known.
+        clear_rms: rms of the tracking error apart from those, and from what followed them [m].
+        clear_peak: the largest of it [m].
+    """
+
+    samples: int
+    friction_rms: float
+    friction_share: float
+    coverage: float
+    tracking_rms: float
+    tracking_peak: float
+    late_share: float
+    clear_rms: float
+    clear_peak: float
 
 
 def axis_result(without: Half, with_it: Half, same: int, compared: int) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +17,7 @@ matplotlib.use("Agg")
 from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import AutoLocator
 
 from sgms_observer.report.colours import COLOURS, light
 from sgms_observer.report.page import Picture
@@ -25,6 +26,8 @@ TRUTH, ESTIMATE, MEASURED, REFERENCE = light("ink"), light("estimate"), light("m
 FORWARD, BACKWARD = light("forward"), light("backward")
 _WIDTH = 4.6  # inch: two pictures side by side on a desk, and letters of 9 px at least on a telephone
 _PNG_DPI = 160
+_MOST_TICKS = 7  # of the abscissa: labels of five digits stay apart
+_LEGEND_LETTERS, _HANDLE_LETTERS = 58, 5  # letters beside each other in a legend; a line and its gap count as letters
 _STYLE: dict[Any, Any] = {
     "figure.dpi": 100,
     "font.size": 9.5,
@@ -90,7 +93,9 @@ def sheet(
                 handles, labels = axes.get_legend_handles_labels()
                 if len(labels) > 1 and axes.get_legend() is None:
                     axes.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2,
-                                ncols=min(4, len(labels)), handlelength=1.4, columnspacing=1.0)  # fmt: skip
+                                ncols=_legend_columns(labels), handlelength=1.4, columnspacing=1.0)  # fmt: skip
+                if isinstance(axes.xaxis.get_major_locator(), AutoLocator):
+                    axes.locator_params(axis="x", nbins=_MOST_TICKS)
             figure.tight_layout(pad=0.5)
             figure.tight_layout(pad=0.5)  # the first one may change the ticks, and with them the width of their labels
             png, svg = io.BytesIO(), io.StringIO()
@@ -99,6 +104,15 @@ def sheet(
             drawn.drawn = Picture(name, caption, _of_the_page(svg.getvalue(), name, caption), png.getvalue())
         finally:
             pyplot.close(figure)
+
+
+def _legend_columns(labels: Sequence[str]) -> int:
+    """Return so many columns that a legend is not wider than its picture."""
+    for columns in range(min(4, len(labels)), 1, -1):
+        widths = [max(map(len, labels[column::columns])) + _HANDLE_LETTERS for column in range(columns)]
+        if sum(widths) <= _LEGEND_LETTERS:
+            return columns
+    return 1
 
 
 def _of_the_page(svg: str, name: str, caption: str) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from sgms_observer import __version__
 from sgms_observer.report.colours import COLOURS
@@ -173,6 +173,7 @@ def render_page(page: Page) -> str:
         scripts=[Markup(script) for script in scripts],
         hashes=[_hash(script) for script in scripts],
         drawn=_drawn,
+        breakable=_breakable,
         words={GOOD: "Yes.", UNSURE: "Not sure.", BAD: "No."},
         signs={GOOD: "\N{CHECK MARK}", UNSURE: "?", BAD: "\N{MULTIPLICATION X}"},
         version=__version__,
@@ -212,3 +213,8 @@ def _hash(script: str) -> str:
 def _drawn(picture: Picture) -> Markup:
     """Return a picture as the page carries it; matplotlib has escaped its text."""
     return Markup(picture.svg)
+
+
+def _breakable(cell: str) -> Markup:
+    """Return a cell of a table, escaped, in which a long name may go on in the next line behind ``_`` and ``.``."""
+    return Markup(re.sub(r"(?<=[a-z][_.])(?=[a-z])", "<wbr>", str(escape(cell))))

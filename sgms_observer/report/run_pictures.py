@@ -84,14 +84,7 @@ def run_pictures(run: Run, window: tuple[float, float], name: str = "") -> tuple
         rows = max(0, int(np.searchsorted(run.time, window[0])) - _MIN_POINTS)
         start = float(run.time[rows])
         part = run.between(start, start + window[1] - window[0])
-    reversal = clearest_reversal(part)
-    zoomed = part.between(reversal - 0.015, reversal + 0.035)
-    return (
-        _motion(part, name),
-        _friction(part, name),
-        _maps(part, name),
-        _zoom(zoomed if len(zoomed.time) else part, reversal, name),
-    )
+    return _motion(part, name), _friction(part, name), hysteresis_picture(part, name), reversal_picture(part, name)
 
 
 def tracking_picture(run: Run, before: tuple[float, float], after: tuple[float, float], name: str) -> Picture:
@@ -147,7 +140,13 @@ def _friction(run: Run, name: str) -> Picture:
     return drawn.picture
 
 
-def _maps(run: Run, name: str) -> Picture:
+def hysteresis_picture(run: Run, name: str) -> Picture:
+    """Draw the friction over velocity and over position.
+
+    Args:
+        run: the part to draw.
+        name: put in front of the picture's name.
+    """
     caption = "Friction over velocity and over position: the hysteresis a Coulomb model cannot draw."
     factor, unit = _readable(run.position, run.units)
     speed_factor, speed_unit = _readable(run.velocity, run.units, "m/s")
@@ -162,7 +161,16 @@ def _maps(run: Run, name: str) -> Picture:
     return drawn.picture
 
 
-def _zoom(run: Run, reversal: float, name: str) -> Picture:
+def reversal_picture(run: Run, name: str) -> Picture:
+    """Draw the friction at the clearest reversal.
+
+    Args:
+        run: the part in which it is looked for.
+        name: put in front of the picture's name.
+    """
+    reversal = clearest_reversal(run)
+    zoomed = run.between(reversal - 0.015, reversal + 0.035)
+    run = zoomed if len(zoomed.time) else run
     caption = f"A reversal from near, at {reversal:.3f} s: presliding before the stage slides again."
     with sheet(f"{name}reversal", caption, height=3.2) as drawn:
         axes = drawn.axes[0]

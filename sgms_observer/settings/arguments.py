@@ -14,8 +14,7 @@ from typing import Any
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import SAVE_FILE, Settings
-from sgms_observer.settings.effects import CatalogueSource
-from sgms_observer.settings.load import installed_catalogue, repeated_faults, settings_from_tree
+from sgms_observer.settings.load import repeated_faults, settings_from_tree
 from sgms_observer.settings.normal_form import given_parameters, normal_parameters
 from sgms_observer.settings.parameter_file import (
     expanded,
@@ -46,14 +45,13 @@ class NodeArguments:
 
 
 def read_arguments(
-    argv: Sequence[str], node_name: str = "observer_node", catalogue: CatalogueSource = installed_catalogue
+    argv: Sequence[str], node_name: str = "observer_node"
 ) -> NodeArguments:
     """Take the parameters out of a node's arguments and check them.
 
     Args:
         argv: the process's arguments, ``sys.argv``; what has nothing to do with parameters stays as it is.
         node_name: name of the node, unless the arguments rename it.
-        catalogue: gives the known effects.
 
     Returns:
         The parameters of all files and ``-p`` values, the later ones deciding, and the other arguments.
@@ -64,7 +62,7 @@ def read_arguments(
     kept, given, full_name = _taken_apart(argv, node_name)
     tree, sentences = _laid_over_each_other(given, full_name)
     try:
-        settings = settings_from_tree(tree, node_names=(full_name,), catalogue=catalogue)
+        settings = settings_from_tree(tree, node_names=(full_name,))
     except ConfigurationError as error:
         sentences += error.sentences
     if sentences:

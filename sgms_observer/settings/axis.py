@@ -116,6 +116,15 @@ class Settings:
             raise ConfigurationError([f"--axis {strange[0]} is not in {source}; it has {', '.join(known)}"])
         return tuple(known[name] for name in dict.fromkeys(names)) or self.axes
 
+    def coupled_to(self, axis: AxisSettings) -> AxisSettings | None:
+        """Return the axis whose motion acts on one by ``cross_axis_coupling``; None where there is none.
+
+        Args:
+            axis: one of ``axes``.
+        """
+        number = coupled_number(self.axes, self.axes.index(axis))
+        return None if number is None else self.axes[number]
+
 
 def coupled_number(axes: Sequence[AxisSettings], number: int) -> int | None:
     """Return the number of the axis whose motion acts on this one by ``cross_axis_coupling``; None where there is none.

@@ -113,11 +113,7 @@ def _places() -> dict[str, str]:
 
 
 def elsewhere_in(axis: str) -> dict[str, str]:
-    """Return the full name of every setting, by its short name, for guesses at what a misplaced one means.
-
-    Args:
-        axis: name of the axis.
-    """
+    """Return the full name of every setting, by its short name, for guesses at what a misplaced one means."""
     shared = {key: key for key in (*declared_settings(Settings), "axes")}
     return {**{key: f"{axis}{place}" for key, place in _places().items()}, **shared}
 

@@ -34,9 +34,6 @@ def as_number(raw: Any) -> float | None:
     """Return what is meant as a finite number, or None.
 
     PyYAML reads ``1e-4`` as text and rcl refuses an integer for a double; both are meant as numbers.
-
-    Args:
-        raw: a value as the YAML parser returned it.
     """
     if isinstance(raw, str) and _NUMBER.fullmatch(raw.strip()):
         raw = float(raw)
@@ -87,12 +84,7 @@ def _example(declared: Declared) -> str:
 
 
 def range_rule(value: float, declared: Declared) -> str | None:
-    """Return the rule that a number breaks and its remedy, or None.
-
-    Args:
-        value: finite number.
-        declared: the setting with its bounds.
-    """
+    """Return the rule that a number breaks and its remedy, or None."""
     if declared.is_nonzero and value == 0.0:
         return "must not be 0; write 1.0 for no scaling"
     if declared.above is not None and not value > declared.above:

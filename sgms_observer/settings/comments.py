@@ -26,11 +26,7 @@ class KeptComment:
 
 
 def comments_in(text: str) -> tuple[tuple[KeptComment, ...], tuple[str, ...]]:
-    """Return the comments of a YAML text, key by key, and those behind the last key.
-
-    Args:
-        text: a parameter file.
-    """
+    """Return the comments of a YAML text, key by key, and those behind the last key."""
     found, above = [], []
     for line, name, _indent in _keys(text):
         stripped = line.strip()

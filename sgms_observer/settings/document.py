@@ -13,7 +13,7 @@ from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.declaration import Declared, declared_sections, declared_settings
 from sgms_observer.settings.faults import shown
 from sgms_observer.settings.load import AXES
-from sgms_observer.settings.write import write_text
+from sgms_observer.whole_file import write_text
 
 PAGE = Path("docs") / "parameters.md"
 

@@ -60,12 +60,7 @@ def alternatives(words: Iterable[str]) -> str:
 
 
 def closest(word: str, words: Iterable[str]) -> str | None:
-    """Return the word that was most likely meant, or None.
-
-    Args:
-        word: as written.
-        words: what it could have been.
-    """
+    """Return the word that was most likely meant, or None."""
     known = {entry.lower(): entry for entry in words}
     found = difflib.get_close_matches(word[:80].lower(), known, n=1, cutoff=0.6)
     return known[found[0]] if found else None

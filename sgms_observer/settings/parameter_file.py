@@ -21,9 +21,6 @@ _LARGEST_FILE = 50_000_000
 def read_document(path: str | Path) -> dict[str, Any]:
     """Return a parameter file as a tree.
 
-    Args:
-        path: the YAML file.
-
     Raises:
         ConfigurationError: the file is missing, not text, not YAML or has no section for parameters; one sentence.
     """
@@ -90,12 +87,7 @@ def is_for_node(section_name: str, node_names: tuple[str, ...]) -> bool:
 
 
 def overlaid(below: Mapping[Any, Any], above: Mapping[Any, Any]) -> dict[Any, Any]:
-    """Return two parameter trees as one, the second deciding where both speak.
-
-    Args:
-        below: parameters that may be overruled.
-        above: parameters that overrule.
-    """
+    """Return two parameter trees as one, the second deciding where both speak."""
     merged = dict(below)
     for key, value in above.items():
         old = merged.get(key)

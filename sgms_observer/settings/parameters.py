@@ -47,9 +47,9 @@ class ParameterDeclaration:
 Declare = Callable[[ParameterDeclaration], Any]
 
 
-def _declaration(name: str, declared: Declared, default: Any = None) -> ParameterDeclaration:
+def _declaration(name: str, declared: Declared) -> ParameterDeclaration:
     """Return a setting as a parameter of a node."""
-    value = declared.default if default is None else default
+    value = declared.default
     unit = "" if declared.unit == "-" else f" [{declared.unit}]"
     choices = f" ({', '.join(declared.choices)})" if declared.choices else ""
     return ParameterDeclaration(

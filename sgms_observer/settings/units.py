@@ -70,11 +70,7 @@ ScaledAxes = Mapping[str, Scales] | Sequence[str]
 
 
 def scales_by_axis(axes: ScaledAxes) -> dict[str, Scales]:
-    """Return each axis's name with its scales.
-
-    Args:
-        axes: names with or without scales.
-    """
+    """Return each axis's name with its scales."""
     return dict(axes) if isinstance(axes, Mapping) else dict.fromkeys(axes, UNSCALED)
 
 
@@ -154,17 +150,16 @@ class Units:
         )
         return 1.0 / prefix_size, f"{prefix}{self.of(unit)}"
 
-    def readable(self, value: float, unit: str = "m", digits: int = 3, largest: float | None = None) -> str:
+    def readable(self, value: float, unit: str = "m", largest: float | None = None) -> str:
         """Return a number with the unit in which it is easy to read: ``31.4 nm``, ``1.2 mm/s``, ``250 urad``.
 
         Args:
             value: in the unit without a prefix.
             unit: what it has on a prismatic axis.
-            digits: significant ones.
             largest: chooses the prefix instead of ``value``, for numbers that people compare.
         """
-        rounded = float(f"{value:.{digits}g}") if math.isfinite(value) else value
+        rounded = float(f"{value:.3g}") if math.isfinite(value) else value
         factor, name = self.prefixed(rounded if largest is None else largest, unit)
-        number = float(f"{rounded * factor:.{digits}g}")
+        number = float(f"{rounded * factor:.3g}")
         whole = f"{number:.0f}"
-        return f"{whole if 1e3 <= abs(number) < 1e6 and float(whole) == number else f'{number:.{digits}g}'} {name}"
+        return f"{whole if 1e3 <= abs(number) < 1e6 and float(whole) == number else f'{number:.3g}'} {name}"

@@ -1,25 +1,131 @@
-"""Settings back into a parameter file: whole or not at all, and readable by both parsers."""
+"""Settings back into a parameter file, some of them changed: whole or not at all, and readable by both parsers."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from sgms_observer.settings.axis import Settings
+from sgms_observer.effects.effect import named_values
+from sgms_observer.settings.axis import EffectSettings, Settings
+from sgms_observer.settings.declaration import declared_sections, declared_settings
+from sgms_observer.settings.effects import NO_EFFECT, Catalogue, CatalogueSource
+from sgms_observer.settings.load import installed_catalogue
 from sgms_observer.settings.normal_form import normal_parameters
 from sgms_observer.settings.parameter_file import expanded, our_sections, sections
-from sgms_observer.settings.tree import at, put, tree_of, updated_tree
 from sgms_observer.settings.yaml_text import text_of
 from sgms_observer.whole_file import write_text
 
-__all__ = ["settings_text", "tree_of", "updated_tree", "write_settings", "write_text", "write_yaml", "yaml_of"]
-
 Comments = Mapping[str, str]
 
+#: What ``_at`` returns where there is nothing, not even null.
+_MISSING = object()
+
 _KEY = re.compile(r'( *)(?:"((?:[^"\\]|\\.)*)"|([^\s"#:][^:]*)):( .*)?$')
+
+
+def updated_tree(tree: Mapping[Any, Any], axis: str, changes: Mapping[str, Any]) -> dict[Any, Any]:
+    """Return a copy of a tree with settings of one axis changed; the given tree stays as it is.
+
+    Args:
+        tree: a document with its sections (``Settings.source``), or the parameters alone.
+        axis: name of the axis; empty for what the axes share.
+        changes: ``friction.static_force`` to its new value; None removes the setting or group.
+
+    Returns:
+        The tree; each change stands in the section that had the setting, a new one beside the axis's other settings.
+    """
+    document = dict(tree) if any(sections(tree)) else dict(expanded(tree))
+    places = [place for _, place, _ in our_sections(document)] or [()]
+    for place in filter(None, places):
+        _put(document, place, dict(expanded(_at(document, place) or {})))
+    for dotted, value in changes.items():
+        keys = (*([axis] if axis else []), *dotted.split("."))
+        holding = [place for place in places if _at(document, (*place, *keys)) is not _MISSING]
+        beside = [place for place in places if _at(document, (*place, keys[0])) is not _MISSING]
+        chosen = holding if value is None else holding[-1:] or [(beside or places)[-1]]
+        for place in chosen:
+            _put(document, (*place, *keys), value)
+    return document
+
+
+def _at(tree: Any, keys: Sequence[str]) -> Any:
+    """Return what stands at these keys, or ``_MISSING``."""
+    for key in keys:
+        if not isinstance(tree, Mapping) or key not in tree:
+            return _MISSING
+        tree = tree[key]
+    return tree
+
+
+def _put(tree: dict[Any, Any], keys: Sequence[str], value: Any) -> None:
+    """Set what stands at these keys in ``tree``, copying every group on the way; None removes it."""
+    for key in keys[:-1]:
+        below = tree.get(key)
+        tree[key] = dict(below) if isinstance(below, Mapping) else {}
+        tree = tree[key]
+    if value is None:
+        tree.pop(keys[-1], None)
+    else:
+        tree[keys[-1]] = _plain(value)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with Python's own numbers and lists in place of numpy's."""
+    if isinstance(value, Mapping):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return [_plain(entry) for entry in value] if isinstance(value, (list, tuple)) else value
+
+
+def tree_of(settings: Settings, catalogue: CatalogueSource = installed_catalogue) -> dict[str, Any]:
+    """Return the document of settings with every value written out.
+
+    Args:
+        settings: checked settings.
+        catalogue: gives the names of the effects' parameters.
+    """
+    known = catalogue(settings.effect_files) if any(a.effects or a.stage_effects for a in settings.axes) else {}
+    tree: dict[str, Any] = {"axes": [axis.name for axis in settings.axes], **_group_tree(settings)}
+    for axis in settings.axes:
+        own = _group_tree(axis)
+        own["effects"] = _effects_tree(axis.effects, known)
+        if axis.stage_friction is not None:
+            own["stage"]["friction"] = _group_tree(axis.stage_friction)
+        if axis.stage_effects is not None:
+            own["stage"]["effects"] = (
+                _effects_tree(axis.stage_effects, known) if axis.stage_effects else {"names": [NO_EFFECT]}
+            )
+        tree[axis.name] = own
+    return {"/**": {"ros__parameters": tree}}
+
+
+def _group_tree(group: Any) -> dict[str, Any]:
+    """Return a group of settings as nested mappings."""
+    kind = type(group)
+    tree: dict[str, Any] = {}
+    for entry in fields(group):
+        value = getattr(group, entry.name)
+        if entry.name in declared_settings(kind):
+            tree[entry.name] = list(value) if isinstance(value, tuple) else value
+        elif entry.name in declared_sections(kind) and is_dataclass(value):
+            tree[entry.name] = _group_tree(value)
+    return tree
+
+
+def _effects_tree(effects: Sequence[EffectSettings], known: Catalogue) -> dict[str, Any]:
+    """Return effects as they stand in the YAML."""
+    tree: dict[str, Any] = {"names": [effect.name for effect in effects]}
+    for effect in effects:
+        named = named_values(known[effect.name], effect.values) or {}
+        tree[effect.name] = {
+            key: list(value) if isinstance(value, tuple) else value for key, value in named.items() if value != ()
+        }
+    return tree
 
 
 def yaml_of(
@@ -42,11 +148,8 @@ def yaml_of(
     document = dict(tree) if any(sections(tree)) else {"/**": {"ros__parameters": dict(tree)}}
     for _, place, parameters in our_sections(document):
         if isinstance(parameters, Mapping):
-            put(
-                document,
-                place[:-1],
-                {**at(document, place[:-1]), place[-1]: normal_parameters(expanded(parameters), moved)},
-            )
+            normal = normal_parameters(expanded(parameters), moved)
+            _put(document, place[:-1], {**_at(document, place[:-1]), place[-1]: normal})
     return _commented(text_of(document), comments or {})
 
 
@@ -71,30 +174,23 @@ def _commented(text: str, comments: Comments) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_yaml(
-    tree: Mapping[Any, Any], path: str | Path, comments: Comments | None = None, *, read_from: str | Path | None = None
-) -> None:
+def write_yaml(tree: Mapping[Any, Any], path: str | Path) -> None:
     """Write a parameter file, whole or not at all.
 
     Args:
         tree: a document with its sections (those of strangers stay as they are), or the parameters alone.
         path: the file; its folder is made if need be.
-        comments: parameter's full name (``x.friction.static_force``) to a remark behind it; the empty name for lines
-            at the head of the file.
-        read_from: folder that relative file names in the tree start at; they are rewritten for the file's own folder.
 
     Raises:
         RecordingError: the file cannot be written; nothing is left under its name that was not there before.
     """
-    target = Path(path).resolve()
-    base = None if read_from is None else Path(read_from).resolve()
-    write_text(yaml_of(tree, comments, read_from=base, to=target.parent), path)
+    write_text(yaml_of(tree), path)
 
 
 def write_settings(
     settings: Settings,
     path: str | Path,
-    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    changes: Mapping[str, Mapping[str, Any]],
     comments: Comments | None = None,
 ) -> None:
     """Write settings as they were read, with changes.
@@ -103,7 +199,7 @@ def write_settings(
         settings: settings with their ``source``.
         path: the file.
         changes: axis (or the empty name for what axes share) to ``{"friction.static_force": 4.2}``.
-        comments: as for ``write_yaml``.
+        comments: as for ``yaml_of``.
 
     Raises:
         RecordingError: the file cannot be written.
@@ -114,7 +210,7 @@ def write_settings(
 def settings_text(
     settings: Settings,
     path: str | Path,
-    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    changes: Mapping[str, Mapping[str, Any]],
     comments: Comments | None = None,
 ) -> str:
     """Return the text that ``write_settings`` writes.
@@ -123,9 +219,9 @@ def settings_text(
         settings: settings with their ``source``.
         path: the file; relative file names in it are rewritten for its folder.
         changes: as for ``write_settings``.
-        comments: as for ``write_yaml``.
+        comments: as for ``yaml_of``.
     """
     tree: dict[Any, Any] = settings.source or tree_of(settings)
-    for axis, own in (changes or {}).items():
+    for axis, own in changes.items():
         tree = updated_tree(tree, axis, own)
     return yaml_of(tree, comments, read_from=Path(settings.folder).resolve(), to=Path(path).resolve().parent)

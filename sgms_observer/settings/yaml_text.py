@@ -91,10 +91,6 @@ def _is_too_deep(text: str) -> bool:
 def parse(text: str, source_name: str) -> Any:
     """Return the tree of a YAML text.
 
-    Args:
-        text: the file's text.
-        source_name: name of the file for the sentence.
-
     Raises:
         ConfigurationError: the text is not YAML; one sentence.
     """
@@ -171,9 +167,6 @@ _Writer.add_representer(Group, _represent_group)
 
 def text_of(tree: Any) -> str:
     """Return a tree as YAML text that rcl and ``parse`` read alike.
-
-    Args:
-        tree: mappings, lists, numbers and texts.
 
     Raises:
         ConfigurationError: it contains itself or what YAML has no word for.

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from start_file import start_file
 
 from sgms_observer.application.commission import next_experiment as step
 from sgms_observer.application.commission.ledger import DONE, FAILED, Ledger
@@ -17,15 +18,7 @@ from sgms_observer.application.commission.session import LEARN_BAG, Plan, Reques
 from sgms_observer.errors import DataError
 from sgms_observer.settings.axis import AxisSettings
 
-START = """/**:
-  ros__parameters:
-    axes: [x]
-    sample_period: 1.0e-3
-    x:
-      mass: 3.0
-      friction: {model: gms}
-      effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.05}}
-"""
+START = start_file("effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.05}}")
 AXIS = AxisSettings(name="x", mass=3.0)
 
 Effects = list[dict[str, Any]]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from start_file import WINDOW, start_file
 
 from sgms_observer.application.commission.motion import Motion, learning_motion, representative_motion
 from sgms_observer.application.commission.next_experiment import separating
@@ -15,15 +16,7 @@ from sgms_observer.application.simulate import Simulation, simulate
 from sgms_observer.excitation.limits import limits_of
 from sgms_observer.settings.load import load_settings
 
-START = """/**:
-  ros__parameters:
-    axes: [x]
-    sample_period: 1.0e-3
-    x:
-      mass: 3.0
-      friction: {model: gms}
-      filter: {window: 8.0e-3}
-"""
+START = start_file(WINDOW)
 HIDDEN = """      effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.02}}
       stage:
         reference: {kind: file, file: FILE}

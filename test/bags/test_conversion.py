@@ -10,8 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sgms_observer.bags.columns import open_log
-from sgms_observer.bags.conversion import parse_map, read_table, write_table
+from sgms_observer.bags.conversion import open_log, parse_map, read_table, write_table
 from sgms_observer.bags.reader import read_joint_states, read_samples
 from sgms_observer.cli.main import main
 from sgms_observer.errors import RecordingError

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sgms_observer.bags.columns import open_log
-from sgms_observer.bags.conversion import choose_window, read_table, split_table
+from sgms_observer.bags.conversion import choose_window, open_log, read_table, split_table
 from sgms_observer.errors import RecordingError
 
 ROWS = [[0.001 * k, 1e-6 * k * k, 0.5 - k] for k in range(30)]

@@ -75,11 +75,22 @@ def rooms() -> Rooms:
     return found
 
 
+def files() -> Rooms:
+    """Return, for each file, the files that it imports, each with the places where it does."""
+    known = modules()
+    found: Rooms = {module: {} for module in known if module not in _ENTRIES}
+    for module, own in found.items():
+        for line, name in imported(known[module], known):
+            if name not in (module, *_ENTRIES):
+                own.setdefault(name, []).append(f"{known[module].relative_to(ROOT)}:{line} imports {name}")
+    return found
+
+
 def cycle(graph: Rooms) -> list[str]:
-    """Return the places of the imports that make a cycle of rooms; empty where there is none.
+    """Return the places of the imports that make a cycle; empty where there is none.
 
     Args:
-        graph: as ``rooms`` returns it.
+        graph: as ``rooms`` or ``files`` returns it.
     """
     try:
         TopologicalSorter(graph).prepare()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from rooms import cycle, drawn, rooms
+from rooms import cycle, drawn, files, rooms
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "design.md").read_text(encoding="utf-8")
@@ -38,6 +38,11 @@ def test_folders_import_what_the_table_says() -> None:
 
 def test_no_rooms_import_each_other_in_a_circle() -> None:
     assert cycle(rooms()) == []
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    """Inside a folder too, and for types too: who reads a file from the bottom up never meets what is above it."""
+    assert cycle(files()) == []
 
 
 def test_a_circle_of_rooms_is_found_with_its_places() -> None:

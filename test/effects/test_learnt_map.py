@@ -14,8 +14,7 @@ from sgms_observer.settings.arguments import read_arguments
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.load import load_settings, settings_from_tree
 from sgms_observer.settings.parameters import ParameterDeclaration, declare_all
-from sgms_observer.settings.tree import tree_of
-from sgms_observer.settings.write import write_yaml
+from sgms_observer.settings.write import tree_of, write_yaml
 
 PERIOD = 1e-3
 RAIL = """

@@ -137,4 +137,3 @@ def test_c_allocates_nothing_and_has_no_variable_of_its_own(tmp_path: Path) -> N
                 and "(" not in line]  # fmt: skip
     assert globals_
     assert all(line.startswith("static const ") for line in globals_)
-

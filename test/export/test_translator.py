@@ -15,7 +15,8 @@ from c_build import assert_equal, exported
 from sgms_observer.effects import catalogue
 from sgms_observer.effects.effect import Effect, EffectParameter, Place
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.export.translator import Translator, source_of
+from sgms_observer.export.program import source_of
+from sgms_observer.export.translator import Translator
 from sgms_observer.export.values import REAL, Array, Value
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings

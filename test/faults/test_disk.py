@@ -128,6 +128,9 @@ LONG = {
     "diagnose": ["diagnose", "bag", "--config", "axis.yaml", "--out"],
     "identify": ["identify", "bag", "--config", "axis.yaml", "--out"],
     "paper": ["paper", "--out"],
+    "bench": ["bench", "--json"],
+    "bench pictures": ["bench", "--out"],
+    "excite": ["excite", "--config", "axis.yaml", "--out"],
 }
 
 

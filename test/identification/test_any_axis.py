@@ -11,6 +11,7 @@ import pytest
 
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main
+from sgms_observer.errors import DataError
 from sgms_observer.identification.answer import identification_answer
 from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
 from sgms_observer.identification.problem import DELAY, MASS, VISCOUS
@@ -176,3 +177,29 @@ def test_one_reversal_is_refused(tmp_path: Path) -> None:
     angle = np.where(TIME < 15.0, 0.05 * TIME, 1.5 - 0.05 * TIME)
     with pytest.raises(Exception, match="reverses once"):
         identify([Recording("once", PERIOD, angle, np.sign(np.gradient(angle)))], _axis(), QUICK)
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_the_other_axis_is_the_one_that_the_observer_follows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    """Of three axes the one that ``coupled_axis`` names, not the first other one."""
+    start = tmp_path / "start.yaml"
+    start.write_text(
+        """/**:
+  ros__parameters:
+    axes: [x, y, z]
+    z: {coupled_axis: y, effects: {names: [cross_axis_coupling]}}
+"""
+    )
+    asked: list[str] = []
+
+    def read(bag: str, axis: AxisSettings, other: AxisSettings, **_options: object) -> None:
+        asked.append(other.name)
+        raise DataError("enough is known")
+
+    (tmp_path / "bag").write_bytes(b"")
+    monkeypatch.setattr(f"sgms_observer.application.{command}.read_recordings", read)
+    options = ["--config", str(start), "--out", str(tmp_path / "out"), "--axis", "z"]
+    assert main([command, str(tmp_path / "bag"), *options]) != 0
+    assert asked == ["y"]

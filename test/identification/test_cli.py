@@ -10,9 +10,9 @@ import pytest
 from browser import Browser
 from looks import check_report
 
+from sgms_observer.application.identify import bag_hash
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main
-from sgms_observer.identification.answer import bag_hash
 from sgms_observer.identification.identify import IdentifyOptions, identify
 from sgms_observer.identification.least_squares import fit_inverse_model
 from sgms_observer.identification.report import sliding_rows

@@ -16,24 +16,20 @@ import pytest
 from program import PATIENCE
 from ros_fixtures import Start
 from ros_graph import Graph, NodeProcess, wait_until
+from start_file import WINDOW, start_file
 
 from sgms_observer.application.commission.ledger import DONE, Ledger
 from sgms_observer.application.commission.motion import representative_motion
 from sgms_observer.application.commission.session import Plan, Request
+from sgms_observer.application.commission.table import HeldUp
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
+from sgms_observer.nodes.axis_listener import AxisListener
+from sgms_observer.settings.axis import AxisSettings
 
 ROOT = Path(__file__).resolve().parents[2]
-START = """/**:
-  ros__parameters:
-    axes: [x]
-    sample_period: 1.0e-3
-    x:
-      mass: 3.0
-      friction: {model: gms}
-      filter: {window: 8.0e-3}
-      estimator: {kind: mhe, correction_every: 2, parameters: [kappa]}
-      compensation: {limit: 10.0}
-"""
+START = start_file(
+    WINDOW, "estimator: {kind: mhe, correction_every: 2, parameters: [kappa]}", "compensation: {limit: 10.0}"
+)
 HIDDEN = "effects: {names: [cogging], cogging: {amplitude: 1.4, pitch: 2.0e-3, phase: 0.3}}"
 WEAK = "effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.03}}"
 """Friction that depends on the direction: an offset wherever the axis slides. In much noise the first recording, which
@@ -286,3 +282,14 @@ def test_a_table_that_says_nothing_is_one_sentence(commission: Any, ros: None) -
     code, said = run.end()
     assert code == 1, said
     stopped(run, "check", "no message of position arrives")
+
+
+def test_a_message_behind_a_recording_meets_no_closed_bag(tmp_path: Path) -> None:
+    """A motion that is held up ends its recording, and the listener goes on to hear whether the table comes back."""
+    listener, encoder = AxisListener(AxisSettings(name="x")), JointStateEncoder(("x",), ("position",))
+    listener.span = (0, 10**9)
+    with pytest.raises(HeldUp), listener.recording(tmp_path / "bag"):
+        listener.record("reference", 1, encoder.encode(1, [0.0]))
+        raise HeldUp("a busy computer")
+    listener.record("reference", 2, encoder.encode(2, [0.0]))
+    assert not listener.is_recording

@@ -11,19 +11,19 @@ from pathlib import Path
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from program import PATIENCE
-from ros_graph import ONE_AXIS, Graph, wait_until
+from program import PATIENCE, start_program
+from ros_graph import ONE_AXIS, Graph, Start, wait_until
 
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
-from sgms_observer.nodes.reference_player import braking
+from sgms_observer.bags.trajectory_cdr import decode_trajectory
+from sgms_observer.nodes.horizons import AHEAD, EVERY, decode_horizons
+from sgms_observer.nodes.set_points import braking
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 @settings(deadline=None)
-@given(
-    velocity=st.floats(-1.0, 1.0), acceleration=st.floats(0.05, 100.0), period=st.sampled_from([1e-4, 1e-3, 1e-2])
-)
+@given(velocity=st.floats(-1.0, 1.0), acceleration=st.floats(0.05, 100.0), period=st.sampled_from([1e-4, 1e-3, 1e-2]))
 def test_braking_ends_at_rest_within_the_deceleration(velocity: float, acceleration: float, period: float) -> None:
     _position, velocities = braking(0.0, velocity, acceleration, period)
     assert velocities[-1] == 0.0
@@ -48,6 +48,35 @@ def test_it_starts_where_the_table_stands_and_brakes_when_interrupted(graph: Gra
             break
         assert code == 1 and "the machine was busy" in said and said.count("\n") == 1, said
     assert code == 0 and "brought to rest" in said
+
+
+def test_the_motion_is_told_ahead_and_the_observer_compensates_ahead(
+    graph: Graph, start: Start, tmp_path: Path
+) -> None:
+    """The stage follows ``reference``, the observer gives a horizon along what is told ahead of it."""
+    mine = ONE_AXIS.replace("stage: {", "compensation: {enabled: true}\n      stage: {reference: {kind: topic}, ")
+    graph.listen("reference", "reference_horizon", "compensation_horizon")
+    start("stage_node", mine)
+    start("observer_node", mine)
+    excited = start_program(
+        "sgms_observer", ["excite", "--config", "stage_node.yaml", "--publish", "--duration", "8"], tmp_path,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    said, _ = excited.communicate(timeout=PATIENCE)
+    assert excited.returncode == 0, said
+    states = [decode_joint_state(message) for message in graph.messages["reference"]]
+    sent = {state[0]: (state[2][0], state[3][0]) for state in states}
+    span = (max(sent) - min(sent)) * 1e-9
+    told = [decode_trajectory(message) for message in graph.messages["reference_horizon"]]
+    assert len(told) > 0.5 * span / EVERY
+    for ahead in told:
+        positions, velocities = ahead.values["positions"][:, 0], ahead.values["velocities"][:, 0]
+        inside = [i for i, stamp in enumerate(ahead.time_ns.tolist()) if stamp in sent]
+        assert all(sent[int(ahead.time_ns[i])] == (positions[i], velocities[i]) for i in inside)
+        assert inside and (ahead.time_ns[-1] - ahead.time_ns[0]) * 1e-9 > AHEAD
+    forces = [decode_horizons(message)["x"].effort for message in graph.messages["compensation_horizon"]]
+    acting = sum(np.abs(force).max() > 0.5 for force in forces)
+    assert acting > 0.5 * span / EVERY, f"{acting} of {len(forces)} horizons with a force in {span:g} s"
 
 
 def _interrupted_in_motion(graph: Graph, folder: Path) -> tuple[int, str]:

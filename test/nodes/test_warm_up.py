@@ -19,7 +19,7 @@ CODE = """
 import gc, sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from sgms_observer.bags.blocks import encode_joint_states, warm_up_encoding
+from sgms_observer.bags.rows import encode_joint_states, warm_up_encoding
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.settings.load import load_settings
 from sim_plant.table import SimulatedTable

@@ -11,7 +11,7 @@ from sgms_observer.errors import ConfigurationError
 from sgms_observer.observer.all_axes import MAX_AGE_NS, AllAxes
 from sgms_observer.observer.axis_observer import AxisObserver, OtherMotion
 from sgms_observer.observer.samples import Estimates, Samples
-from sgms_observer.settings.axis import AxisSettings, EffectSettings, coupled_number
+from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings, coupled_number
 from sgms_observer.settings.load import settings_from_tree
 from sgms_observer.settings.observer import CompensationSettings
 
@@ -95,6 +95,8 @@ def test_the_neighbour_is_the_axis_before_or_the_one_that_is_named() -> None:
     assert [coupled_number(axes, number) for number in range(3)] == [2, 0, 1]
     assert coupled_number([replace(axes[0], coupled_axis="y"), *axes[1:]], 0) == 1
     assert coupled_number(axes[:1], 0) is None
+    settings = Settings(axes=tuple(axes))
+    assert [settings.coupled_to(axis) for axis in axes] == [axes[2], axes[0], axes[1]]
     tree = {"axes": ["x", "y"], "x": {"coupled_axis": "y"}, "y": {"coupled_axis": "y"}}
     with pytest.raises(ConfigurationError) as caught:
         settings_from_tree(tree)

@@ -7,8 +7,7 @@ import math
 
 import pytest
 
-from sgms_observer.report.demonstration import Half
-from sgms_observer.report.demonstration_result import axis_result, headline, result_of
+from sgms_observer.report.demonstration_result import Half, axis_result, headline, result_of
 from sgms_observer.settings.units import Units
 
 

@@ -1,0 +1,104 @@
+"""``sgms replay`` writes a page: whether the model fits, and what the recording says of its own outputs."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import Browser
+from looks import check_report
+
+from sgms_observer.cli.main import main
+from sgms_observer.observer.samples import Samples
+from sgms_observer.report.replay_view import AxisView
+from sgms_observer.settings.load import load_settings
+
+_CONFIG = """/**:
+  ros__parameters:
+    axes: [x]
+    sample_period: 1.0e-3
+    x:
+      mass: 3.0
+      friction: {{coulomb_force: {coulomb}, static_force: {static}}}
+      stage: {{encoder: {{noise: 1.0e-9}}, force_noise: 0.01, friction: {{coulomb_force: 4.0, static_force: 4.5}}}}
+      filter: {{window: 8.0e-3}}
+      estimator: {{kind: ekf}}
+      compensation: {{enabled: true}}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a recording, its replay and a replay with a wrong model."""
+    made = tmp_path_factory.mktemp("replay_page")
+    (made / "right.yaml").write_text(_CONFIG.format(coulomb=4.0, static=4.5))
+    (made / "wrong.yaml").write_text(_CONFIG.format(coulomb=9.0, static=9.5))
+    assert main(["simulate", "--config", str(made / "right.yaml"), "--out", str(made / "bag"), "--duration", "3"]) == 0
+    for name in ("right", "wrong"):
+        assert main(_replay(made, "bag", name, name)) == 0
+    return made
+
+
+def _replay(folder: Path, bag: str, config: str, out: str, *more: str) -> list[str]:
+    return ["replay", str(folder / bag), "--config", str(folder / f"{config}.yaml"), "--out", str(folder / out), *more]
+
+
+def test_the_page_reads_well_everywhere(folder: Path, browser: Browser) -> None:
+    check_report(browser, folder / "right" / "report.html", 2)
+
+
+def test_the_page_says_whether_the_model_fits(folder: Path) -> None:
+    right, wrong = ((folder / name / "report.html").read_text() for name in ("right", "wrong"))
+    assert "The model of x fits the recording" in right and "from the simulated truth" in right
+    assert "The model of x does not fit the recording" in wrong and "run sgms diagnose" in wrong
+
+
+def test_json_names_the_page_and_a_bag_with_its_page_may_be_overwritten(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(_replay(folder, "bag", "right", "right", "--overwrite", "--json")) == 0
+    assert json.loads(capsys.readouterr().out)["report"] == str(folder / "right" / "report.html")
+    assert main(_replay(folder, "bag", "right", "plain", "--no-report")) == 0
+    assert not (folder / "plain" / "report.html").exists()
+
+
+def test_recorded_estimates_are_compared_bit_by_bit(folder: Path) -> None:
+    """A recording with outputs: the simulated inputs, and the estimates of another replay as if they were live."""
+    both = folder / "both"
+    for part in ("bag", "right"):
+        shutil.copytree(folder / part, both / part)
+    (both / "live").mkdir()
+    for part in ("bag", "right"):
+        for file in (both / part).glob("*.mcap"):
+            shutil.copy(file, both / "live" / file.name)
+    assert main(_replay(folder, "both/live", "right", "again")) == 0
+    assert "3000 of 3000 recorded estimates come again to the last bit" in (folder / "again/report.html").read_text()
+    assert main(_replay(folder, "both/live", "wrong", "other")) == 0
+    page = (folder / "other/report.html").read_text()
+    assert "of 3000 recorded estimates" in page and "other parameters" in page
+
+
+def test_what_is_kept_of_a_long_recording_is_bounded_and_has_its_peaks(folder: Path) -> None:
+    axis = load_settings(folder / "right.yaml").axes[0]
+    count, blocks = 4_000, 200
+    view = AxisView(axis, 0, count * blocks)
+    for number in range(blocks):
+        stamps = (np.arange(count) + number * count) * 1_000_000
+        wave = np.sin(1e-9 * stamps)
+        position = wave + (0.5 if number == 100 else 0.0) * (np.arange(count) == 77)
+        view.add(Samples(stamps, position, wave, wave, wave), _Estimates(stamps, wave))
+    rows = view.rows
+    assert len(rows) < 100_000 and view.samples == count * blocks
+    assert np.nanmax(rows[:, 1] - rows[:, 2]) == pytest.approx(0.5) == view.tracking_peak
+    assert len(view.recent(None).time) < 30_000
+
+
+class _Estimates:
+    """What a view reads of estimates."""
+
+    def __init__(self, stamps: np.ndarray, wave: np.ndarray) -> None:
+        self.velocity = self.friction = self.friction_std = self.compensation = self.innovation = wave
+        self.status = np.zeros(len(stamps), np.uint8)
