@@ -78,7 +78,15 @@ setup(
     packages=find_packages(include=["sgms_observer", "sgms_observer.*", "sim_plant", "sim_plant.*"]),
     package_data={
         "": [
-            "*.html", "*.css", "*.js", "*.json", "*.yaml", "*.j2", "templates/*.j2", "templates/*/*.j2", "uplot/*",
+            "*.html",
+            "*.css",
+            "*.js",
+            "*.json",
+            "*.yaml",
+            "*.j2",
+            "templates/*.j2",
+            "templates/*/*.j2",
+            "uplot/*",
             "py.typed",
         ]
     },

@@ -146,9 +146,7 @@ def peers_table() -> dict[str, Any]:
     lugre_stiffness = best_peer(
         lambda share: LuGre(friction, 0.9, share * kappa, PERIOD), (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
     )[0]
-    lugre = best_peer(
-        lambda gain: LuGre(friction, gain, lugre_stiffness * kappa, PERIOD), (0.7, 0.8, 0.9, 1.0)
-    )
+    lugre = best_peer(lambda gain: LuGre(friction, gain, lugre_stiffness * kappa, PERIOD), (0.7, 0.8, 0.9, 1.0))
     observer = best_peer(lambda corner: DisturbanceObserver(10.0, corner, PERIOD), (10.0, 20.0, 40.0, 80.0, 160.0))
     out: dict[str, Any] = {}
     for name, reference in (("sine 200 um 5 Hz", SINE), ("point to point 20 mm with dwells", POINT_TO_POINT)):

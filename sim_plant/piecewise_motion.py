@@ -99,9 +99,7 @@ def s_curve_durations(stroke: float, velocity: float, acceleration: float, jerk:
     return np.array([ramp, hold, ramp, cruise, ramp, hold, ramp])
 
 
-def s_curve(
-    start: float, stroke: float, velocity: float, acceleration: float, jerk: float
-) -> tuple[Floats, Floats]:
+def s_curve(start: float, stroke: float, velocity: float, acceleration: float, jerk: float) -> tuple[Floats, Floats]:
     """Return a move from rest at ``start`` to rest at ``start + stroke``.
 
     Args:

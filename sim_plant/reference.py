@@ -102,9 +102,7 @@ def _point_to_point(settings: ReferenceSettings, name: str) -> PiecewiseCubic:
         raise ConfigurationError(
             [f"{name}.stage.reference.amplitude = 0 leaves a point_to_point move no way to go; give it a stroke"]
         )
-    return back_and_forth(
-        settings.amplitude, settings.velocity, settings.acceleration, settings.jerk, settings.dwell
-    )
+    return back_and_forth(settings.amplitude, settings.velocity, settings.acceleration, settings.jerk, settings.dwell)
 
 
 def _from_file(settings: ReferenceSettings, name: str) -> PiecewiseCubic:

@@ -28,9 +28,7 @@ settings.load_profile("repeat")
 os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
-os.environ["ROS_LOG_DIR"] = str(
-    Path(tempfile.gettempdir()) / "sgms_observer_test_logs" / os.environ["ROS_DOMAIN_ID"]
-)
+os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "sgms_observer_test_logs" / os.environ["ROS_DOMAIN_ID"])
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job; our processes would inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -144,9 +144,7 @@ def run_cases(
             print(f"{number}/{len(waiting)} {code}: {verdict}, {line['seconds']:.0f} s", file=sys.stderr, flush=True)
 
 
-def _finished(
-    waiting: Sequence[Case], workers: int, rest: tuple[Any, ...]
-) -> Iterator[tuple[Case, dict[str, Any]]]:
+def _finished(waiting: Sequence[Case], workers: int, rest: tuple[Any, ...]) -> Iterator[tuple[Case, dict[str, Any]]]:
     """Yield each case with its line as it is done; a single worker is this process."""
     if workers == 1:
         for case in waiting:
@@ -230,9 +228,7 @@ def main() -> int:
             own = [case for case in own if case.effect in args.only.split(",")]
         listed += own[: args.limit or None]
     if not args.score_only:
-        run_cases(
-            listed, args.out, workers=args.workers, duration=args.duration, shared=args.shared, keep=args.keep
-        )
+        run_cases(listed, args.out, workers=args.workers, duration=args.duration, shared=args.shared, keep=args.keep)
     print_scores(listed, args.out)
     return 0
 

@@ -183,9 +183,7 @@ def compensate_block(
     out: Floats,
 ) -> None:
     """Call ``compensate`` with arrays only: numba needs 2 us per call for the type of a named tuple."""
-    path = ActuatorPath(
-        path_kinds, path_p_at, path_parameters, path_numbers[0], path_numbers[1], path_numbers[2]
-    )
+    path = ActuatorPath(path_kinds, path_p_at, path_parameters, path_numbers[0], path_numbers[1], path_numbers[2])
     compensate(
         state, carried, carried_modes, scalars, elements, kinds, path, motion, results, ahead,
         effects_force, effects_factor, out,

@@ -97,9 +97,7 @@ class _SymbolicModel:
 
     def levels(self, velocity: float, factor: float) -> list[casadi.SX]:
         """Return nu s(v) of each element [N]."""
-        s = self.formulas.stribeck_level(
-            velocity, self.scalars[STATIC], self.scalars[COULOMB], self.scalars[STRIBECK]
-        )
+        s = self.formulas.stribeck_level(velocity, self.scalars[STATIC], self.scalars[COULOMB], self.scalars[STRIBECK])
         return [nu * factor * s for nu in self.elements[NU]]
 
     def gain(self, velocity: float) -> Any:

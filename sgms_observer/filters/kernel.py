@@ -45,9 +45,7 @@ def _elapsed(config: Floats, state: Floats, high: int, low: int, is_used: bool) 
 
 
 @njit
-def filter_sample(
-    config: Floats, state: Floats, stamp_ns: int, position: float, effort: float, row: Floats
-) -> None:
+def filter_sample(config: Floats, state: Floats, stamp_ns: int, position: float, effort: float, row: Floats) -> None:
     """Take one sample and write its row.
 
     Args:

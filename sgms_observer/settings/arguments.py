@@ -44,9 +44,7 @@ class NodeArguments:
     parameters: dict[str, Any] | None
 
 
-def read_arguments(
-    argv: Sequence[str], node_name: str = "observer_node"
-) -> NodeArguments:
+def read_arguments(argv: Sequence[str], node_name: str = "observer_node") -> NodeArguments:
     """Take the parameters out of a node's arguments and check them.
 
     Args:

@@ -124,9 +124,7 @@ def _unknown_effect(path: str, name: str, catalogue: Catalogue, faults: Faults) 
     faults.add(path, f"{path} = {shown(name)} must be an effect of the catalogue; {remedy}")
 
 
-def _checked_effect(
-    path: str, name: str, tree: Any, entry: Effect, joint_type: str, faults: Faults
-) -> EffectSettings:
+def _checked_effect(path: str, name: str, tree: Any, entry: Effect, joint_type: str, faults: Faults) -> EffectSettings:
     """Return one effect with the given values over the catalogue's defaults."""
     declared = declared_values(entry, joint_type)
     values: dict[str, Any] = {}

@@ -292,6 +292,7 @@ def test_blocks_that_were_handed_out_never_change() -> None:
     table = rows(kept)
     assert [row[1] for row in table] == [float(i) for i in range(20_000)]
 
+
 def counted(pairing: Pairing) -> dict[str, int]:
     """Return the counts that are not zero."""
     return {name: count for name, count in asdict(pairing.counts).items() if count}

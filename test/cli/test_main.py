@@ -61,7 +61,6 @@ def test_every_command_has_help(name: str) -> None:
     assert result.stdout.startswith(f"usage: sgms {name}")
 
 
-
 @pytest.mark.parametrize(
     "arguments", [[], ["no_such_command"], ["--no-such-option"], *[[name, "--no-such"] for name in registry.COMMANDS]]
 )

@@ -95,9 +95,7 @@ def test_real_time_iterations_reach_the_converged_solution(kappa: float, paramet
     effort = noisy(scenario, 1)
     errors = {1: [], 2: [], 0: []}
     for iterations in errors:
-        mhe = estimator(
-            "mhe", kappa, parameters=parameters, converge=iterations == 0, iterations=max(iterations, 1)
-        )
+        mhe = estimator("mhe", kappa, parameters=parameters, converge=iterations == 0, iterations=max(iterations, 1))
         for at in range(0, len(effort), 20):
             part = slice(at, at + 20)
             mhe.step(Motion(scenario.motion.table[part], 0), effort[part], np.ones(20))

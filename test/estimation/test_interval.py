@@ -33,9 +33,7 @@ def end_of_interval(friction: FrictionSettings, x: np.ndarray, velocity: np.ndar
         scalars, elements, parameters.kinds, p, velocity, np.full(count, 1e-4), np.full(count, 1.1),
         np.zeros((count, N_Z)), False, x[:N_Z].copy(), np.zeros(N_Z), after, modes, a, b,
     )  # fmt: skip
-    effort_slopes(
-        scalars, elements, parameters.kinds, parameters.scale, p, after, modes, velocity[-1], 0.7, 1.1, row
-    )
+    effort_slopes(scalars, elements, parameters.kinds, parameters.scale, p, after, modes, velocity[-1], 0.7, 1.1, row)
     effort = predict_effort(scalars, elements, after, modes, velocity[-1], 0.7, 1.1)
     return after, np.array([effort]), a, b, row
 

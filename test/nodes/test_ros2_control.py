@@ -44,9 +44,7 @@ def test_joint_states_in_commands_out_and_zero_when_they_stop(graph: Graph, star
     text = FILE.read_text().replace("enabled: false ", "enabled: true\n        timeout: 2.0 ")  # busy machines
     assert "timeout: 2.0" in text
     received: list[float] = []
-    graph.node.create_subscription(
-        Float64MultiArray, COMMANDS, lambda message: received.append(message.data[0]), 1000
-    )
+    graph.node.create_subscription(Float64MultiArray, COMMANDS, lambda message: received.append(message.data[0]), 1000)
     topics = ("position:=joint_states", "control_effort:=joint_states", f"~/commands:={COMMANDS}")
     remap = [word for topic in topics for word in ("-r", topic)]
     start("observer_node", text, "--ros-args", *remap)

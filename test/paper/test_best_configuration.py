@@ -32,9 +32,7 @@ def test_the_best_sees_position_and_effort_only(records):
         else np.full_like(getattr(record, name), np.nan)
         for name in record.__dataclass_fields__
     })  # fmt: skip
-    np.testing.assert_array_equal(
-        best.run(best.BEST, record, 0.8).live, best.run(best.BEST, blind, 0.8).live
-    )
+    np.testing.assert_array_equal(best.run(best.BEST, record, 0.8).live, best.run(best.BEST, blind, 0.8).live)
 
 
 def test_each_structural_lever_carries(records):

@@ -149,8 +149,10 @@ def test_right_compensation_removes_most_of_the_error() -> None:
     axis = paper_axis("gms")
     plain = SimulatedStage(axis, 1e-4).step(6000)
     helped = SimulatedStage(axis, 1e-4).step(6000, plain.friction)
+
     def rms(record: StageRecord) -> float:
         return float((record.position - record.reference_position)[2000:].std())
+
     assert rms(helped) < 0.5 * rms(plain)
 
 

@@ -114,8 +114,10 @@ def test_dissipative_effects_take_energy() -> None:
         period = slice(4000, 8001, 2000)
         energy = stored_energy(axis, record)[period]
         plain = run(paper_axis("sgms"), 10_000)
+
         def lost(one: StageRecord) -> float:
             return float(work_of_effort(one)[4000:8000].sum())
+
         assert abs(np.diff(energy)).max() < 0.01 * lost(record)
         assert lost(record) > lost(plain) * (1.0 if name != "asymmetric_coulomb" else 0.99), name
 

@@ -225,5 +225,3 @@ def test_the_second_plant_is_read_as_it_is(tmp_path: Path) -> None:
 def test_without_the_second_plant_it_says_where_it_looked(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"has no second_plant\.py; give its parent folder with --shared"):
         second_modules(tmp_path)
-
-
