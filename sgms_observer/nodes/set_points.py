@@ -65,6 +65,11 @@ class SetPoints:
         """Return how many nodes subscribe to the set-points."""
         return int(self._publisher.get_subscription_count())
 
+    @property
+    def subscription_count(self) -> int:
+        """Return how many subscriptions the set-points and the motion ahead have together."""
+        return self.reader_count + int(self._ahead.get_subscription_count())
+
     def send(self, stamp_ns: int, position: float, velocity: float) -> bytes:
         """Publish one set-point and return its message.
 

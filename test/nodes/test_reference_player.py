@@ -58,6 +58,7 @@ def test_the_motion_is_told_ahead_and_the_observer_compensates_ahead(
     graph.listen("reference", "reference_horizon", "compensation_horizon")
     start("stage_node", mine)
     start("observer_node", mine)
+    graph.meet("observer_node")
     excited = start_program(
         "sgms_observer", ["excite", "--config", "stage_node.yaml", "--publish", "--duration", "8"], tmp_path,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
