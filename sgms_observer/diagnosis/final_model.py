@@ -79,29 +79,29 @@ def _confirmation_tests(data: GapData, added: FinalModel) -> list[Test]:
     ]
 
 
-def learnt_maps(data: GapData, final: FinalModel, predictable_share: float, units: Units) -> list[FittedMap]:
-    """Return maps of the remaining residual, fitted one after the other while a regression predicts more of it.
+def learnt_maps(data: GapData, final: FinalModel, units: Units) -> list[FittedMap]:
+    """Return maps of the remaining residual, fitted one after the other while the next one surely predicts more of it.
 
     Args:
         data: recordings of the gap.
         final: the model without maps.
-        predictable_share: predictable share of its squared residual.
         units: units of the axis.
     """
     criteria = data.options.criteria
     learnt: list[FittedMap] = []
-    model, rest, share = final.fit.model, data.rest(final.after), predictable_share
-    names = _free_names(final.fit.effects)
-    while names and share > criteria.min_predictable_share:
+    model, rest = final.fit.model, data.rest(final.after)
+    is_noise = ratio_to_noise(rest.rms, final.noise) < criteria.min_gap_over_floor
+    names = [] if is_noise else _free_names(final.fit.effects)
+    while names:
         known = data.fitted(model)
         another = fit_map(known, rest if data.has_held_out else known, names[0], units, criteria)
-        if another is None:
+        least = criteria.min_closed_share if learnt else criteria.min_predictable_share
+        if another is None or another.share < least:
             break
         learnt = with_map(learnt, another, units)
         names = _free_names([*final.fit.effects, *(item.settings for item in learnt)])
         model = final.fit.model.with_effects([item.settings for item in learnt])
         rest = data.rest(residuals(model, data.motions))
-        share = data.predictable(rest, model)[1] if names else 0.0
     return learnt
 
 
