@@ -100,19 +100,23 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     given = residuals(replace(Model.of(axis), effects=diagnosis.file_effects), data.motions)
     final = final_model(data, contradiction)
     rest = data.rest(final.after)
-    free, predictable_share = data.predictable(rest, final.fit.model)
     over_noise = ratio_to_noise(rest.rms, final.noise)
-    if over_noise < criteria.min_gap_over_floor:
-        predictable_share = 0.0
     learnt: list[FittedMap] = []
-    if not diagnosis.is_poor and contradiction is None:
-        learnt = learnt_maps(data, final, axis.units)
+    free: FreeForm | None = None
+    unnamed: Decision | None = None
+    if over_noise >= criteria.min_gap_over_floor:
+        free = data.predictable(rest, final.fit.model)
+        unnamed = _best_unnamed(diagnosis, criteria)
+        if not diagnosis.is_poor and contradiction is None:
+            learnt = learnt_maps(data, final, axis.units)
     model = final.fit.model.with_effects([item.settings for item in learnt])
     total = residuals(model, data.motions) if learnt else final.after
-    unnamed = _best_unnamed(diagnosis, criteria) if over_noise >= criteria.min_gap_over_floor else None
-    floor = _floor(data, final, total, free if predictable_share > 0.0 else None, unnamed)
-    shares = [unnamed.significant_share(criteria) if unnamed else 0.0, learnt[0].share if learnt else 0.0]
-    predictable_share = max(predictable_share, *shares)
+    floor = _floor(data, final, total, free, unnamed)
+    predictable_share = max(
+        free.improvement.share if free else 0.0,
+        unnamed.significant_share(criteria) if unnamed else 0.0,
+        learnt[0].share if learnt else 0.0,
+    )
     gap = _gap(data, given, final, floor)
     whole = at_most("model", "share of the effort that is unexplained", 0.01 * gap.after, criteria.max_unexplained)
     unnamed_rest = at_most(

@@ -64,18 +64,15 @@ class Candidate:
         return next((item for item in self.refit.effects if item.name == self.name), None)
 
     @property
-    def is_contact_law(self) -> bool:
-        """Return whether the hypothesis is an effect that only describes another contact law."""
-        return self.settings is not None and effect(self.name).is_contact_law
-
-    @property
     def has_to_explain(self) -> bool:
         """Return whether the effect has a name only if the gap is explained with it.
 
         This holds for the effects that only describe another contact law and for their special cases.
         """
-        general = effect(self.name).special_case_of if self.settings is not None else ""
-        return self.is_contact_law or (general != "" and effect(general).is_contact_law)
+        if self.settings is None:
+            return False
+        entry = effect(self.name)
+        return entry.is_contact_law or (entry.special_case_of != "" and effect(entry.special_case_of).is_contact_law)
 
     @property
     def parameter_count(self) -> int:

@@ -90,8 +90,7 @@ def learnt_maps(data: GapData, final: FinalModel, units: Units) -> list[FittedMa
     criteria = data.options.criteria
     learnt: list[FittedMap] = []
     model, rest = final.fit.model, data.rest(final.after)
-    is_noise = ratio_to_noise(rest.rms, final.noise) < criteria.min_gap_over_floor
-    names = [] if is_noise else _free_names(final.fit.effects)
+    names = _free_names(final.fit.effects)
     while names:
         known = data.fitted(model)
         another = fit_map(known, rest if data.has_held_out else known, names[0], units, criteria)

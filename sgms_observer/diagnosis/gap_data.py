@@ -105,8 +105,8 @@ class GapData:
         motions = self.diagnosis.final_state.fit_motions
         return WeightedResidual(motions, residuals(model, motions), self.diagnosis.evaluation.fit_data.gap_weights)
 
-    def predictable(self, rest: WeightedResidual, model: Model) -> tuple[FreeForm, float]:
-        """Return what a free-form regression predicts of a residual, and the share of its square that is significant.
+    def predictable(self, rest: WeightedResidual, model: Model) -> FreeForm | None:
+        """Return what a free-form regression predicts of a residual, or None if it is not significant.
 
         Args:
             rest: residual of ``model``.
@@ -115,7 +115,7 @@ class GapData:
         criteria = self.options.criteria
         known = self.fitted(model) if self.has_held_out else rest
         free = free_form(ALL, known, rest, criteria, self.options.seed)
-        return free, free.improvement.share if free.improvement.z_score > criteria.min_z_score else 0.0
+        return free if free.improvement.z_score > criteria.min_z_score and free.improvement.share > 0.0 else None
 
 
 def ratio_to_noise(gap: float, noise: float) -> float:

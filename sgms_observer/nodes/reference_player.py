@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 _TURN = 5.0e-4  # s from one look at the clock to the next
 _FIRST_POSITION_TIME = 10.0  # s to wait for the table's position, and for a listener
-_MEETING_TIME = 1.0  # s without a new listener, after which the motion begins: they find each other one by one
+_MEETING_TIME = 1.0  # s without a new listener, after which the motion begins: nodes announce themselves once in it
 _CLOCK_TIME = 0.1  # s of positions from which the table's clock is read
 _LEAD = 5.0e-3  # s that a set-point is sent before its stamp, so that the observer has it with its sample
 _LATEST = 0.25  # s of delay after which the motion is stopped rather than caught up

@@ -19,7 +19,7 @@ from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.report.demonstration_result import Half, axis_result, change, headline, result_of
 from sgms_observer.report.lateness import RECOVERY, Lateness
 from sgms_observer.report.page import Page, Section, Table, write_page
-from sgms_observer.report.recorded import recorded_lateness, signal_of
+from sgms_observer.report.recorded import SETTLE, recorded_lateness, signal_of
 from sgms_observer.report.run_pictures import Run, run_pictures, tracking_picture
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.units import Units
@@ -29,7 +29,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 RESULT = "result.json"
-_SETTLE = 1.0  # s at the start of each half that count for nothing
 _SHOWN = 0.4  # s in the pictures
 
 
@@ -69,8 +68,8 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
         run, stamps = _run_of(bag, axis)
         switched = (switched_ns - int(stamps[0])) * 1e-9
         way = recorded_lateness(bag, axis, stamps, settings.sample_period)
-        without = _half(run, way, _SETTLE, switched)
-        with_it = _half(run, way, switched + _SETTLE, float(run.time[-1]))
+        without = _half(run, way, SETTLE, switched)
+        with_it = _half(run, way, switched + SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
         lines += _lines(axis, without, with_it, same, compared)
         verdicts.append(headline(axis.name, without, with_it, axis.units))
@@ -208,7 +207,7 @@ def _sections(
             ("tracking error, rms", readable(without.tracking_rms), readable(with_it.tracking_rms)),
             ("tracking error, peak", readable(without.tracking_peak), readable(with_it.tracking_peak)),
         ),
-        f"Axis {name}: errors against the simulated truth, the first {_SETTLE:g} s of each half left out.",
+        f"Axis {name}: errors against the simulated truth, the first {SETTLE:g} s of each half left out.",
     )
     text = (
         "The stage and the observer ran as two processes and spoke over ROS topics only; the observer saw the measured"

@@ -19,6 +19,9 @@ from sgms_observer.settings.axis import AxisSettings
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+SETTLE = 1.0
+"""Time at the start of a run that does not count in a comparison with the simulated truth [s]."""
+
 
 def signal_of(bag: Path, topic: str, axis: str) -> tuple[Ints, dict[str, Floats]]:
     """Return the stamps and fields of one axis of a topic, in the order of the stamps.

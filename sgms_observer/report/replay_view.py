@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sgms_observer.errors import SgmsError
 from sgms_observer.observer.outgoing import ESTIMATE
 from sgms_observer.observer.samples import Estimates, Samples
-from sgms_observer.report.recorded import recorded_lateness, signal_of
+from sgms_observer.report.recorded import SETTLE, recorded_lateness, signal_of
 from sgms_observer.report.run_pictures import Run
 from sgms_observer.report.time_plot import extreme_rows
 from sgms_observer.settings.axis import AxisSettings
@@ -29,8 +29,6 @@ _MOST_COMPARED = 2_000_000
 """Longest recording whose outputs are compared: they are read into memory [samples]."""
 _MOVES = 0.2
 """A block shows motion where its largest velocity reaches this share of the largest one so far."""
-SETTLE = 1.0
-"""Time at the start that does not count in the comparison with the truth [s], as in a demonstration."""
 _TRUTH = "friction_true"
 
 TIME, POSITION, SET_POINT, VELOCITY, FRICTION, STD, COMPENSATION, INNOVATION = range(8)

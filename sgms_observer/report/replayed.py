@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Plot, Section, Table
+from sgms_observer.report.recorded import SETTLE
 from sgms_observer.report.replay_view import (
     COMPENSATION,
     FRICTION,
     INNOVATION,
     POSITION,
     SET_POINT,
-    SETTLE,
     STD,
     TIME,
     AxisView,
