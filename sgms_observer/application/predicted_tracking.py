@@ -26,6 +26,8 @@ MAX_SECONDS = 60.0
 """Samples and time [s] that are simulated, the last ones of the recording: some seconds of computing."""
 HOLD = 1.5
 """Time from a sample to the middle of the interval in which its compensation acts, in samples."""
+SUBSTEPS = 1
+"""Integration steps per 0.1 ms: the errors differ from those with ten by less than a thousandth."""
 
 
 def predict_tracking(
@@ -88,6 +90,7 @@ def _truth(record: Recording, given: AxisSettings, augmented: AxisSettings) -> A
         stage=replace(
             given.stage,
             mass=augmented.mass,
+            substeps=given.stage.substeps if given.stage.actuation_delay else SUBSTEPS,  # a delay is whole steps
             encoder=replace(given.stage.encoder, resolution=record.encoder_step, noise=noise),
             accept_compensation=True,
         ),

@@ -60,6 +60,7 @@ class Answer:
         model: the model that augmented.yaml holds.
         diagnosis: the diagnosis that the answer is made from.
         motions: recordings that the gap is computed on.
+        weights: weights of their residuals in the gap.
         residual_before, residual_after: residuals of these recordings [N].
         gap_with_learnt: gap of the model with effects and learnt maps [%].
     """
@@ -81,6 +82,7 @@ class Answer:
     model: Model
     diagnosis: Diagnosis
     motions: tuple[Motion, ...]
+    weights: tuple[Floats, ...]
     residual_before: tuple[Floats, ...]
     residual_after: tuple[Floats, ...]
     gap_with_learnt: float
@@ -161,6 +163,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         model=model,
         diagnosis=diagnosis,
         motions=data.motions,
+        weights=data.whitened.gap_weights,
         residual_before=tuple(final.before),
         residual_after=tuple(total),
         gap_with_learnt=percent * data.rms(total),

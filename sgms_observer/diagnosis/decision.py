@@ -13,7 +13,7 @@ from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate
 from sgms_observer.diagnosis.coordinates import free_form_coordinates
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.evaluation import EvaluationData, Evidence, evidence_of
-from sgms_observer.diagnosis.evidence import Improvement, improvement
+from sgms_observer.diagnosis.evidence import Improvement, improvement, preference
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
@@ -251,18 +251,20 @@ def free_form_prediction(names: Sequence[str], model: Model, evaluation: Evaluat
     return evaluation.predictions[key]
 
 
-def z_score_between(one: Decision, other: Decision) -> float:
+def z_score_between(one: Decision, other: Decision, criteria: Criteria) -> float:
     """Return the z-score by which one hypothesis predicts better than another.
 
-    It is computed over all recordings. If the held-out recordings alone give the opposite sign, their z-score counts.
+    It is computed over all recordings. If the held-out recordings alone contradict it, their z-score counts.
 
     Args:
         one, other: decisions of the same round.
+        criteria: thresholds.
     """
-    z_score = improvement(other.evidence.all, one.evidence.all).z_score
+    z_score = preference(one.evidence.all, other.evidence.all)
     if one.evidence.held_out:
-        held_out = improvement(other.evidence.held_out, one.evidence.held_out).z_score
-        return z_score if held_out * z_score >= 0.0 else held_out
+        held_out = preference(one.evidence.held_out, other.evidence.held_out)
+        if held_out * z_score < 0.0 and abs(held_out) > criteria.interval_z_score:
+            return held_out
     return z_score
 
 
@@ -291,5 +293,5 @@ def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria)
         others: all decisions of the same round.
         criteria: thresholds.
     """
-    found = [item for item in rivals(best, others) if z_score_between(best, item) <= criteria.min_z_score]
+    found = [item for item in rivals(best, others) if z_score_between(best, item, criteria) <= criteria.min_z_score]
     return tuple(item.candidate.name for item in found)

@@ -59,6 +59,22 @@ def improvement(before: Sequence[Floats], after: Sequence[Floats]) -> Improvemen
     return Improvement(decrease, decrease / error if error > 0.0 else 0.0, total)
 
 
+def preference(one: Sequence[Floats], other: Sequence[Floats]) -> float:
+    """Return the z-score by which one model predicts better than another that it does not contain.
+
+    Neither of the two has to be true, so the difference of the squared residuals is compared with its own scatter over
+    blocks, the same for both (Vuong 1989, Likelihood ratio tests for model selection and non-nested hypotheses,
+    Econometrica 57(2), eq. 5.6).
+
+    Args:
+        one: residual of the one model in each block.
+        other: residual of the other one in the same blocks.
+    """
+    gains = np.array([float(b @ b - a @ a) for a, b in zip(one, other, strict=True)])
+    scatter = float(np.std(gains, ddof=1)) if len(gains) > 1 else 0.0
+    return float(np.mean(gains)) * np.sqrt(len(gains)) / scatter if scatter > 0.0 else 0.0
+
+
 def blocks_of(values: Floats, period: float, length: float) -> list[Floats]:
     """Return a series cut into blocks.
 

@@ -9,7 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.model import COULOMB, DAMPING, STATIC, Model, hidden_friction_drop, predict
+from sgms_observer.diagnosis.model import (
+    COULOMB,
+    DAMPING,
+    STATIC,
+    Model,
+    hidden_friction_drop,
+    predict,
+    unknown_initial_friction,
+)
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.noise import Noise, fit_noise, largest_noise
 from sgms_observer.diagnosis.ranges import plausible_range, unit_of
@@ -113,8 +121,13 @@ def _whitened_data(
 
 
 def _hidden_square(model: Model, motion: Motion) -> Floats:
-    """Return the mean square of the force hidden by the encoder resolution, uniformly distributed from zero [N^2]."""
-    return motion.thinned(hidden_friction_drop(model.friction, motion)) ** 2 / 3.0
+    """Return the mean square of the friction that the recording does not determine [N^2].
+
+    That is the force hidden by the encoder resolution, uniformly distributed from zero, and that of the unknown state
+    at the start, uniformly distributed around zero.
+    """
+    drop, width = hidden_friction_drop(model.friction, motion), unknown_initial_friction(model.friction, motion)
+    return motion.thinned(drop**2 / 3.0 + width**2 / 12.0)
 
 
 @dataclass(frozen=True)

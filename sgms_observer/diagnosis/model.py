@@ -351,16 +351,33 @@ def hidden_friction_drop(friction: FrictionSettings, motion: Motion) -> Floats:
     )
 
 
-def friction_drop_after_reversal(friction: FrictionSettings, distance: float) -> float:
+def unknown_initial_friction(friction: FrictionSettings, motion: Motion) -> Floats:
+    """Return the width of the range of friction that the unknown state at the start leaves possible at each sample [N].
+
+    Each element starts anywhere between its two sliding forces. A motion over a range of positions takes from the width
+    what a sliding contact loses when it moves back as far. The width that the whole recording leaves does not count: it
+    is an offset.
+
+    Args:
+        friction: settings of the contact.
+        motion: the recording.
+    """
+    place = motion.position
+    range_so_far = np.maximum.accumulate(place) - np.minimum.accumulate(place)
+    lost = friction_drop_after_reversal(friction, range_so_far)
+    return np.asarray(lost[-1] - lost)
+
+
+def friction_drop_after_reversal(friction: FrictionSettings, distance: float | Floats) -> Floats:
     """Return the decrease of friction when a sliding contact moves back (Masing's rule) [N].
 
     Args:
         friction: settings of the contact.
         distance: distance of the motion back [m].
     """
-    fractions, stiffnesses = friction.element_fraction, friction.element_stiffness
-    listed = zip(fractions, stiffnesses, strict=True)
-    return sum(min(kappa * distance, 2.0 * share * friction.static_force) for share, kappa in listed)
+    listed = zip(friction.element_fraction, friction.element_stiffness, strict=True)
+    parts = [np.minimum(kappa * distance, 2.0 * share * friction.static_force) for share, kappa in listed]
+    return np.asarray(np.sum(parts, axis=0), dtype=np.float64)
 
 
 def largest_slip_deflection(friction: FrictionSettings) -> float:

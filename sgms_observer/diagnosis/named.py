@@ -91,7 +91,7 @@ def _as_named(
     settings = fit.effects[index]
     std = tuple(diagnosis.written.errors.get((index, j), 0.0) for j in range(len(settings.values)))
     others = [
-        z_score_between(item.accepted, other)
+        z_score_between(item.accepted, other, diagnosis.evaluation.criteria)
         for other in rivals(item.accepted, item.decisions)
         if other.candidate.name not in rounds
     ]

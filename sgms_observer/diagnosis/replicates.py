@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.model import Model, hidden_friction_drop, predict
+from sgms_observer.diagnosis.model import Model, hidden_friction_drop, predict, unknown_initial_friction
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.noise import Noise
 from sgms_observer.offline.recording import Recording
@@ -26,13 +26,15 @@ def coloured(noise: Noise, count: int, period: float, rng: np.random.Generator) 
 def replicate_of(motion: Motion, model: Model, noise: Noise, rng: np.random.Generator) -> Motion:
     """Return a recording with the same motion and encoder whose effort follows the model, plus noise.
 
-    At each rest the contact has moved back by a random part of the distance that the encoder resolution hides.
+    At each rest the contact has moved back by a random part of the distance that the encoder resolution hides. The
+    recording starts with a random state of the contact.
     """
     found = predict(model, motion)
     needed = motion.effort - found.residual
     rest = np.cumsum(np.diff(motion.shows_no_motion, prepend=False) & motion.shows_no_motion)
     fallen = rng.uniform(0.0, 1.0, rest[-1] + 1)[rest] * hidden_friction_drop(model.friction, motion)
-    effort = needed - np.sign(found.friction) * fallen + coloured(noise, len(needed), motion.period, rng)
+    started = rng.uniform(-0.5, 0.5) * unknown_initial_friction(model.friction, motion)
+    effort = needed - np.sign(found.friction) * fallen + started + coloured(noise, len(needed), motion.period, rng)
     position = motion.position
     if motion.resolution > 0.0:
         shift = rng.uniform(0.0, motion.resolution)

@@ -49,6 +49,7 @@ def _topics_of(trace: Trace, axis: str, above: str, stamp_ns: np.ndarray) -> lis
         states("modelled", effort=trace.after),
         states("residual_before", effort=trace.residual_before),
         states("residual", effort=trace.residual),
+        states("weight", effort=trace.weight),
     ]
     if trace.effects:
         effort = np.column_stack(list(trace.effects.values()))

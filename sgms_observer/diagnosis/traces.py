@@ -37,6 +37,7 @@ class Trace:
         friction: measured effort minus the effort of mass and effects [N or N m].
         is_sliding: whether friction depends on the velocity alone.
         tracking_error: position minus set-point [m or rad]; NaN if no set-point was recorded.
+        weight: weight of each row in the gap [-].
     """
 
     name: str
@@ -51,6 +52,7 @@ class Trace:
     friction: Floats
     is_sliding: Booleans
     tracking_error: Floats
+    weight: Floats
 
     @property
     def residual_before(self) -> Floats:
@@ -78,12 +80,12 @@ def traces_of(answer: Answer) -> tuple[Trace, ...]:
     records = recordings.holdouts or tuple(record for record in recordings.records for _half in range(2))
     both = zip(answer.residual_before, answer.residual_after, strict=True)
     return tuple(
-        _trace(record, motion, answer.model, before, after)
-        for record, motion, (before, after) in zip(records, answer.motions, both, strict=True)
+        _trace(record, motion, answer.model, before, after, weight)
+        for record, motion, (before, after), weight in zip(records, answer.motions, both, answer.weights, strict=True)
     )
 
 
-def _trace(record: Recording, motion: Motion, model: Model, before: Floats, after: Floats) -> Trace:
+def _trace(record: Recording, motion: Motion, model: Model, before: Floats, after: Floats, weight: Floats) -> Trace:
     """Return one trace."""
     whole = predict(model, motion)
     effects = {}
@@ -97,6 +99,7 @@ def _trace(record: Recording, motion: Motion, model: Model, before: Floats, afte
         motion.name, record.start, time, motion.thinned(motion.position), motion.thinned(motion.velocity), effort,
         effort - before, effort - after, effects, motion.low_pass(friction) + after,
         _is_sliding(motion, whole.stick_indicator), _tracking_error(record, time),
+        weight,
     )  # fmt: skip
 
 

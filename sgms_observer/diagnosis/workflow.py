@@ -194,7 +194,9 @@ def select_hypothesis(
     known = [item for item in passed if item.candidate.name in listed]
     if best.candidate.settings is None:
         return best
-    equal = [item for item in passed if z_score_between(best, item) <= evaluation.criteria.min_z_score]
+    equal = [
+        item for item in passed if z_score_between(best, item, evaluation.criteria) <= evaluation.criteria.min_z_score
+    ]
     return next((item for item in equal if item in known), _simplest(best, equal))
 
 
@@ -226,7 +228,7 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
         passed: hypotheses that passed every test, the best predicting first.
         evaluation: evaluation data.
     """
-    most = evaluation.criteria.min_z_score
+    criteria, most = evaluation.criteria, evaluation.criteria.min_z_score
     effects = [item for item in passed if item.candidate.settings is not None]
     if not evaluation.is_noise(evaluation.gap):
         for item in effects:
@@ -236,15 +238,15 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
     waiting = [
         item for item in effects
         if is_confusable_with_contact(item.candidate.name)
-        and any(z_score_between(item, change) <= most for change in changes)
+        and any(z_score_between(item, change, criteria) <= most for change in changes)
     ]  # fmt: skip
-    best = next((item for item in effects if z_score_between(item, passed[0]) > most), passed[0])
+    best = next((item for item in effects if z_score_between(item, passed[0], criteria) > most), passed[0])
     if best in waiting:
         best = changes[0]
     if best.candidate.settings is None:
         for item in effects:
             is_simpler = item.candidate.parameter_count < best.candidate.parameter_count
-            is_beaten = any(z_score_between(other, item) > most for other in (best, *effects))
+            is_beaten = any(z_score_between(other, item, criteria) > most for other in (best, *effects))
             if item not in waiting and is_simpler and not is_beaten:
                 return item
     return best

@@ -70,7 +70,7 @@ LEVEL_EFFECTS = (
         (_share("half the difference of the two directions over their mean", -0.95, 0.95),),
         "s -> s (1 + A sgn(v))",
         "a constant force while sliding, nothing at rest",
-        "motion both ways with rests: identical with an offset if always sliding",
+        "motion both ways around the Stribeck velocity: at a constant sliding force it is an offset",
         ("offset", "asymmetric_viscous"),
         "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)",
         formula.asymmetric_coulomb,

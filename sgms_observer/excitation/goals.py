@@ -12,16 +12,18 @@ from numpy.typing import NDArray
 from sgms_observer.excitation.design import Goal
 from sgms_observer.excitation.following import followed
 from sgms_observer.excitation.limits import ExcitationLimits
-from sgms_observer.excitation.question import Question, over_time, shapes
+from sgms_observer.excitation.question import WEAK, Question, over_time, shapes
 from sgms_observer.excitation.segments import Place, Segment
-from sgms_observer.excitation.sensitivity import Parameters, Sensitivity, contacts
+from sgms_observer.excitation.sensitivity import SIZE, Parameters, Sensitivity, contacts
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 Floats = NDArray[np.float64]
 
 MIN_Z_SCORE = 3.0
-"""An effect of a tenth of the Coulomb force that stays below this z-score is not shown: Shewhart's limit."""
-_PRIOR_UNITS = 10.0  # a rival's strength is known to this many unit strengths, which is the whole Coulomb force
+"""An effect is shown, and told from another one, if the expected z-score of the diagnosis is at least this."""
+MIN_INFORMATION = (2.0 * MIN_Z_SCORE) ** 2
+"""Information at which that is so: with it the squared residuals of two models differ by d^2 with a standard error of
+2 d, see ``diagnosis.evidence.improvement``."""
 _GRID = (np.arange(200) + 0.5) / 200  # times at which effects over time are averaged, as shares of the whole
 
 
@@ -74,8 +76,9 @@ def goals_of(
         period: time between two samples of these [s].
         seconds: time of the whole reference [s].
     """
-    velocity = np.concatenate([values for _segment, values in segments])
-    starts = np.concatenate(([0], np.cumsum([len(values) for _segment, values in segments])))
+    loading = segments[0][1]  # after it the state of the contact is that between any two segments
+    velocity = np.concatenate([loading, *(values for _segment, values in segments)])
+    starts = len(loading) + np.concatenate(([0], np.cumsum([len(values) for _segment, values in segments])))
     pieces = _Pieces(place.home + np.cumsum(velocity) * period, starts, period)
     believed = contacts(axis.friction, limits.smallest)
     goals: list[Goal] = []
@@ -108,7 +111,7 @@ def _parameter_goal(pieces: _Pieces, model: Sensitivity, found: Parameters, list
     weight = np.where(is_element, np.sum(~is_element) / np.sum(is_element), 1.0)
     wanted = np.zeros((len(names), columns.shape[1]))
     wanted[:, : len(found.names)] = np.array(list(found.asked.values()))
-    prior = np.diag([1.0] * len(found.names) + [_PRIOR_UNITS**-2] * listed.shape[1])
+    prior = np.diag([1.0] * len(found.names) + [SIZE**2] * listed.shape[1])
     rivals = np.ones(wanted.shape, dtype=bool)
     information, bias = (pieces.products(model, columns, others) for others in (columns, model.errors()))
     return Goal(names, information, bias, prior, wanted, rivals, weight, False, share)
@@ -123,13 +126,14 @@ def _effect_goal(
     behind the parameters, and behind the effects like it only."""
     wanted_names = list(dict.fromkeys([*question.effects, *(r for name in question.effects for r in
                                                             question.rivals(name))]))  # fmt: skip
+    strength = _strength(question, axis, model)
     owners: list[str] = []
     columns: list[Floats] = []
     growth = [np.ones(len(_GRID))] * (len(found.names) + listed.shape[1])
     for name in wanted_names:
-        for settings in shapes(name, axis, place, limits, model.band, seconds):
+        for settings in shapes(name, axis, place, limits, model.band, seconds, strength or WEAK):
             column = model.level_column() if over_time(name) else model.effect_column(settings)
-            rows = model.unit_rows(column)
+            rows = model.unit_rows(column, strength or SIZE)
             if not np.any(rows):
                 continue
             owners.append(name)
@@ -144,7 +148,7 @@ def _effect_goal(
     bias = bias * np.mean(over, axis=1)[:, None]
     information = information * (over @ over.T / len(_GRID))  # copies of a segment lie anywhere in time
     size = information.shape[1]
-    prior = np.diag([1.0] * len(found.names) + [_PRIOR_UNITS**-2] * (size - len(found.names)))
+    prior = np.diag([1.0] * len(found.names) + [SIZE**2] * listed.shape[1] + [(strength or SIZE) ** 2] * len(columns))
     numbers = [k for k, owner in enumerate(owners) if owner in question.effects]
     masks = np.zeros((2, len(numbers), size), dtype=bool)
     for row, k in enumerate(numbers):
@@ -169,7 +173,7 @@ def _effect_goal(
         )  # fmt: skip
 
     everything = np.arange(len(numbers))
-    is_told, is_seen = (goal(mask, everything).best_alone(seconds, durations) >= MIN_Z_SCORE**2 for mask in masks)
+    is_told, is_seen = (goal(mask, everything).best_alone(seconds, durations) >= MIN_INFORMATION for mask in masks)
     chosen = np.where(is_told[:, None], masks[0], masks[1])
     keep = np.flatnonzero(is_told | is_seen)
     shown = {names[k] for k in keep}
@@ -177,6 +181,17 @@ def _effect_goal(
     hidden = tuple(name for name in question.effects if name not in shown)
     inseparable = tuple(name for name in question.effects if name in shown - told)
     return (goal(chosen, keep) if len(keep) else None), hidden, inseparable
+
+
+def _strength(question: Question, axis: AxisSettings, model: Sensitivity) -> float | None:
+    """Return the largest force, over the Coulomb force, of the weakest effect asked for that the file has, or None.
+
+    What has to be told from it imitates it, so it is as strong.
+    """
+    if question.is_everything:
+        return None
+    found = [model.largest_force(model.effect_column(item)) for item in axis.effects if item.name in question.effects]
+    return min((force / model.contact.friction.coulomb_force for force in found if force > 0.0), default=None)
 
 
 def _growth(settings: EffectSettings, seconds: float) -> Floats:

@@ -31,7 +31,8 @@ NO_REFERENCE_SHOWS = {
 }
 """Effects that no choice of the reference makes visible, and why."""
 _OVER_TIME = ("thermal_drift", "wear_step")
-_SIZE = 0.01  # strength of an effect whose column is computed; columns are scaled afterwards
+WEAK = 0.01
+"""Strength of an effect whose size is not known."""
 _BELOW_BAND = 0.6  # frequency of a flexible mode over the band
 
 
@@ -104,9 +105,10 @@ def is_possible(name: str, axis: AxisSettings) -> bool:
 
 
 def shapes(
-    name: str, axis: AxisSettings, place: Place, limits: ExcitationLimits, band: float, seconds: float
-) -> list[EffectSettings]:
-    """Return weak instances of an effect: in the shape that the file has, or in typical shapes within the limits.
+    name: str, axis: AxisSettings, place: Place, limits: ExcitationLimits, band: float, seconds: float,
+    strength: float = WEAK,
+) -> list[EffectSettings]:  # fmt: skip
+    """Return instances of an effect: in the shape that the file has, or in typical shapes within the limits.
 
     Args:
         name: the effect.
@@ -115,6 +117,7 @@ def shapes(
         limits: what the table may do.
         band: efforts are compared below this frequency [Hz].
         seconds: time of the whole reference [s].
+        strength: over the Coulomb force, the mass or what else the effect changes [-].
     """
     entry = effect(name)
     listed = next((item.values for item in axis.effects if item.name == name and item.values), None)
@@ -127,7 +130,7 @@ def shapes(
                 value = listed[number]
             elif parameter.is_strength and parameter.name != "attraction_rate":
                 is_first = not any(other.is_strength for other in entry.parameters[:number])
-                value = _strength(parameter, axis) if is_first else 0.0
+                value = _strength(parameter, axis, strength) if is_first else 0.0
             else:
                 value = _shape_value(parameter, variant, axis, place, limits, band, seconds)
             values.append(min(max(float(value), parameter.minimum), parameter.maximum))
@@ -138,10 +141,10 @@ def shapes(
     return out
 
 
-def _strength(parameter: EffectParameter, axis: AxisSettings) -> float:
-    """Return a small strength."""
-    sizes = {"N": axis.friction.coulomb_force, "kg": axis.mass, "s": _SIZE, "m": _SIZE * 1.0e-4}
-    return _SIZE * sizes.get(parameter.unit, 1.0)
+def _strength(parameter: EffectParameter, axis: AxisSettings, strength: float) -> float:
+    """Return a strength in the unit of a parameter."""
+    sizes = {"N": axis.friction.coulomb_force, "kg": axis.mass, "s": 0.01, "m": 1.0e-6}
+    return strength * sizes.get(parameter.unit, 1.0)
 
 
 def _turned(entry: Effect, settings: EffectSettings, angle: float) -> EffectSettings:

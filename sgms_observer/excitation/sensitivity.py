@@ -36,7 +36,7 @@ RATE_SHARE = 0.1
 ROW_RATE = 2.5
 """Rows per period of the band."""
 SIZE = 0.1
-"""Largest force of an effect of unit strength within the limits, over the Coulomb force."""
+"""Largest force of an effect that the file does not have, over the Coulomb force."""
 LOG_SPACED_COUNT = 6
 """Elements that stand for a contact that the file does not know; their shares rise with the root of the deflection, as
 those of a contact whose force grows with the root of the way: little is carried by what slips first."""
@@ -251,16 +251,26 @@ class Sensitivity:
         """Return what a friction level higher by a small share adds to the effort [N], shape (n,)."""
         return self._elements(self.position, self._factor * (1.0 + _DIFFERENCE))[0] - self.friction
 
-    def unit_rows(self, column: Floats) -> Floats:
-        """Return an effect's column scaled so that its largest force is ``SIZE`` of the Coulomb force; zeros if none.
+    @staticmethod
+    def largest_force(column: Floats) -> float:
+        """Return the largest force of an effect's column [N].
 
         Args:
             column: from ``effect_column`` [N].
         """
-        largest = float(np.quantile(np.abs(column), _QUANTILE))
+        return float(np.quantile(np.abs(column), _QUANTILE))
+
+    def unit_rows(self, column: Floats, strength: float = SIZE) -> Floats:
+        """Return an effect's column scaled to a certain strength; zeros if it has no force.
+
+        Args:
+            column: from ``effect_column`` [N].
+            strength: largest force over the Coulomb force [-].
+        """
+        largest = self.largest_force(column)
         if not largest > 1.0e-9 * self.contact.friction.coulomb_force:
             return np.zeros(len(self._weights))
-        return self.rows(SIZE * self.contact.friction.coulomb_force / largest * column)
+        return self.rows(strength * self.contact.friction.coulomb_force / largest * column)
 
     def slopes_of_listed(self) -> tuple[tuple[str, ...], Floats]:
         """Return the columns of the parameters of the file's own effects, shape (rows, k), and each one's effect."""

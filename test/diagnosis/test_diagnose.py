@@ -98,7 +98,7 @@ def test_report_reads_well_in_a_browser(case: tuple[CasePaths, Path], browser: B
 
 
 def test_residual_log_holds_what_the_gap_is_made_of(case: tuple[CasePaths, Path]) -> None:
-    """Measured = modelled + residual at the stamps of the recording, and their rms give the gap of result.json."""
+    """Measured = modelled + residual at the stamps of the recording; their weighted rms are the gap of result.json."""
     paths, out = case
     log = out / "residual.mcap"
     gap = json.loads((out / "result.json").read_text())["gap"]
@@ -117,8 +117,10 @@ def test_residual_log_holds_what_the_gap_is_made_of(case: tuple[CasePaths, Path]
         near = np.searchsorted(recorded.stamp_ns, measured.stamp_ns)
         assert np.abs(recorded.stamp_ns[near] - measured.stamp_ns).max() < 1_000
         assert np.abs(recorded.position[near, 0] - measured.position[:, 0]).max() < 1e-5
+        weight = read_joint_states(log, f"{bag.name}/weight").effort[:, 0]
+        assert weight.max() <= 1.0 and np.median(weight) > 0.99 and weight[0] < 0.1  # it starts in an unknown state
         for topic in squares:
-            squares[topic] += float(effort[topic] @ effort[topic])
+            squares[topic] += float(np.sum(np.square(weight * effort[topic])))
         count += effort["measured"].size
     assert count > 1_000
     share = {topic: 100.0 * math.sqrt(square / squares["measured"]) for topic, square in squares.items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 from sgms_observer.application.commission.learn import Found, diagnose_bags_of
@@ -15,8 +16,8 @@ from sgms_observer.excitation.reference import HiddenError, design_excitation
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.load import load_settings
 
-EXPERIMENT_SECONDS = 15.0
-"""Length of one experiment [s]."""
+EXPERIMENT_SECONDS = (15.0, 45.0)
+"""Lengths of an experiment; the first one in which the effects are expected to be told apart is taken [s]."""
 MOST_EXPERIMENTS = 3
 """Experiments at most: what three designed recordings do not separate, motion does not separate."""
 DIAGNOSIS_MARGIN = 1.5
@@ -67,9 +68,10 @@ def separating(
     limits: ExcitationLimits,
     origin: float,
     period: float,
-    seconds: float = EXPERIMENT_SECONDS,
 ) -> Experiment | None:
     """Return the motion for the first set of effects that a motion within the limits tells apart; None if none does.
+
+    What counts is the expected evidence for the first effect of a set, as strong as the model has it.
 
     Args:
         sets: names of effects, the most urgent first.
@@ -77,14 +79,13 @@ def separating(
         limits: what the table may do.
         origin: middle of the stroke [m].
         period: time between two samples [s].
-        seconds: longest duration [s].
     """
-    for names in sets:
+    for names, seconds in product(sets, EXPERIMENT_SECONDS):
         try:
             designed = design_excitation(axis, limits, names, origin, seconds, 1.0 / period, origin)
         except HiddenError:
             continue
-        if set(names) - {*designed.hidden, *designed.inseparable}:
+        if names[0] not in (*designed.hidden, *designed.inseparable):
             return Experiment(tuple(names), Motion(period, designed.position - origin))
     return None
 
@@ -145,14 +146,18 @@ def _run_another(session: Session, done: list[dict[str, Any]]) -> str:
     names = ", ".join(sets[0])
     if len(done) >= MOST_EXPERIMENTS:
         return f"{names} stay ambiguous after {len(done)} experiments"
-    needed = EXPERIMENT_SECONDS + DIAGNOSIS_MARGIN * float(ledger.facts["diagnosis_seconds"]) + TIME_TO_COMPENSATE
-    if session.seconds_left < needed:
-        return f"no time is left to separate {names} (about {needed:.0f} s; --time gives more)"
     model = load_settings(session.path(f"{ledger.facts['diagnosis']}/augmented.yaml"))
     axis = next(one for one in model.axes if one.name == session.axis.name)
     found = separating(sets, axis, plan.limits, session.origin, plan.settings.sample_period)
     if found is None:
-        return f"no motion within these limits separates {names}; allow more stroke or speed, or accept that"
+        return (
+            f"no motion within these limits separates {names} in {EXPERIMENT_SECONDS[-1]:g} s; allow more stroke, speed"
+            " or acceleration, or accept that"
+        )
+    diagnosis = DIAGNOSIS_MARGIN * float(ledger.facts["diagnosis_seconds"])
+    needed = found.motion.duration + diagnosis + TIME_TO_COMPENSATE
+    if session.seconds_left < needed:
+        return f"no time is left to separate {names} (about {needed:.0f} s; --time gives more)"
     number = len(done) + 1
     bag = f"recordings/experiment_{number}"
     motion = checked(found.motion, plan.limits, session.origin, "the experiment")
