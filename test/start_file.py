@@ -8,7 +8,7 @@ _START = """/**:
     sample_period: 1.0e-3
     x:
       mass: 3.0
-      friction: {model: gms}
+      friction: {model: gms, static_force: 6.0}
 """
 WINDOW = "filter: {window: 8.0e-3}"
 

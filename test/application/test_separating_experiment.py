@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,15 @@ import numpy as np
 from start_file import WINDOW, start_file
 
 from sgms_observer.application.commission.motion import Motion, learning_motion, representative_motion
-from sgms_observer.application.commission.next_experiment import separating
+from sgms_observer.application.commission.next_experiment import EXPERIMENT_SECONDS, separating
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.simulate import Simulation, simulate
 from sgms_observer.excitation.limits import limits_of
+from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.load import load_settings
 
 START = start_file(WINDOW)
-HIDDEN = """      effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.02}}
+HIDDEN = """      effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.05}}
       stage:
         reference: {kind: file, file: FILE}
         encoder: {resolution: 1.0e-8, noise: 2.0e-8}
@@ -27,7 +29,7 @@ PERIOD = 1.0e-3
 
 
 def test_the_designed_motion_separates_what_the_first_recording_does_not(tmp_path: Path) -> None:
-    """While it slides, an asymmetric friction is an offset; the motion that is designed for the pair reverses often."""
+    """At a constant sliding force, one that depends on the direction is an offset; around the Stribeck velocity not."""
     start = tmp_path / "start.yaml"
     start.write_text(START)
     (axis,) = load_settings(start).axes
@@ -50,11 +52,27 @@ def test_the_designed_motion_separates_what_the_first_recording_does_not(tmp_pat
     friction = axis.friction
     deflections = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
     first_motion = learning_motion(limits, PERIOD, 2.0 * float(deflections.max()), friction.stribeck_velocity, 25.0)
-    learn = played(first_motion, "learn", 1)
+    learn = played(first_motion, "learn", 2)
     first = named([learn], "first")
     assert [(one["name"], one["alternatives"]) for one in first] == [("asymmetric_coulomb", ["offset"])]
     (model,) = load_settings(tmp_path / "first" / "augmented.yaml").axes
     found = separating([("asymmetric_coulomb", "offset")], model, limits, 0.0, PERIOD)
     assert found is not None
-    second = named([learn, played(found.motion, "experiment", 6)], "second")
+    second = named([learn, played(found.motion, "experiment", 3)], "second")
     assert [(one["name"], one["alternatives"]) for one in second] == [("asymmetric_coulomb", [])]
+
+
+def test_what_is_too_weak_for_the_time_is_not_tried(tmp_path: Path) -> None:
+    """The design expects the evidence that a diagnosis will see: that of the size that was found."""
+    start = tmp_path / "start.yaml"
+    start.write_text(START)
+    (axis,) = load_settings(start).axes
+    limits = limits_of(axis.joint_type, None, None, None)
+    durations = []
+    for share in (0.1, 0.02, 0.004):
+        model = replace(axis, effects=(EffectSettings("asymmetric_coulomb", (share,)),))
+        designed = separating([("asymmetric_coulomb", "offset")], model, limits, 0.0, PERIOD)
+        durations.append(designed.motion.duration if designed else None)
+    short, long, never = durations
+    assert never is None and short is not None and long is not None
+    assert short <= EXPERIMENT_SECONDS[0] < long <= EXPERIMENT_SECONDS[1]
