@@ -17,6 +17,7 @@ from sgms_observer.diagnosis.compensation_check import CompensationCheck, can_lo
 from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evidence import improvement
+from sgms_observer.diagnosis.final_model import LEFT_BY_EFFECT
 from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
 from sgms_observer.diagnosis.result import write_augmented, write_result
@@ -171,7 +172,8 @@ def _diagnosed(
 ) -> tuple[Answer, AxisSettings, CompensationCheck]:
     """Return an answer whose feedforward leaves no more than that of the given file; the axis with it; what it leaves.
 
-    An effect whose feedforward does harm is not tried again; where no effect is at fault, neither are changes of the
+    An effect that leaves a part of what its own coordinates predict is not tried again, nor one whose feedforward does
+    harm; where no effect is at fault, neither are changes of the
     file's values. Where those are not at fault either, nothing is named or learnt.
     """
     options, axis, refused = step.options, step.axis, list[Test]()
@@ -185,6 +187,11 @@ def _diagnosed(
     while True:
         found = diagnose(learn, judge, axis, options, go_on)
         answer = answer_of(found, axis, options)
+        doubtful = [test for test in answer.tests if test.name == LEFT_BY_EFFECT and not test.passed]
+        if doubtful:
+            refused.append(max(doubtful, key=lambda test: test.value))
+            options = replace(options, excluded=options.excluded | {refused[-1].of})
+            continue
         written = step.written(answer)
         later = step.of(written)
         test = step.growth("model", later, step.before)

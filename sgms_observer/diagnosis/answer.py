@@ -15,7 +15,7 @@ from sgms_observer.diagnosis.criteria import Criteria, Test, at_most
 from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.final_model import FinalModel, final_model, learnt_maps
+from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps
 from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import Gap, WeightedResidual, interval, residuals
 from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
@@ -106,8 +106,10 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     learnt: list[FittedMap] = []
     free: FreeForm | None = None
     unnamed: Decision | None = None
+    own: list[Test] = []
     if over_noise >= criteria.min_gap_over_floor:
-        free = data.predictable(rest, final.fit.model)
+        free = data.predictable(data.evidence(final.after), final.fit.model)
+        own = coordinate_tests(data, final, axis.units)
         unnamed = _best_unnamed(diagnosis, criteria)
         if not diagnosis.is_poor and contradiction is None:
             learnt = learnt_maps(data, final, axis.units)
@@ -156,7 +158,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         next_experiment=next_experiment(verdict, effects, significant, diagnosis, axis.units),
         tests=(
             *(test for item in diagnosis.rounds for decision in item.decisions for test in decision.tests),
-            *final.tests, whole, unnamed_rest, *trust, *([] if contradiction is None else [contradiction]),
+            *final.tests, *own, whole, unnamed_rest, *trust, *([] if contradiction is None else [contradiction]),
         ),
         usable=whole.passed and not diagnosis.is_poor,
         warnings=_warnings(diagnosis, gap, verdict, whole, over_noise, axis.units),

@@ -241,12 +241,12 @@ def free_form_prediction(names: Sequence[str], model: Model, evaluation: Evaluat
     key = (tuple(names), model)
     if key not in evaluation.predictions:
         fitted = WeightedResidual(
-            evaluation.fit_motions, residuals(model, evaluation.fit_motions), evaluation.fit_data.gap_weights
+            evaluation.fit_motions, residuals(model, evaluation.fit_motions), evaluation.fit_data.weights
         )
         evaluated = fitted
         if evaluation.has_held_out:
             left = residuals(model, evaluation.motions)
-            evaluated = WeightedResidual(evaluation.motions, left, evaluation.gap_weights)
+            evaluated = WeightedResidual(evaluation.motions, left, evaluation.weights)
         evaluation.predictions[key] = free_form(names, fitted, evaluated, evaluation.criteria, evaluation.seed)
     return evaluation.predictions[key]
 

@@ -8,17 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least, at_most
 from sgms_observer.diagnosis.decision import within_range
 from sgms_observer.diagnosis.diagnosis import Round
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
-from sgms_observer.diagnosis.map_fit import MAP_NAMES, FittedMap, fit_map, with_map
+from sgms_observer.diagnosis.map_fit import COORDINATES, MAP_NAMES, FittedMap, fit_map, with_map
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
+
+LEFT_BY_EFFECT = "share of what its coordinates predict that it leaves"
+"""Name of the test that an effect explains nearly all of what its own coordinates predict."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,7 @@ def learnt_maps(data: GapData, final: FinalModel, units: Units) -> list[FittedMa
     """
     criteria = data.options.criteria
     learnt: list[FittedMap] = []
-    model, rest = final.fit.model, data.rest(final.after)
+    model, rest = final.fit.model, data.evidence(final.after)
     names = _free_names(final.fit.effects)
     while names:
         known = data.fitted(model)
@@ -97,11 +102,42 @@ def learnt_maps(data: GapData, final: FinalModel, units: Units) -> list[FittedMa
         least = criteria.min_closed_share if learnt else criteria.min_predictable_share
         if another is None or another.share < least:
             break
-        learnt = with_map(learnt, another, units)
+        more = with_map(learnt, another, units)
+        model = final.fit.model.with_effects([item.settings for item in more])
+        left = residuals(model, data.motions)
+        if data.rms(left) > data.rms(rest.residual):  # the gap as reported must not grow either
+            break
+        learnt, rest = more, data.evidence(left)
         names = _free_names([*final.fit.effects, *(item.settings for item in learnt)])
-        model = final.fit.model.with_effects([item.settings for item in learnt])
-        rest = data.rest(residuals(model, data.motions))
     return learnt
+
+
+def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Test]:
+    """Return for each named effect the test that it explains nearly all of what its own coordinates predict.
+
+    A map over these coordinates is fitted to what the effect leaves. Effects that another contact law can imitate are
+    not tested: what their coordinates predict may be the contact's.
+
+    Args:
+        data: recordings of the gap.
+        final: the model without maps.
+        units: units of the axis.
+    """
+    criteria, fit = data.options.criteria, final.fit
+    known, rest = data.fitted(fit.model), data.evidence(final.after)
+    tests = []
+    for item in fit.effects:
+        own = effect(item.name).coordinates
+        over = [one for one in COORDINATES if set(one) <= {*own, "direction"} and set(one) & set(own)]
+        is_named = any(one.accepted and one.accepted.candidate.name == item.name for one in final.accepted)
+        if not is_named or not over or is_confusable_with_contact(item.name):
+            continue
+        others = replace(fit.model, effects=tuple(one for one in fit.model.effects if one.name != item.name))
+        closed = data.reduction(residuals(others, data.motions), final.after).decrease
+        left = fit_map(known, rest if data.has_held_out else known, MAP_NAMES[0], units, criteria, over)
+        share = left.improvement.decrease / (left.improvement.decrease + max(closed, 0.0)) if left else 0.0
+        tests.append(at_most(item.name, LEFT_BY_EFFECT, share, criteria.min_predictable_share))
+    return tests
 
 
 def _free_names(effects: Sequence[EffectSettings]) -> list[str]:

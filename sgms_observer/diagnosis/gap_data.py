@@ -78,6 +78,10 @@ class GapData:
         """Return residuals with the weights of the gap."""
         return WeightedResidual(self.motions, parts, self.whitened.gap_weights)
 
+    def evidence(self, parts: Sequence[Floats]) -> WeightedResidual:
+        """Return residuals with the weights of the evidence: low where the contact sticks too."""
+        return WeightedResidual(self.motions, parts, self.whitened.weights)
+
     def rms(self, parts: Sequence[Floats]) -> float:
         """Return the rms of residuals with the weights of the gap [N]."""
         return self.rest(parts).rms
@@ -85,10 +89,7 @@ class GapData:
     def reduction(self, before: Sequence[Floats], after: Sequence[Floats]) -> Improvement:
         """Return by how much residuals are smaller than others, in blocks of time."""
         block = self.options.criteria.block
-        first, second = (
-            WeightedResidual(self.motions, parts, self.whitened.weights).blocks(block) for parts in (before, after)
-        )
-        return improvement(first, second)
+        return improvement(self.evidence(before).blocks(block), self.evidence(after).blocks(block))
 
     def noise(self) -> float:
         """Return the rms residual of a perfect model, from noise and encoder alone [N]."""
@@ -103,7 +104,7 @@ class GapData:
     def fitted(self, model: Model) -> WeightedResidual:
         """Return the residual of a model on the recordings to learn from."""
         motions = self.diagnosis.final_state.fit_motions
-        return WeightedResidual(motions, residuals(model, motions), self.diagnosis.evaluation.fit_data.gap_weights)
+        return WeightedResidual(motions, residuals(model, motions), self.diagnosis.evaluation.fit_data.weights)
 
     def predictable(self, rest: WeightedResidual, model: Model) -> FreeForm | None:
         """Return what a free-form regression predicts of a residual, or None if it is not significant.

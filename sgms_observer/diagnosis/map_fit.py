@@ -70,8 +70,9 @@ class _Columns:
 
 
 def fit_map(
-    fitted: WeightedResidual, evaluated: WeightedResidual, name: str, units: Units, criteria: Criteria
-) -> FittedMap | None:
+    fitted: WeightedResidual, evaluated: WeightedResidual, name: str, units: Units, criteria: Criteria,
+    over: Sequence[tuple[str, ...]] = COORDINATES,
+) -> FittedMap | None:  # fmt: skip
     """Return the map that predicts most of a residual on data it was not fitted to, or None if none is significant.
 
     Args:
@@ -81,10 +82,11 @@ def fit_map(
         name: name of the effect, one of ``MAP_NAMES``.
         units: units of the axis.
         criteria: thresholds.
+        over: coordinates of the maps that are tried.
     """
     target = np.concatenate(fitted.weighted)
     found: list[tuple[FittedMap, list[Floats]]] = []
-    for coordinates in COORDINATES:
+    for coordinates in over:
         empty = _empty(coordinates, fitted.motions, name)
         if empty is None:
             continue
