@@ -17,7 +17,6 @@ from sgms_observer.diagnosis.compensation_check import CompensationCheck, can_lo
 from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.final_model import LEFT_BY_EFFECT
 from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
 from sgms_observer.diagnosis.result import write_augmented, write_result
@@ -187,9 +186,8 @@ def _diagnosed(
     while True:
         found = diagnose(learn, judge, axis, options, go_on)
         answer = answer_of(found, axis, options)
-        doubtful = [test for test in answer.tests if test.name == LEFT_BY_EFFECT and not test.passed]
-        if doubtful:
-            refused.append(max(doubtful, key=lambda test: test.value))
+        if answer.doubtful:
+            refused.append(max(answer.doubtful, key=lambda test: test.value))
             options = replace(options, excluded=options.excluded | {refused[-1].of})
             continue
         written = step.written(answer)

@@ -55,6 +55,7 @@ class Answer:
         detectable: smallest detectable size of each effect, as a share of the Coulomb force.
         next_experiment: one sentence, or None.
         tests: every test of every hypothesis and of the model.
+        doubtful: failed tests of named effects that leave what their own coordinates predict.
         usable: whether the model may be used as it is.
         warnings: sentences for the user.
         model: the model that augmented.yaml holds.
@@ -77,6 +78,7 @@ class Answer:
     detectable: dict[str, float]
     next_experiment: str | None
     tests: tuple[Test, ...]
+    doubtful: tuple[Test, ...]
     usable: bool
     warnings: tuple[str, ...]
     model: Model
@@ -106,10 +108,10 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     learnt: list[FittedMap] = []
     free: FreeForm | None = None
     unnamed: Decision | None = None
-    own: list[Test] = []
+    by_coordinates: list[Test] = []
     if over_noise >= criteria.min_gap_over_floor:
         free = data.predictable(data.evidence(final.after), final.fit.model)
-        own = coordinate_tests(data, final, axis.units)
+        by_coordinates = coordinate_tests(data, final, axis.units)
         unnamed = _best_unnamed(diagnosis, criteria)
         if not diagnosis.is_poor and contradiction is None:
             learnt = learnt_maps(data, final, axis.units)
@@ -158,8 +160,10 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         next_experiment=next_experiment(verdict, effects, significant, diagnosis, axis.units),
         tests=(
             *(test for item in diagnosis.rounds for decision in item.decisions for test in decision.tests),
-            *final.tests, *own, whole, unnamed_rest, *trust, *([] if contradiction is None else [contradiction]),
+            *final.tests, *by_coordinates, whole, unnamed_rest, *trust,
+            *([] if contradiction is None else [contradiction]),
         ),
+        doubtful=tuple(test for test in by_coordinates if not test.passed),
         usable=whole.passed and not diagnosis.is_poor,
         warnings=_warnings(diagnosis, gap, verdict, whole, over_noise, axis.units),
         model=model,

@@ -22,9 +22,6 @@ from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
 
-LEFT_BY_EFFECT = "share of what its coordinates predict that it leaves"
-"""Name of the test that an effect explains nearly all of what its own coordinates predict."""
-
 
 @dataclass(frozen=True)
 class FinalModel:
@@ -127,8 +124,8 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
     known, rest = data.fitted(fit.model), data.evidence(final.after)
     tests = []
     for item in fit.effects:
-        own = effect(item.name).coordinates
-        over = [one for one in COORDINATES if set(one) <= {*own, "direction"} and set(one) & set(own)]
+        coordinates = set(effect(item.name).coordinates)
+        over = [one for one in COORDINATES if set(one) <= coordinates | {"direction"} and set(one) & coordinates]
         is_named = any(one.accepted and one.accepted.candidate.name == item.name for one in final.accepted)
         if not is_named or not over or is_confusable_with_contact(item.name):
             continue
@@ -136,7 +133,8 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
         closed = data.reduction(residuals(others, data.motions), final.after).decrease
         left = fit_map(known, rest if data.has_held_out else known, MAP_NAMES[0], units, criteria, over)
         share = left.improvement.decrease / (left.improvement.decrease + max(closed, 0.0)) if left else 0.0
-        tests.append(at_most(item.name, LEFT_BY_EFFECT, share, criteria.min_predictable_share))
+        title = "share of what its coordinates predict that it leaves"
+        tests.append(at_most(item.name, title, share, criteria.min_predictable_share))
     return tests
 
 

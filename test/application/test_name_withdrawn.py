@@ -14,7 +14,6 @@ from sgms_observer.application.commission.motion import representative_motion
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.simulate import Simulation, simulate
 from sgms_observer.diagnosis import workflow
-from sgms_observer.diagnosis.final_model import LEFT_BY_EFFECT
 from sgms_observer.excitation.limits import limits_of
 from sgms_observer.settings.load import load_settings
 
@@ -53,6 +52,6 @@ def test_a_force_along_the_stroke(
     )
     result: dict[str, Any] = json.loads((tmp_path / "out" / "result.json").read_text())
     assert [one["name"] for one in result["effects"]] == ([name] if name else [])
-    (asked,) = [one for one in result["tests"] if one["name"] == LEFT_BY_EFFECT]
+    (asked,) = [one for one in result["tests"] if "its coordinates predict" in one["name"]]
     assert asked["of"] == "spring" and asked["passed"] == (name is not None)
     assert bool(result["learnt"]) == (name is None)
