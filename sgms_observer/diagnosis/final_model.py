@@ -67,10 +67,11 @@ def _confirmation_tests(data: GapData, added: FinalModel) -> list[Test]:
     named = {item.accepted.candidate.name for item in added.accepted if item.accepted}
     before, after = data.rms(added.before), data.rms(added.after)
     reduction = data.reduction(added.before, added.after)
+    closed = (before**2 - after**2) / max(before**2 - added.noise**2, 1e-300)
     return [
         at_least(names, "gap as reported: z-score", reduction.z_score, criteria.interval_z_score),
         at_most(names, "gap as reported, as a share of the effort", after / data.effort, 1.0),
-        at_most(names, "gap as reported, over the gap before", after / max(before, 1e-300), 1.0),
+        at_least(names, "gap as reported: share of the closable squared gap", closed, criteria.min_closed_share),
         at_least(names, "gap before over noise", ratio_to_noise(before, added.noise), criteria.min_gap_over_floor),
         at_most(names, "share of the effort that is unexplained", after / data.effort, criteria.max_unexplained),
         *(
