@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -100,6 +100,7 @@ class Score:
         not_shrunk: how many names came though the held-out gap did not shrink.
         is_unsure: whether names came though the gap shrank by less than the interval of the gap after.
         closure: closed share of the closable gap; None where nothing is closable.
+        closure_by_maps: the same of the learnt maps, of the gap that the names leave.
         before, after, floor: gap [% of rms effort]; None without.
         covered: of each comparable parameter, whether its 90 % interval holds the truth.
         seconds: computing time of one process [s].
@@ -124,6 +125,7 @@ class Score:
     not_shrunk: int
     is_unsure: bool
     closure: float | None
+    closure_by_maps: float | None
     before: float | None
     after: float | None
     floor: float | None
@@ -152,6 +154,7 @@ def score(truth: Mapping[str, Any], run: Mapping[str, Any], small: float = 0.09)
     alternatives = {name for entry in entries for name in entry.get("alternatives") or ()}
     gap = result.get("gap") or {}
     before, after, floor = gap.get("before"), gap.get("after"), gap.get("floor")
+    left = with_maps(gap, result.get("learnt") or ())
     is_remainder_told = result.get("remainder") in ("learnt", "unknown") or verdict == "unknown_effect"
     allowed = PART_OF.get(hidden[0], set()) if hidden and is_remainder_told else set()
     strange = [
@@ -172,12 +175,13 @@ def score(truth: Mapping[str, Any], run: Mapping[str, Any], small: float = 0.09)
         is_in_set=any(matches) or (right is not None and right in alternatives),
         is_wrong=verdict == "effect_found" and bool(strange),
         is_alarm=verdict in (*NAMING, "unknown_effect"),
-        is_borne_out=not named and is_smaller(gap) and not is_inside_interval(gap),
+        is_borne_out=not named and is_smaller(left) and not is_inside_interval(left),
         is_of_contact=bool(named) and set(named) <= contact,
         is_told_unknown=verdict == "unknown_effect" or result.get("remainder") in ("learnt", "unknown"),
         not_shrunk=sum(not has_shrunk(entry, gap) for entry in entries),
         is_unsure=bool(named) and is_inside_interval(gap),
         closure=closure(gap),
+        closure_by_maps=closure(left | {"before": after}),
         before=before,
         after=after,
         floor=floor,
@@ -221,6 +225,20 @@ def has_shrunk(entry: Mapping[str, Any], gap: Mapping[str, Any]) -> bool:
     if first is not None and last is not None and not last < first:
         return False
     return is_smaller(gap)
+
+
+def with_maps(gap: Mapping[str, Any], learnt: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return a gap whose values after are those with all learnt maps; the interval shrinks with the gap.
+
+    Args:
+        gap: of the result.
+        learnt: of the result.
+    """
+    after = gap.get("after")
+    if not learnt or not after:
+        return dict(gap)
+    ratio = float(learnt[-1]["gap_after"]) / after
+    return {**gap, "after": ratio * after, "interval_after": [ratio * end for end in gap.get("interval_after") or ()]}
 
 
 def is_smaller(gap: Mapping[str, Any]) -> bool:

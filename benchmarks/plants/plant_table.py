@@ -95,7 +95,7 @@ LINES: tuple[Line, ...] = (
         ">= 85 %",
         lambda s: _share(
             [
-                one.is_told_unknown and one.closure is not None and one.closure >= 0.5
+                one.is_told_unknown and one.closure_by_maps is not None and one.closure_by_maps >= 0.5
                 for one in s
                 if one.effect and not one.is_inside and one.is_repeatable
             ]

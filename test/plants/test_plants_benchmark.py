@@ -102,6 +102,16 @@ def test_names_that_close_nothing() -> None:
     assert not scored(truth("gain"), "effect_found", entry("actuator_gain")).is_unsure
 
 
+def test_what_is_learnt_closes_what_has_no_name() -> None:
+    gap = GAP | {"before": 10.0, "after": 10.0, "floor": 1.0, "interval_after": [9.0, 11.0]}
+    maps = [{"gap_after": 4.0}, {"gap_after": 4.0}]  # each entry gives the gap with all of them
+    told = scored(truth("force_map"), "unknown_effect", gap=gap, result={"learnt": maps})
+    assert told.closure == 0.0 and told.closure_by_maps == pytest.approx(6.0 / 9.0)
+    assert scored(truth(), "unknown_effect", gap=gap, result={"learnt": maps}).is_borne_out
+    assert not scored(truth(), "unknown_effect", gap=gap, result={"learnt": [{"gap_after": 9.9}]}).is_borne_out
+    assert not scored(truth(), "unknown_effect", gap=gap).is_borne_out
+
+
 def test_outside_of_the_catalogue() -> None:
     learnt = {"result": {"remainder": "learnt"}}
     assert scored(truth("force_map"), "unknown_effect").is_told_unknown
