@@ -44,11 +44,11 @@ def figure_five() -> Picture:
     """Draw Figure 5: position, velocity and friction over the sine."""
     record = simulate(CHOSEN, 2, SEED)
     signals = (
-        ("position [µm]", record.position * 1e6),
+        ("position [um]", record.position * 1e6),
         ("velocity [mm/s]", record.velocity * 1e3),
         ("friction [N]", record.friction),
     )
-    with sheet("figure5", "Figure 5: sine of 200 µm at 5 Hz.", rows=3, height=1.8, sharex=True) as drawn:
+    with sheet("figure5", "Figure 5: sine of 200 um at 5 Hz.", rows=3, height=1.8, sharex=True) as drawn:
         for axis, (label, values) in zip(drawn.axes, signals, strict=True):
             axis.plot(record.time, values, color=MEASURED)
             axis.set_ylabel(label)

@@ -142,8 +142,8 @@ def figure_two() -> tuple[Picture, ...]:
     panels: dict[str, tuple[str, str, str, Callable[[bool], tuple[Floats, Floats]], float]] = {
         "a": ("hysteresis with nonlocal memory", "position [nm]", "friction [N]", lambda g: hysteresis(EIGHT, g), 1e9),
         "b": ("no drift under a force below breakaway", "time [s]", "position [nm]", lambda g: drift(EIGHT, g), 1.0),
-        "c": ("frictional lag", "velocity [µm/s]", "friction [N]", lambda g: lag(EIGHT, g, False), 1e6),
-        "d": ("periodic motion with sliding", "velocity [µm/s]", "friction [N]", lambda g: lag(EIGHT, g, True), 1e6),
+        "c": ("frictional lag", "velocity [um/s]", "friction [N]", lambda g: lag(EIGHT, g, False), 1e6),
+        "d": ("periodic motion with sliding", "velocity [um/s]", "friction [N]", lambda g: lag(EIGHT, g, True), 1e6),
     }
     pictures = []
     for name, (title, x_label, y_label, curve, x_scale) in panels.items():
@@ -162,9 +162,12 @@ def figure_two() -> tuple[Picture, ...]:
 def figure_three() -> tuple[Picture, ...]:
     """Draw Figures 3 a-d: lambda, gamma and zeta at the closing of a minor loop, and where that lies."""
     variants: dict[str, tuple[str, list[tuple[str, dict[str, Any]]]]] = {
-        "a": ("lambda", [(f"{x:g}", {"smoothing_lambda": x}) for x in (1000.0, 100.0, 30.0)]),
-        "b": ("gamma", [(f"{x:g}", {"smoothing_gamma": x}) for x in (10.0, 1.0, 0.3)]),
-        "c": ("zeta", [(f"{x:g}", {"smoothing_zeta": x}) for x in (0.99, 0.95, 0.9)]),
+        "a": (
+            "S-GMS with three values of lambda",
+            [(f"{x:g}", {"smoothing_lambda": x}) for x in (1000.0, 100.0, 30.0)],
+        ),
+        "b": ("S-GMS with three values of gamma", [(f"{x:g}", {"smoothing_gamma": x}) for x in (10.0, 1.0, 0.3)]),
+        "c": ("S-GMS with three values of zeta", [(f"{x:g}", {"smoothing_zeta": x}) for x in (0.99, 0.95, 0.9)]),
         "d": ("the whole loop", [("S-GMS", {})]),
     }
     position, gms = hysteresis(EIGHT, True)
@@ -179,7 +182,7 @@ def figure_three() -> tuple[Picture, ...]:
                 axis.plot(position * 1e9, smooth, "--", color=colour, label=label)
             if name != "d":
                 axis.set_xlim(0.1 * top * 1e9, 1.02 * top * 1e9)
-                axis.set_ylim(0.5 * float(np.max(gms)), 1.06 * float(np.max(gms)))
+                axis.set_ylim(0.5 * float(np.max(gms)), 1.08 * float(np.max(gms)))
             axis.set(xlabel="position [nm]", ylabel="friction [N]")
         pictures.append(drawn.picture)
     return tuple(pictures)

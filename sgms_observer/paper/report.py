@@ -64,10 +64,12 @@ def _about_table(table: dict[str, Any]) -> list[Light]:
     cells = [(row, model, name) for row in ROWS for model in MODELS for name in ESTIMATORS]
     above = [(r, m, n) for r, m, n in cells if table[r][m][n] > PAPER[r][m][n]]
     listed = "; ".join(f"{_cell(*cell)}: {table[cell[0]][cell[1]][cell[2]]:.2f} %" for cell in above)
-    facts = f"{len(cells) - len(above)} of {len(cells)} are.{f' Above: {listed}.' if above else ''}"
+    facts = f"{len(cells) - len(above)} of {len(cells)} cells are.{f' Above: {listed}.' if above else ''}"
     state = GOOD if not above else UNSURE if len(above) < len(cells) else BAD
     pairs = [(table[row]["sgms"]["mhe_zp"], table[row]["gms"]["mhe_zp"]) for row in ROWS]
-    numbers = " and ".join(f"{smooth:.2f} against {other:.2f} %" for smooth, other in pairs)
+    numbers = " and ".join(
+        f"{smooth:.2f} against {other:.2f} % at {_ROWS[row]}" for row, (smooth, other) in zip(ROWS, pairs, strict=True)
+    )
     is_better = [smooth < other for smooth, other in pairs]
     finding = GOOD if all(is_better) else UNSURE if any(is_better) else BAD
     return [

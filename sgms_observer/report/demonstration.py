@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sgms_observer.bags.reader import BagSamples
 from sgms_observer.errors import DataError
 from sgms_observer.observer.axis_observer import AxisObserver
-from sgms_observer.report.demonstration_result import Half, axis_result, change, headline, result_of
+from sgms_observer.report.demonstration_result import Half, axis_result, change, headline, late_warnings, result_of
 from sgms_observer.report.lateness import RECOVERY, Lateness
 from sgms_observer.report.page import Page, Section, Table, write_page
 from sgms_observer.report.recorded import SETTLE, recorded_lateness, signal_of
@@ -63,6 +63,7 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
     lines: list[str] = []
     sections: list[Section] = []
     verdicts: list[str] = []
+    warnings: list[str] = []
     results: dict[str, dict[str, Any]] = {}
     for axis in settings.axes:
         run, stamps = _run_of(bag, axis)
@@ -72,6 +73,7 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
         with_it = _half(run, way, switched + SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
         lines += _lines(axis, without, with_it, same, compared)
+        warnings += late_warnings(axis.name, without, with_it, axis.units)
         verdicts.append(headline(axis.name, without, with_it, axis.units))
         results[axis.name] = axis_result(without, with_it, same, compared)
         sections += _sections(axis, run, switched, without, with_it, same, compared)
@@ -80,10 +82,11 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
         ". ".join(verdict[0].upper() + verdict[1:] for verdict in verdicts) + ".",
         sections,
         f"From {bag.name}, recorded from stage_node and observer_node on the ROS graph.",
+        warnings,
     )
     result = result_of(results)
     write_text(json.dumps(result, indent=1) + "\n", out / RESULT)
-    return Presentation([*verdicts, *lines], write_page(page, out), result)
+    return Presentation([*verdicts, *warnings, *lines], write_page(page, out), result)
 
 
 def _run_of(bag: Path, axis: AxisSettings) -> tuple[Run, Ints]:
@@ -220,7 +223,8 @@ def _sections(
     before = run_pictures(run, (max(0.0, switched - _SHOWN), switched), f"{name}_without_")
     after = run_pictures(run, (max(switched, end - _SHOWN), end), f"{name}_with_")
     return (
-        Section(f"Axis {name}: tracking without and with compensation", text, (table,), (lead,)),
+        Section(f"Axis {name}: tracking without and with compensation", (), (table,), (lead,)),
         Section(f"Axis {name}: without compensation", pictures=before),
         Section(f"Axis {name}: with compensation", pictures=after),
+        Section(f"Axis {name}: how this was measured", text),
     )

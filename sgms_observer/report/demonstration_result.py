@@ -73,6 +73,8 @@ def result_of(axes: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 def change(before: float, after: float) -> str:
     """Return how an error changed, in words."""
+    if before > 0.0 and round(after / before, 1) == 1.0:
+        return "about the same"
     if after <= before:
         return f"{before / after:.1f}x smaller" if after > 0.0 else "gone"
     return f"{after / before:.1f}x larger" if before > 0.0 else "new"
@@ -104,3 +106,21 @@ def headline(axis: str, without: Half, with_it: Half, units: Units) -> str:
         f"axis {axis}: friction estimated to {100.0 * without.friction_share:.2f} % of its range; tracking error with"
         f" compensation: {', '.join(sizes)}; {late}"
     )
+
+
+def late_warnings(axis: str, without: Half, with_it: Half, units: Units) -> list[str]:
+    """Return a warning where compensations that came late decide how large the tracking error gets.
+
+    Args:
+        axis: its name.
+        without: errors of the half without compensation.
+        with_it: errors of the half with it.
+        units: of the axis.
+    """
+    if not with_it.late_share > 0.0 or with_it.clear_peak >= with_it.tracking_peak:
+        return []
+    peak = units.readable(with_it.tracking_peak, largest=max(without.tracking_peak, with_it.tracking_peak))
+    return [
+        f"Warning: axis {axis}: the largest tracking error with compensation, {peak}, follows a compensation that came"
+        " late. End other programs and run the demonstration again."
+    ]

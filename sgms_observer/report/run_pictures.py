@@ -102,7 +102,7 @@ def tracking_picture(run: Run, before: tuple[float, float], after: tuple[float, 
     factor, unit = _readable(np.concatenate(errors), run.units)
     with sheet(name, caption, rows=2, height=1.9, sharey=True) as drawn:
         for axes, part, error, word in zip(drawn.axes, parts, errors, ("without", "with"), strict=True):
-            _line(axes, part.time, factor * error, MEASURED)
+            draw_line(axes, part.time, factor * error, MEASURED)
             axes.set(ylabel=f"error [{unit}]", title=f"tracking error {word} compensation")
         drawn.axes[1].set_xlabel("time [s]")
     return drawn.picture
@@ -115,25 +115,28 @@ def _motion(run: Run, name: str) -> Picture:
     speed_factor, speed_unit = _readable(run.velocity, run.units, "m/s")
     with sheet(f"{name}motion", caption, rows=3, height=1.9, sharex=True) as drawn:
         top, middle, bottom = drawn.axes
-        _line(top, run.time, factor * run.reference, REFERENCE, "set-point", linestyle="--")
-        _line(top, run.time, factor * run.position, MEASURED, "measured")
+        draw_line(top, run.time, factor * run.reference, REFERENCE, "set-point", linestyle="--")
+        draw_line(top, run.time, factor * run.position, MEASURED, "measured")
         top.set_ylabel(f"position [{unit}]")
-        _line(middle, run.time, error_factor * (run.position - run.reference), MEASURED)
+        draw_line(middle, run.time, error_factor * (run.position - run.reference), MEASURED)
         middle.set_ylabel(f"tracking error [{error_unit}]")
-        _line(bottom, run.time, speed_factor * run.velocity, ESTIMATE, "estimated")
+        draw_line(bottom, run.time, speed_factor * run.velocity, ESTIMATE, "estimated")
         bottom.set(xlabel="time [s]", ylabel=f"velocity [{speed_unit}]")
     return drawn.picture
 
 
 def _friction(run: Run, name: str) -> Picture:
-    caption = "Friction: truth (where known), estimate with its two-sigma band, and the compensation that was sent."
+    caption = (
+        "Friction: truth (where known), estimate with its two-sigma band, and the compensation as it was sent, which"
+        " is for the look-ahead later."
+    )
     with sheet(f"{name}friction", caption, rows=2, height=2.5, sharex=True) as drawn:
         top, bottom = drawn.axes
         _band(top, run)
-        _line(top, run.time, run.compensation, MEASURED, "compensation", linestyle=":")
+        draw_line(top, run.time, run.compensation, MEASURED, "compensation", linestyle=":")
         top.set_ylabel(f"friction [{run.units.effort}]")
         if run.has_truth:
-            _line(bottom, run.time, run.friction - run.truth, ESTIMATE, "estimate - truth")
+            draw_line(bottom, run.time, run.friction - run.truth, ESTIMATE, "estimate - truth")
         width = 2.0 * run.friction_std
         bottom.fill_between(run.time, -width, width, color=ESTIMATE, alpha=0.15, linewidth=0, label="two sigma")
         bottom.set(xlabel="time [s]", ylabel=f"error [{run.units.effort}]")
@@ -155,8 +158,8 @@ def hysteresis_picture(run: Run, name: str) -> Picture:
     with sheet(f"{name}hysteresis", caption, rows=2, height=2.8, sharey=True) as drawn:
         for axes, abscissa, label in zip(drawn.axes, abscissas, labels, strict=True):
             if run.has_truth:
-                _line(axes, abscissa, run.truth, TRUTH, "truth")
-            _line(axes, abscissa, run.friction, ESTIMATE, "estimate", alpha=0.8)
+                draw_line(axes, abscissa, run.truth, TRUTH, "truth")
+            draw_line(axes, abscissa, run.friction, ESTIMATE, "estimate", alpha=0.8)
             axes.set(xlabel=label, ylabel=f"friction [{run.units.effort}]")
     return drawn.picture
 
@@ -189,16 +192,25 @@ def _readable(values: Floats, units: Units, unit: str = "m") -> tuple[float, str
 def _band(axes: Axes, run: Run) -> None:
     """Draw truth, estimate and band over time."""
     if run.has_truth:
-        _line(axes, run.time, run.truth, TRUTH, "truth")
-    _line(axes, run.time, run.friction, ESTIMATE, "estimate")
+        draw_line(axes, run.time, run.truth, TRUTH, "truth")
+    draw_line(axes, run.time, run.friction, ESTIMATE, "estimate")
     width = 2.0 * run.friction_std
     axes.fill_between(
         run.time, run.friction - width, run.friction + width, color=ESTIMATE, alpha=0.15, linewidth=0, label="two sigma"
     )
 
 
-def _line(axes: Axes, x: Floats, y: Floats, color: str, label: str | None = None, **style: object) -> None:
-    """Draw a line of at most ``_MAX_POINTS`` points, nothing where nothing is known."""
+def draw_line(axes: Axes, x: Floats, y: Floats, color: str, label: str | None = None, **style: object) -> None:
+    """Draw a line of at most ``_MAX_POINTS`` points, nothing where nothing is known.
+
+    Args:
+        axes: where it is drawn.
+        x: abscissas, shape (n,).
+        y: ordinates, shape (n,).
+        color: of the line.
+        label: in the legend.
+        style: for matplotlib.
+    """
     if np.isfinite(y).any():
         every = max(1, len(x) // _MAX_POINTS)
         axes.plot(x[::every], y[::every], color=color, label=label, **style)  # type: ignore[arg-type]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,6 +14,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import Browser
+from looks import check_report
 from program import PATIENCE
 from ros_fixtures import Start
 from ros_graph import Graph, NodeProcess, wait_until
@@ -149,7 +152,7 @@ def stopped(run: Commission, step: str, *words: str) -> None:
     assert run.result()["usable"] is False
 
 
-def test_the_whole_way(start: Start, commission: Any, tmp_path: Path) -> None:
+def test_the_whole_way(start: Start, commission: Any, browser: Browser) -> None:
     """The hidden effect is named, and the tracking error falls at least five times with no peak larger."""
     start("stage_node", table(HIDDEN))
     run = commission("--time", "1500")
@@ -164,6 +167,10 @@ def test_the_whole_way(start: Start, commission: Any, tmp_path: Path) -> None:
     assert tracking["rms_after"] * 5.0 < tracking["rms_before"]
     assert tracking["peak_after"] <= tracking["peak_before"]
     assert result["usable"] is True and (run.out / result["yaml"]).exists()
+    check_report(browser, run.out / "report.html", 2)
+    page = (run.out / "report.html").read_text()
+    assert page.index("<h2>Tracking before and after") < page.index("<h2>What was found")
+    assert re.search(r"amplitude 1\.\d+ \+- [\d.]+ N, pitch (2|2\.00\d|1\.99\d) \+- [\d.e-]+ mm", page)
     again = commission("--time", "1500")
     code, said = again.end()
     assert code == 0 and said.count("done before") == 10, said

@@ -61,7 +61,7 @@ def test_a_cell_above_the_papers_is_named() -> None:
     table["plus20"]["gms"]["mhe_z"] = 5.0
     light = paper_page(table, a_beyond(), []).lights[0]
     assert light.state == UNSURE
-    assert light.answer == "11 of 12 are. Above: MHE(z) of GMS at kappa +20 %: 5.00 %."
+    assert light.answer == "11 of 12 cells are. Above: MHE(z) of GMS at kappa +20 %: 5.00 %."
     assert states(a_table(2.0), a_beyond())[0] == BAD
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
-from sgms_observer.report.demonstration_result import Half, axis_result, headline, result_of
+from sgms_observer.report.demonstration_result import Half, axis_result, headline, late_warnings, result_of
 from sgms_observer.settings.units import Units
 
 
@@ -39,6 +40,20 @@ def test_the_headline_says_rms_peaks_and_late_messages(late: float, said: str) -
     assert "peak 2.0x larger (4 um to 8 um)" in text
     assert said in text
     assert "1.23 % of its range" in text
+
+
+def test_an_error_that_hardly_changed_is_about_the_same() -> None:
+    text = headline("x", _half(3.0e-6, 4.0e-6, 0.0), _half(2.9e-6, 4.1e-6, 0.0), Units())
+    assert "rms about the same (3 um to 2.9 um), peak about the same (4 um to 4.1 um)" in text
+
+
+@pytest.mark.parametrize("late, clear_peak, is_warned", [
+    (0.01, 1.0e-6, True), (0.01, 4.0e-6, False), (0.0, 1.0e-6, False), (math.nan, 1.0e-6, False), (0.5, math.nan, True),
+])  # fmt: skip
+def test_late_compensations_that_make_the_peak_are_a_warning(late: float, clear_peak: float, is_warned: bool) -> None:
+    with_it = replace(_half(3.0e-7, 4.0e-6, late), clear_peak=clear_peak)
+    (*warned,) = late_warnings("x", _half(3.0e-6, 5.0e-6, math.nan), with_it, Units())
+    assert [text.startswith("Warning: axis x: ") and " 4 um, " in text for text in warned] == [True] * is_warned
 
 
 def test_a_share_that_is_not_known_is_null() -> None:

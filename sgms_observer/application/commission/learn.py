@@ -114,7 +114,7 @@ def identify(session: Session) -> Found:
         "the identified values go on" if is_better else "not clearly less, so the file's values go on to the diagnosis"
     )
     return (
-        f"unexplained on the own motion: {100 * given:.1f} % of the rms {axis.units.effort_word} by the file's values,"
+        f"unexplained on your own motion: {100 * given:.1f} % of the rms {axis.units.effort_word} by the file's values,"
         f" {100 * fitted:.1f} % by the identified ones; {verdict}",
         [IDENTIFIED],
     )
@@ -178,8 +178,8 @@ def diagnose_bags_of(session: Session, bags: Sequence[str], out: str) -> Found:
         for effect in result["effects"]
     )
     return (
-        f"{result['verdict']}{': ' + named if named else ''}; gap on the own motion {gap['before']:.3g} ->"
-        f" {gap['after']:.3g} % of rms {axis.units.effort_word} (floor {gap['floor']:.3g} %)",
+        f"{result['verdict']}{': ' + named if named else ''}; gap on your own motion {gap['before']:.3g} %"
+        f" of the rms {axis.units.effort_word} before, {gap['after']:.3g} % after (floor {gap['floor']:.3g} %)",
         [f"{out}/result.json", f"{out}/augmented.yaml", f"{out}/report.html"],
     )
 

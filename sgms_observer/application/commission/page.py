@@ -5,9 +5,12 @@ from __future__ import annotations
 from sgms_observer.application.commission.learn import CLEARLY_BETTER, Found
 from sgms_observer.application.commission.session import AFTER_BAG, BEFORE_BAG, REPORT, Session
 from sgms_observer.application.commission.tracking import Tracking, recorded_tracking
+from sgms_observer.effects.catalogue import effect as entry_of
 from sgms_observer.report.demonstration_result import change
 from sgms_observer.report.drawing import ESTIMATE, MEASURED, sheet
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Section, Table, write_page
+from sgms_observer.report.run_pictures import draw_line
+from sgms_observer.settings.units import Units
 
 
 def write_report(session: Session) -> Found:
@@ -50,7 +53,7 @@ def _lights(session: Session) -> tuple[Light, ...]:
     if tracking:
         for key, word in (("rms", "rms"), ("peak", "largest")):
             before, after = (tracking[f"{key}_{when}"] for when in ("before", "after"))
-            answer = f"{readable(before)} without compensation, {readable(after)} with it."
+            answer = f"{readable(before)} without compensation, {readable(after, largest=before)} with it."
             state = GOOD if after < before else BAD
             lights.append(Light("Tracking", f"Is the {word} tracking error smaller?", state, answer))
     return tuple(lights)
@@ -84,9 +87,9 @@ def _found_section(session: Session) -> Section:
     rows = []
     for effect in ledger.effects:
         values = ", ".join(
-            f"{name} {value:.4g} ± {effect['std_error'].get(name, 0.0):.2g}"
-            for name, value in effect["parameters"].items()
-            if isinstance(value, float)
+            f"{one.name} {_with_error(effect['parameters'][one.name], error, one.unit, session.axis.units)}"
+            for one in entry_of(effect["name"]).parameters
+            if (error := effect["std_error"].get(one.name, 0.0)) > 0.0
         )
         others = ", ".join(effect["alternatives"]) or "none"
         rows.append((effect["name"], values, f"{effect['confidence']:.2f}", others))
@@ -101,11 +104,17 @@ def _found_section(session: Session) -> Section:
     return Section("What was found", text, (table,) if rows else ())
 
 
+def _with_error(value: float, error: float, unit: str, units: Units) -> str:
+    """Return a value and its standard error with one prefixed unit."""
+    factor, name = (1.0, "") if unit == "-" else units.prefixed(value, unit)
+    return f"{factor * value:.4g} +- {factor * error:.2g} {name}".strip()
+
+
 def _tracking_section(session: Session) -> Section:
     """Return the comparison without and with compensation."""
     tracking, readable = session.ledger.tracking, session.axis.units.readable
     rows = [
-        (word, *(readable(tracking[f"{key}_{when}"]) for when in ("before", "after")),
+        (word, *(readable(tracking[f"{key}_{when}"], largest=tracking["peak_before"]) for when in ("before", "after")),
          f"{tracking[f'{key}_before'] / tracking[f'{key}_after']:.1f}")
         for word, key in (("rms", "rms"), ("largest", "peak"))
     ]  # fmt: skip
@@ -124,16 +133,11 @@ def _pictures(session: Session, before: Tracking, after: Tracking) -> tuple[Pict
     factor, name = units.prefixed(before.peak, "m")
     place, place_name = units.prefixed(session.plan.limits.stroke, "m")
     pictures = []
-    for key, caption in (("time", "over time"), ("position", "over position")):
-        with sheet(f"tracking_{key}", f"Tracking error {caption}, without and with compensation.") as drawn:
+    for key, scale, label in (("time", 1.0, "time [s]"), ("position", place, f"position [{place_name}]")):
+        with sheet(f"tracking_{key}", f"Tracking error over {key}, without and with compensation.") as drawn:
             axes = drawn.axes[0]
-            for one, colour, label in ((before, MEASURED, "without"), (after, ESTIMATE, "with compensation")):
-                if key == "time":
-                    axes.plot(one.time, factor * one.error, color=colour, label=label)
-                else:
-                    axes.plot(place * one.position, factor * one.error, ".", markersize=1.5, color=colour, label=label)
-            axes.set_xlabel("time [s]" if key == "time" else f"position [{place_name}]")
-            axes.set_ylabel(f"tracking error [{name}]")
-            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, markerscale=6.0)
+            for one, colour, word in ((before, MEASURED, "without"), (after, ESTIMATE, "with")):
+                draw_line(axes, scale * getattr(one, key), factor * one.error, colour, f"{word} compensation")
+            axes.set(xlabel=label, ylabel=f"tracking error [{name}]")
         pictures.append(drawn.picture)
     return tuple(pictures)
