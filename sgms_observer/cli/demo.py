@@ -19,7 +19,8 @@ HELP = "run a simulated stage and its observer on the ROS graph, without and wit
 
 STAGE, OBSERVER, RECORDER = "stage_node", "observer_node", "recorder"
 TRUTH = "friction_true"
-_QUIET = 1.5  # s in which a bag that is complete does not grow; the recorder flushes twice a second
+_QUIET = 1.5  # s in which a bag that is complete hardly grows; the recorder flushes twice a second
+_HARDLY = 16_000  # bytes; /diagnostics of an axis adds a thousand each second, samples add a hundred thousand and more
 _LONGEST_WAIT = 60.0  # s
 _RECORDED = (
     "position", "control_effort", "reference", TRUTH,
@@ -120,9 +121,9 @@ def _wait_until_written(bag: Path) -> None:
     """Wait until the recording stops to grow: a busy machine has messages on their way yet."""
     partial = bag.with_name(bag.name + ".partial")
     end = time.monotonic() + _LONGEST_WAIT
-    size, changed = -1, time.monotonic()
+    size, changed = 0, time.monotonic()
     while time.monotonic() < min(end, changed + _QUIET):
         now = sum(path.stat().st_size for path in partial.glob("*"))
-        if now != size:
+        if now > size + _HARDLY:
             size, changed = now, time.monotonic()
         time.sleep(0.1)

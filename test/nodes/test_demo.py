@@ -115,6 +115,11 @@ def test_the_demonstration(demonstration: tuple[Path, str]) -> None:
     assert page.count("<svg") == 9 and "<script" not in page
     assert len(list(out.glob("*.png"))) == 9
     assert (out / "bag" / "metadata.yaml").exists()
+    with BagReader(out / "bag") as bag:
+        messages = [(topic, stamp) for topic, stamp, _ in bag.messages(["/position", "/diagnostics"])]
+    last = max(stamp for topic, stamp in messages if topic == "/position")
+    # The observer goes on to send one a second: the command does not wait for them to end.
+    assert sum(topic == "/diagnostics" and stamp > last for topic, stamp in messages) < 20
 
 
 def test_beside_burning_processes_it_is_not_worse(tmp_path: Path) -> None:
