@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from browser import NAMES, Browser, executable
 from hypothesis import HealthCheck, settings
-from selection import LIVE, QUICK
+from selection import ALONE, LIVE, QUICK
 
 from sgms_observer.nodes.transport import claim_domain
 
@@ -44,8 +44,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Declare the marker of the tests that must have the cores for themselves."""
-    config.addinivalue_line("markers", "live: starts nodes or looks at the clock; runs alone, one after the other")
+    """Declare the markers of the tests that must not run beside others."""
+    config.addinivalue_line("markers", "live: starts nodes or looks at the clock; runs apart from what computes")
+    config.addinivalue_line("markers", "alone: a live test that runs beside no other")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -54,14 +55,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if _is_in(item.path, LIVE) or "ros" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.live)
+        if _is_in(item.path, ALONE):
+            item.add_marker(pytest.mark.alone)
     if _is_quick(config):
         config.hook.pytest_deselected(items=[item for item in items if not _is_in(item.path, QUICK)])
         items[:] = [item for item in items if _is_in(item.path, QUICK)]
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave files that are not quick unread: importing all of them takes longer than many a quick test."""
-    return True if _is_quick(config) and collection_path.is_file() and not _is_in(collection_path, QUICK) else None
+    """Leave files that are not asked for unread: importing all of them takes longer than many a quick test."""
+    chosen = QUICK if _is_quick(config) else ALONE if config.option.markexpr == "alone" else None
+    return True if chosen and collection_path.is_file() and not _is_in(collection_path, chosen) else None
 
 
 def _is_quick(config: pytest.Config) -> bool:
