@@ -21,8 +21,9 @@ LIVE = (
     "bags/test_live.py", "cli/test_bench.py", "faults/test_signals.py", "nodes", "package/test_launch_starts.py",
 )  # fmt: skip
 
-#: The live tests that the clock judges, or that take all cores: they get the marker ``alone`` too. The other live tests
-#: mostly wait, for messages and motions, and `make test` runs as many at once as there are cores; these come last, one by one.
+#: The live tests that the clock judges, or that take all cores: they get the marker ``alone`` too. The other live
+#: tests mostly wait, for messages and motions, and `make test` runs as many at once as there are cores; these come
+#: last, one by one.
 ALONE = (
     "cli/test_bench.py", "nodes/test_demo.py", "nodes/test_first_start.py", "nodes/test_reference_player.py",
 )  # fmt: skip

@@ -15,7 +15,7 @@ from sgms_observer.diagnosis.criteria import Criteria, Test, at_most
 from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps
+from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps, range_tests
 from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import Gap, WeightedResidual, interval, residuals
 from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
@@ -55,7 +55,7 @@ class Answer:
         detectable: smallest detectable size of each effect, as a share of the Coulomb force.
         next_experiment: one sentence, or None.
         tests: every test of every hypothesis and of the model.
-        doubtful: failed tests of named effects that leave what their own coordinates predict.
+        doubtful: failed tests of named effects that leave what their own coordinates predict, or end at a range.
         usable: whether the model may be used as it is.
         warnings: sentences for the user.
         model: the model that augmented.yaml holds.
@@ -108,10 +108,10 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     learnt: list[FittedMap] = []
     free: FreeForm | None = None
     unnamed: Decision | None = None
-    by_coordinates: list[Test] = []
+    by_name = range_tests(data, final)
     if over_noise >= criteria.min_gap_over_floor:
         free = data.predictable(data.evidence(final.after), final.fit.model)
-        by_coordinates = coordinate_tests(data, final, axis.units)
+        by_name += coordinate_tests(data, final, axis.units)
         unnamed = _best_unnamed(diagnosis, criteria)
         if not diagnosis.is_poor and contradiction is None:
             learnt = learnt_maps(data, final, axis.units)
@@ -160,10 +160,10 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         next_experiment=next_experiment(verdict, effects, significant, diagnosis, axis.units),
         tests=(
             *(test for item in diagnosis.rounds for decision in item.decisions for test in decision.tests),
-            *final.tests, *by_coordinates, whole, unnamed_rest, *trust,
+            *final.tests, *by_name, whole, unnamed_rest, *trust,
             *([] if contradiction is None else [contradiction]),
         ),
-        doubtful=tuple(test for test in by_coordinates if not test.passed),
+        doubtful=tuple(test for test in by_name if not test.passed),
         usable=whole.passed and not diagnosis.is_poor,
         warnings=_warnings(diagnosis, gap, verdict, whole, over_noise, axis.units),
         model=model,

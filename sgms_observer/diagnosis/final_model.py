@@ -42,6 +42,11 @@ class FinalModel:
     noise: float
     tests: tuple[Test, ...]
 
+    @property
+    def names(self) -> frozenset[str]:
+        """Return the named effects."""
+        return frozenset(item.accepted.candidate.name for item in self.accepted if item.accepted)
+
 
 def final_model(data: GapData, contradiction: Test | None) -> FinalModel:
     """Return what is added to the model: everything that was accepted, or nothing if the gap does not confirm it."""
@@ -64,7 +69,6 @@ def _confirmation_tests(data: GapData, added: FinalModel) -> list[Test]:
     """Return the tests of everything that was added together, on the recordings of the gap."""
     criteria, diagnosis = data.options.criteria, data.diagnosis
     names = ", ".join(item.accepted.candidate.name for item in diagnosis.rounds if item.accepted)
-    named = {item.accepted.candidate.name for item in added.accepted if item.accepted}
     before, after = data.rms(added.before), data.rms(added.after)
     reduction = data.reduction(added.before, added.after)
     closed = (before**2 - after**2) / max(before**2 - added.noise**2, 1e-300)
@@ -74,11 +78,6 @@ def _confirmation_tests(data: GapData, added: FinalModel) -> list[Test]:
         at_least(names, "gap as reported: share of the closable squared gap", closed, criteria.min_closed_share),
         at_least(names, "gap before over noise", ratio_to_noise(before, added.noise), criteria.min_gap_over_floor),
         at_most(names, "share of the effort that is unexplained", after / data.effort, criteria.max_unexplained),
-        *(
-            within_range(item, diagnosis.final_state.fit_motions, diagnosis.nominal)
-            for item in added.fit.effects
-            if item.name in named
-        ),
     ]
 
 
@@ -110,6 +109,12 @@ def learnt_maps(data: GapData, final: FinalModel, units: Units) -> list[FittedMa
     return learnt
 
 
+def range_tests(data: GapData, final: FinalModel) -> list[Test]:
+    """Return for each named effect the test that the final fit did not move it to an end of its range."""
+    motions, nominal = data.diagnosis.final_state.fit_motions, data.diagnosis.nominal
+    return [within_range(item, motions, nominal) for item in final.fit.effects if item.name in final.names]
+
+
 def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Test]:
     """Return for each named effect the test that it explains nearly all of what its own coordinates predict.
 
@@ -127,8 +132,7 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
     for item in fit.effects:
         coordinates = set(effect(item.name).coordinates)
         over = [one for one in COORDINATES if set(one) <= coordinates | {"direction"} and set(one) & coordinates]
-        is_named = any(one.accepted and one.accepted.candidate.name == item.name for one in final.accepted)
-        if not is_named or not over or is_confusable_with_contact(item.name):
+        if item.name not in final.names or not over or is_confusable_with_contact(item.name):
             continue
         others = replace(fit.model, effects=tuple(one for one in fit.model.effects if one.name != item.name))
         closed = data.reduction(residuals(others, data.motions), final.after).decrease

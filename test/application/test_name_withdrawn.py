@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,10 @@ from start_file import WINDOW, start_file
 from sgms_observer.application.commission.motion import representative_motion
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.simulate import Simulation, simulate
-from sgms_observer.diagnosis import workflow
+from sgms_observer.diagnosis import final_model, workflow
+from sgms_observer.diagnosis.criteria import Test
 from sgms_observer.excitation.limits import limits_of
+from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.load import load_settings
 
 STAGE = """      stage:
@@ -27,6 +30,22 @@ SLOPE = 0.6 * PLACES / PLACES[-1]
 UNEVEN = np.array([0.0, 0.25, -0.2, 0.1, 0.3, -0.3, 0.15, -0.2, 0.2])
 
 
+def diagnosed(hidden: str, folder: Path) -> dict[str, Any]:
+    """Return what the diagnosis of two recordings finds in a stage with effects that its file lacks."""
+    motion = representative_motion(limits_of("prismatic", None, None, None), 1.0e-3)
+    motion.write(folder / "reference.csv")
+    start, table = folder / "start.yaml", folder / "table.yaml"
+    start.write_text(start_file(WINDOW))
+    stage = STAGE.replace("FILE", str(folder / "reference.csv"))
+    table.write_text(f"{start_file(WINDOW)}      effects: {hidden}\n{stage}")
+    for seed in (1, 2):
+        run = Simulation(load_settings(table), motion.duration, seed, False)
+        simulate(run, str(folder / f"bag{seed}"), "mcap", True, lambda _: None)
+    diagnose_bags(DiagnoseRequest([str(folder / "bag1")], str(start), str(folder / "out"), [str(folder / "bag2")]))
+    result: dict[str, Any] = json.loads((folder / "out" / "result.json").read_text())
+    return result
+
+
 @pytest.mark.parametrize(("bumps", "name"), [(0.0, "spring"), (1.0, None)])
 def test_a_force_along_the_stroke(
     bumps: float, name: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -35,23 +54,36 @@ def test_a_force_along_the_stroke(
     monkeypatch.setattr(workflow, "catalogue_names", lambda: ("spring", "offset", "asymmetric_coulomb"))
     force = [round(float(value), 4) for value in SLOPE + bumps * UNEVEN]
     places = [round(float(value), 5) for value in PLACES]
-    hidden = (
-        "      effects: {names: [learnt_map], learnt_map: {coordinates: [position], reversal_distance: 1.0e-6,"
-        f" position: {places}, values: {force}}}}}\n"
+    result = diagnosed(
+        "{names: [learnt_map], learnt_map: {coordinates: [position], reversal_distance: 1.0e-6,"
+        f" position: {places}, values: {force}}}}}",
+        tmp_path,
     )
-    motion = representative_motion(limits_of("prismatic", None, None, None), 1.0e-3)
-    motion.write(tmp_path / "reference.csv")
-    start, table = tmp_path / "start.yaml", tmp_path / "table.yaml"
-    start.write_text(start_file(WINDOW))
-    table.write_text(start_file(WINDOW) + hidden + STAGE.replace("FILE", str(tmp_path / "reference.csv")))
-    for seed in (1, 2):
-        stage = Simulation(load_settings(table), motion.duration, seed, False)
-        simulate(stage, str(tmp_path / f"bag{seed}"), "mcap", True, lambda _: None)
-    diagnose_bags(
-        DiagnoseRequest([str(tmp_path / "bag1")], str(start), str(tmp_path / "out"), [str(tmp_path / "bag2")])
-    )
-    result: dict[str, Any] = json.loads((tmp_path / "out" / "result.json").read_text())
     assert [one["name"] for one in result["effects"]] == ([name] if name else [])
     (asked,) = [one for one in result["tests"] if "its coordinates predict" in one["name"]]
     assert asked["of"] == "spring" and asked["passed"] == (name is not None)
     assert bool(result["learnt"]) == (name is None)
+
+
+def test_an_effect_that_ends_at_its_range_takes_no_other_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The final fit may move one effect to an end of its range: it is left out, the others stay."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("spring", "periodic_disturbance"))
+    within_range = final_model.within_range
+
+    def with_an_end(settings: EffectSettings, *others: Any) -> Test:
+        test = within_range(settings, *others)
+        return replace(test, value=1.0, passed=False) if settings.name == "periodic_disturbance" else test
+
+    hidden = (
+        "{names: [spring, periodic_disturbance], spring: {stiffness: 80.0},"
+        " periodic_disturbance: {amplitude: 0.2, frequency: 7.0}}"
+    )
+    assert {one["name"] for one in diagnosed(hidden, tmp_path)["effects"]} == {"spring", "periodic_disturbance"}
+    monkeypatch.setattr(final_model, "within_range", with_an_end)
+    (tmp_path / "again").mkdir()
+    result = diagnosed(hidden, tmp_path / "again")
+    assert [one["name"] for one in result["effects"]] == ["spring"]
+    (asked,) = [one for one in result["tests"] if one["of"] == "periodic_disturbance" and one["value"] == 1.0]
+    assert asked["name"] == "parameters at the end of their range" and not asked["passed"]
