@@ -254,18 +254,18 @@ def free_form_prediction(names: Sequence[str], model: Model, evaluation: Evaluat
     return evaluation.predictions[key]
 
 
-def z_score_between(one: Decision, other: Decision, criteria: Criteria) -> float:
+def z_score_between(one: Evidence, other: Evidence, criteria: Criteria) -> float:
     """Return the z-score by which one hypothesis predicts better than another.
 
     It is computed over all recordings. If the held-out recordings alone contradict it, their z-score counts.
 
     Args:
-        one, other: decisions of the same round.
+        one, other: evidence of their fits, from the same evaluation data.
         criteria: thresholds.
     """
-    z_score = preference(one.evidence.all, other.evidence.all)
-    if one.evidence.held_out:
-        held_out = preference(one.evidence.held_out, other.evidence.held_out)
+    z_score = preference(one.all, other.all)
+    if one.held_out:
+        held_out = preference(one.held_out, other.held_out)
         if held_out * z_score < 0.0 and abs(held_out) > criteria.interval_z_score:
             return held_out
     return z_score
@@ -288,13 +288,23 @@ def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
     ]  # fmt: skip
 
 
-def alternatives(best: Decision, others: Sequence[Decision], criteria: Criteria) -> tuple[str, ...]:
-    """Return the effects that the recordings do not distinguish from the best one.
+def compare(best: str, rival: str, z_score: float, criteria: Criteria) -> Test:
+    """Return the test that an effect predicts significantly better than a rival; one that fails is an alternative."""
+    return at_least(best, f"z-score of a better prediction than {rival}", z_score, criteria.min_z_score)
+
+
+def comparisons(best: Decision, others: Sequence[Decision], criteria: Criteria) -> dict[str, Test]:
+    """Return the comparison of the best effect with each rival, by the rival's name.
 
     Args:
         best: the accepted decision.
         others: all decisions of the same round.
         criteria: thresholds.
     """
-    found = [item for item in rivals(best, others) if z_score_between(best, item, criteria) <= criteria.min_z_score]
-    return tuple(item.candidate.name for item in found)
+    name = best.candidate.name
+    return {
+        item.candidate.name: compare(
+            name, item.candidate.name, z_score_between(best.evidence, item.evidence, criteria), criteria
+        )
+        for item in rivals(best, others)
+    }

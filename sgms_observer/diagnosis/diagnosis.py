@@ -149,13 +149,18 @@ class Round:
         screenings: screening of each effect.
         decisions: decisions on the hypotheses with a final fit, the best predicting first.
         accepted: the accepted decision, or None.
-        alternatives: effects that the data do not distinguish from it.
+        comparisons: test that it predicts better than each rival, by the rival's name.
     """
 
     screenings: dict[str, Screening]
     decisions: tuple[Decision, ...]
     accepted: Decision | None
-    alternatives: tuple[str, ...]
+    comparisons: Mapping[str, Test]
+
+    @property
+    def alternatives(self) -> tuple[str, ...]:
+        """Return the effects that the data do not distinguish from the accepted one."""
+        return tuple(name for name, test in self.comparisons.items() if not test.passed)
 
     def with_test(self, test: Test) -> Round:
         """Return the round with one more test of the accepted hypothesis, which is rejected if the test fails."""

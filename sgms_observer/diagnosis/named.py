@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from sgms_observer.diagnosis.decision import rivals, z_score_between
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Round
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import Gap
@@ -90,17 +89,11 @@ def _as_named(
     index = [one.name for one in fit.effects].index(name)
     settings = fit.effects[index]
     std = tuple(diagnosis.written.errors.get((index, j), 0.0) for j in range(len(settings.values)))
-    others = [
-        z_score_between(item.accepted, other, diagnosis.evaluation.criteria)
-        for other in rivals(item.accepted, item.decisions)
-        if other.candidate.name not in rounds
-    ]
-    confidence = float(np.prod([stats.norm.cdf(z) for z in others])) if others else 1.0
+    confidence = float(np.prod([stats.norm.cdf(test.value) for test in item.comparisons.values()]))
     confidence = min(confidence, float(stats.norm.cdf(item.accepted.improvement.z_score)))
     if not diagnosis.final_state.held_out_motions:
         confidence = min(confidence, ONE_RECORDING_CONFIDENCE)
-    alternatives = tuple(one for one in item.alternatives if one not in rounds)
-    return Named(settings, std, confidence, alternatives, before, after)
+    return Named(settings, std, confidence, item.alternatives, before, after)
 
 
 def measured_quantisation(diagnosis: Diagnosis) -> list[Named]:

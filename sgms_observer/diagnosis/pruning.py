@@ -1,4 +1,4 @@
-"""Removal of accepted effects that later effects make redundant, or whose reported strength is not significant."""
+"""What becomes of accepted effects beside the later ones: some are redundant, some not significant, some renamed."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.candidates import LAST_STEPS, finish_fit
+from sgms_observer.diagnosis.candidates import LAST_STEPS, finish_fit, with_free_effect
 from sgms_observer.diagnosis.criteria import Test, at_least
+from sgms_observer.diagnosis.decision import Decision, compare, z_score_between
 from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, FitState, Options, Round, WrittenFits
 from sgms_observer.diagnosis.evaluation import evidence_of
 from sgms_observer.diagnosis.evidence import improvement
@@ -42,6 +43,48 @@ def without_redundant_effects(
         if not test.passed:
             state = state.refitted(without, REFIT_STEPS)
     return state, tuple(rounds)
+
+
+def compared_again(state: FitState, rounds: Sequence[Round], options: Options) -> tuple[FitState, tuple[Round, ...]]:
+    """Compare each effect with its alternatives again, beside everything that was accepted later.
+
+    In its own round the later effects were still in the residual and hid differences. An alternative that predicts
+    significantly worse is none any more; one that predicts significantly better takes the place of the effect.
+
+    Args:
+        state: state with everything that was accepted.
+        rounds: rounds so far.
+        options: options of the diagnosis.
+    """
+    criteria, found = options.criteria, list(rounds)
+    accepted = [place for place, item in enumerate(found) if item.accepted]
+    names = {item.accepted.candidate.name for item in found if item.accepted}
+    for place in accepted[:-1]:
+        item = found[place]
+        name = item.accepted.candidate.name if item.accepted else ""
+        tests = {rival: test for rival, test in item.comparisons.items() if rival not in names}
+        for rival in (one for one in item.alternatives if one in tests):
+            decision = next(one for one in item.decisions if one.candidate.name == rival)
+            evaluation = state.evaluation(options)
+            swapped = _with_rival(state, name, decision)
+            full = evidence_of(finish_fit(state.setup, state.current), evaluation)
+            z_score = z_score_between(full, evidence_of(swapped.current, evaluation), criteria)
+            tests[rival] = compare(name, rival, z_score, criteria)
+            if z_score < -criteria.min_z_score:
+                state, tests = swapped.refitted(swapped.current, REFIT_STEPS), {}
+                item, names = replace(item, accepted=decision), names - {name} | {rival}
+                break
+        found[place] = replace(item, comparisons=tests)
+    return state, tuple(found)
+
+
+def _with_rival(state: FitState, name: str, rival: Decision) -> FitState:
+    """Return the state with another effect in the place of one."""
+    start = rival.candidate.settings
+    assert start is not None
+    setup = with_free_effect(state.setup, start.name)
+    effects = tuple(start if one.name == name else one for one in state.current.effects)
+    return replace(state, setup=setup, current=finish_fit(setup, setup.fit(effects, state.current.logs, LAST_STEPS)))
 
 
 def without_insignificant_effects(

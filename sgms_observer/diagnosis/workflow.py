@@ -12,7 +12,7 @@ from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import MAX_COMPARED, effect_candidates, finish_fit
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_freed, changed_candidate
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
-from sgms_observer.diagnosis.decision import Decision, alternatives, decide, z_score_between
+from sgms_observer.diagnosis.decision import Decision, comparisons, decide, z_score_between
 from sgms_observer.diagnosis.diagnosis import FIT_STEPS, REFIT_STEPS, Diagnosis, FitState, Options, Recordings, Round
 from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
@@ -22,7 +22,7 @@ from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.map_fit import MAP_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD_LAG
-from sgms_observer.diagnosis.pruning import without_insignificant_effects, without_redundant_effects
+from sgms_observer.diagnosis.pruning import compared_again, without_insignificant_effects, without_redundant_effects
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
@@ -80,7 +80,8 @@ def diagnose(
     file_state = state
     rounds: tuple[Round, ...] = ()
     if not audited.is_poor:
-        state, rounds = without_redundant_effects(*_search(state, known_effects, options, report), options)
+        state, rounds = without_redundant_effects(*_best_search(state, known_effects, options, report), options)
+        state, rounds = compared_again(state, rounds, options)
     report("refit of the file's own elements", 0.85)
     state, rounds, written = without_insignificant_effects(file_state, state, rounds, nominal, options)
     evaluation = state.evaluation(options)
@@ -132,10 +133,55 @@ def choose_element_freedom(state: FitState, options: Options) -> FitState:
     return state if is_sure and wide_gap <= narrow_gap else narrow
 
 
-def _search(
+def _best_search(
     state: FitState, known_effects: Sequence[EffectSettings], options: Options, report: Report
 ) -> tuple[FitState, tuple[Round, ...]]:
-    """Add hypotheses one by one, as long as one passes every test."""
+    """Return the state with everything that the search adds, and its rounds.
+
+    The search adds one hypothesis at a time. A change of the contact has many parameters and may take the place of two
+    effects, but only in part. Where such a change was preferred to an effect that passed every test and the gap stayed
+    unexplained, the search begins again with effects before changes. That one counts if it explains the gap and
+    predicts significantly better.
+    """
+    found, rounds = _search(state, known_effects, options, report)
+    if _is_gap_explained(found, state, options) or not any(_preferred_change(item) for item in rounds):
+        return found, rounds
+    other, other_rounds = _search(state, known_effects, options, report, has_effects_first=True)
+    if not _is_gap_explained(other, state, options):
+        return found, rounds
+    evaluation = other.evaluation(options)
+    one, two = (evidence_of(finish_fit(item.setup, item.current), evaluation) for item in (found, other))
+    is_better = improvement(one.all, two.all).z_score > options.criteria.min_z_score
+    return (other, other_rounds) if is_better else (found, rounds)
+
+
+def _is_gap_explained(found: FitState, first: FitState, options: Options) -> bool:
+    """Return whether what a search leaves of the first gap is too little to count as predictable."""
+    return found.evaluation(options).is_gap_explained(found.current.model, first.current.model)
+
+
+def _preferred_change(item: Round) -> bool:
+    """Return whether a round added a change of the file although an effect passed every test."""
+    is_change = item.accepted is not None and item.accepted.candidate.settings is None
+    return is_change and any(one.passed and one.candidate.settings is not None for one in item.decisions)
+
+
+def _search(
+    state: FitState,
+    known_effects: Sequence[EffectSettings],
+    options: Options,
+    report: Report,
+    has_effects_first: bool = False,
+) -> tuple[FitState, tuple[Round, ...]]:
+    """Add hypotheses one by one, as long as one passes every test.
+
+    Args:
+        state: state after the refit within the tolerance.
+        known_effects: effects of the file.
+        options: options of the diagnosis.
+        report: called with the current step and the completed share.
+        has_effects_first: whether changes of the file are added only where no effect passes.
+    """
     rounds: list[Round] = []
     names = [name for name in catalogue_names() if name not in NOT_SEARCHED and name not in options.excluded]
     changed = [name for name in CHANGE_HYPOTHESES if name not in options.excluded]
@@ -155,12 +201,14 @@ def _search(
         listed += [changed_candidate(setup, current, name) for name in changed if can_be_freed(setup, name)]
         decisions = [decide(item, current, earlier, evaluation) for item in listed if item.refit.cost < current.cost]
         decisions.sort(key=lambda item: -item.improvement.decrease)
-        best = select_hypothesis(decisions, evaluation, [item.name for item in known_effects])
+        effects = [item for item in decisions if item.passed and item.candidate.settings is not None]
+        compared = effects if has_effects_first and effects else decisions
+        best = select_hypothesis(compared, evaluation, [item.name for item in known_effects])
         if best is None or sum(item.accepted is not None for item in rounds) >= most:
-            rounds.append(Round(screen.screenings, tuple(decisions), None, ()))
+            rounds.append(Round(screen.screenings, tuple(decisions), None, {}))
             break
         item = best.candidate
-        rounds.append(Round(screen.screenings, tuple(decisions), best, alternatives(best, decisions, options.criteria)))
+        rounds.append(Round(screen.screenings, tuple(decisions), best, comparisons(best, decisions, options.criteria)))
         setup = replace(item.setup, data=setup.data, workers=options.workers)
         state = replace(state, setup=setup, current=item.refit)
         state = state.refitted(state.current, FIT_STEPS).with_fitted_lag()
@@ -195,7 +243,8 @@ def select_hypothesis(
     if best.candidate.settings is None:
         return best
     equal = [
-        item for item in passed if z_score_between(best, item, evaluation.criteria) <= evaluation.criteria.min_z_score
+        item for item in passed
+        if z_score_between(best.evidence, item.evidence, evaluation.criteria) <= evaluation.criteria.min_z_score
     ]
     return next((item for item in equal if item in known), _simplest(best, equal))
 
@@ -238,15 +287,18 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
     waiting = [
         item for item in effects
         if is_confusable_with_contact(item.candidate.name)
-        and any(z_score_between(item, change, criteria) <= most for change in changes)
+        and any(z_score_between(item.evidence, change.evidence, criteria) <= most for change in changes)
     ]  # fmt: skip
-    best = next((item for item in effects if z_score_between(item, passed[0], criteria) > most), passed[0])
+    first = passed[0]
+    best = next((item for item in effects if z_score_between(item.evidence, first.evidence, criteria) > most), first)
     if best in waiting:
         best = changes[0]
     if best.candidate.settings is None:
         for item in effects:
             is_simpler = item.candidate.parameter_count < best.candidate.parameter_count
-            is_beaten = any(z_score_between(other, item, criteria) > most for other in (best, *effects))
+            is_beaten = any(
+                z_score_between(other.evidence, item.evidence, criteria) > most for other in (best, *effects)
+            )
             if item not in waiting and is_simpler and not is_beaten:
                 return item
     return best

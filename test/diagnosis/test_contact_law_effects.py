@@ -12,7 +12,7 @@ from workflow_case import AXIS, record
 from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.criteria import Criteria, Test
-from sgms_observer.diagnosis.decision import Decision, alternatives, z_score_between
+from sgms_observer.diagnosis.decision import Decision, comparisons, z_score_between
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evaluation import Evidence
 from sgms_observer.diagnosis.evidence import Improvement, preference
@@ -102,23 +102,31 @@ def decision(name: str, learn: float, held: float) -> Decision:
     return Decision(candidate, evidence, nothing, nothing, nothing, (Test("x", "x", 1.0, 0.0, True),))
 
 
+def alternatives(best: Decision, others: list[Decision]) -> tuple[str, ...]:
+    """Return the rivals that do not predict significantly worse."""
+    return tuple(name for name, test in comparisons(best, others, CRITERIA).items() if not test.passed)
+
+
 def test_held_out_recordings_may_contradict() -> None:
     first, second, worse = decision("spring", 1.0, 2.1), decision("offset", 1.5, 2.0), decision("gravity", 1.5, 2.5)
-    assert z_score_between(first, worse, CRITERIA) > 3.0  # both kinds of recordings agree
-    forth, back = z_score_between(first, second, CRITERIA), z_score_between(second, first, CRITERIA)
+    assert z_score_between(first.evidence, worse.evidence, CRITERIA) > 3.0  # both kinds of recordings agree
+    forth, back = (
+        z_score_between(first.evidence, second.evidence, CRITERIA),
+        z_score_between(second.evidence, first.evidence, CRITERIA),
+    )
     assert forth == -back < -3.0  # the held-out ones alone decide
-    assert alternatives(first, [first, second, worse], CRITERIA) == ("offset",)
+    assert alternatives(first, [first, second, worse]) == ("offset",)
 
 
 def test_held_out_recordings_that_show_neither_do_not_contradict() -> None:
     """A difference of the held-out residuals within its scatter says nothing, whatever its sign."""
     first, second = decision("spring", 1.0, 2.0), decision("offset", 1.5, 2.0)
     assert abs(preference(first.evidence.held_out, second.evidence.held_out)) < CRITERIA.interval_z_score
-    assert z_score_between(first, second, CRITERIA) > 3.0
+    assert z_score_between(first.evidence, second.evidence, CRITERIA) > 3.0
 
 
 def test_the_general_form_of_an_effect_is_no_other_explanation() -> None:
     names = ("quadratic_drag", "nonlinear_viscous", "eddy_current")
     drag, general, other = (decision(name, 1.0, 1.0) for name in names)
-    assert alternatives(drag, [drag, general, other], CRITERIA) == ("eddy_current",)
-    assert alternatives(general, [drag, general, other], CRITERIA) == ("quadratic_drag", "eddy_current")
+    assert alternatives(drag, [drag, general, other]) == ("eddy_current",)
+    assert alternatives(general, [drag, general, other]) == ("quadratic_drag", "eddy_current")

@@ -120,7 +120,7 @@ def accepted(setup: RefitSetup, found: Refit, without: Refit, name: str, evaluat
     later = evidence_of(found, evaluation)
     gain = improvement(evidence_of(without, evaluation).all, later.all)
     decision = Decision(item, later, gain, gain, gain, ())
-    return Round({}, (decision,), decision, ())
+    return Round({}, (decision,), decision, {})
 
 
 @pytest.mark.parametrize(("stiffness", "kept"), [(0.0, False), (30.0, True)])
