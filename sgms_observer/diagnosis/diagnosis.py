@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -86,6 +86,8 @@ class FitState:
         held_out_motions: held-out recordings, filtered.
         setup: setup of the fit: noise, freedom, fixed effects.
         current: the fit.
+        least: smallest rms residual that a fitted hypothesis left on the evaluated recordings, with the weights of the
+            evidence and with those of the reported gap [N].
     """
 
     recordings: Recordings
@@ -93,6 +95,7 @@ class FitState:
     held_out_motions: tuple[Motion, ...]
     setup: RefitSetup
     current: Refit
+    least: tuple[float, float] = (np.inf, np.inf)
 
     def refitted(self, start: Refit, steps: int) -> FitState:
         """Return the state refitted from ``start``, with the noise of the residual of ``start``."""
@@ -113,8 +116,19 @@ class FitState:
             state = state.refitted(state.current, REFIT_STEPS)
         return state
 
+    def with_least_of(self, decisions: Sequence[Decision]) -> FitState:
+        """Return the state that knows what these hypotheses leave: the noise cannot be larger."""
+        weighted_rms, reported_rms = self.least
+        for item in decisions:
+            weighted_rms = min(weighted_rms, rms(item.evidence.force))
+            reported_rms = min(reported_rms, rms(item.evidence.reported))
+        return replace(self, least=(weighted_rms, reported_rms))
+
     def evaluation(self, options: Options) -> EvaluationData:
         """Return the evaluation data.
+
+        The noise is fitted to the residual, so it contains what the model misses. What any fitted hypothesis leaves on
+        the evaluated recordings bounds it.
 
         Args:
             options: options of the diagnosis.
@@ -132,9 +146,9 @@ class FitState:
             motions,
             data,
             held_out_data,
-            floor,
+            min(floor, self.least[0]),
             gap,
-            reported_floor,
+            min(reported_floor, self.least[1]),
             reported_gap,
             options.criteria,
             options.seed,

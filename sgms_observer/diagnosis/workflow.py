@@ -201,6 +201,12 @@ def _search(
         listed += [changed_candidate(setup, current, name) for name in changed if can_be_freed(setup, name)]
         decisions = [decide(item, current, earlier, evaluation) for item in listed if item.refit.cost < current.cost]
         decisions.sort(key=lambda item: -item.improvement.decrease)
+        state = state.with_least_of(decisions)
+        evaluation = replace(
+            evaluation,
+            floor=min(evaluation.floor, state.least[0]),
+            reported_floor=min(evaluation.reported_floor, state.least[1]),
+        )
         effects = [item for item in decisions if item.passed and item.candidate.settings is not None]
         compared = effects if has_effects_first and effects else decisions
         best = select_hypothesis(compared, evaluation, [item.name for item in known_effects])
