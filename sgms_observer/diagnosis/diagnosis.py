@@ -141,18 +141,26 @@ class FitState:
         floor, reported_floor = noise_floors(motions, self.current.model, data.noise, options.seed, *weightings)
         left = residuals(self.current.model, motions)
         gap, reported_gap = (rms(weighted(left, weights)) for weights in weightings)
-        return EvaluationData(
+        found = EvaluationData(
             self.fit_motions,
             motions,
             data,
             held_out_data,
-            min(floor, self.least[0]),
+            floor,
             gap,
-            min(reported_floor, self.least[1]),
+            reported_floor,
             reported_gap,
             options.criteria,
             options.seed,
         )
+        return self.bounded(found)
+
+    def bounded(self, evaluation: EvaluationData) -> EvaluationData:
+        """Return evaluation data whose noise is at most what the hypotheses so far leave."""
+        floor, reported_floor = (
+            min(*pair) for pair in zip((evaluation.floor, evaluation.reported_floor), self.least, strict=True)
+        )
+        return replace(evaluation, floor=floor, reported_floor=reported_floor)
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis import audit
-from sgms_observer.diagnosis.candidates import MAX_COMPARED, effect_candidates, finish_fit
+from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, effect_candidates, finish_fit
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_freed, changed_candidate
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
+from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.decision import Decision, comparisons, decide, z_score_between
 from sgms_observer.diagnosis.diagnosis import FIT_STEPS, REFIT_STEPS, Diagnosis, FitState, Options, Recordings, Round
 from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG
@@ -133,31 +134,68 @@ def choose_element_freedom(state: FitState, options: Options) -> FitState:
     return state if is_sure and wide_gap <= narrow_gap else narrow
 
 
+@dataclass(frozen=True)
+class _Search:
+    """A stepwise search: its rounds, the state before each of them, and the state after the last one."""
+
+    states: tuple[FitState, ...]
+    rounds: tuple[Round, ...] = ()
+
+    @property
+    def state(self) -> FitState:
+        """Return the state after the last round."""
+        return self.states[-1]
+
+    @property
+    def accepted(self) -> list[Candidate]:
+        """Return what was added."""
+        return [item.accepted.candidate for item in self.rounds if item.accepted]
+
+    def can_go_on(self, criteria: Criteria, most: int) -> bool:
+        """Return whether another round may add a hypothesis; ``most`` bounds their number."""
+        if self.rounds and self.rounds[-1].accepted is None:
+            return False
+        effects = [item for item in self.accepted if item.settings is not None]
+        return len(effects) < criteria.max_effects and len(self.accepted) < most
+
+    def with_round(self, before: FitState, item: Round, after: FitState) -> _Search:
+        """Return the search with one more round."""
+        return _Search((*self.states[:-1], before, after), (*self.rounds, item))
+
+    def until(self, number: int) -> _Search:
+        """Return the search before a round."""
+        return _Search(self.states[: number + 1], self.rounds[:number])
+
+
 def _best_search(
     state: FitState, known_effects: Sequence[EffectSettings], options: Options, report: Report
 ) -> tuple[FitState, tuple[Round, ...]]:
     """Return the state with everything that the search adds, and its rounds.
 
     The search adds one hypothesis at a time. A change of the contact has many parameters and may take the place of two
-    effects, but only in part. Where such a change was preferred to an effect that passed every test and the gap stayed
-    unexplained, the search begins again with effects before changes. That one counts if it explains the gap and
-    predicts significantly better.
+    effects, but only in part. Where such a change was preferred to an effect that passed every test, and more than
+    noise is left, the search is repeated from there with effects before changes. That one counts if it leaves only
+    noise and the first one does not predict significantly better, or if it explains the gap and predicts significantly
+    better itself.
     """
-    found, rounds = _search(state, known_effects, options, report)
-    if _is_gap_explained(found, state, options) or not any(_preferred_change(item) for item in rounds):
-        return found, rounds
-    other, other_rounds = _search(state, known_effects, options, report, has_effects_first=True)
-    if not _is_gap_explained(other, state, options):
-        return found, rounds
-    evaluation = other.evaluation(options)
-    one, two = (evidence_of(finish_fit(item.setup, item.current), evaluation) for item in (found, other))
-    is_better = improvement(one.all, two.all).z_score > options.criteria.min_z_score
-    return (other, other_rounds) if is_better else (found, rounds)
-
-
-def _is_gap_explained(found: FitState, first: FitState, options: Options) -> bool:
-    """Return whether what a search leaves of the first gap is too little to count as predictable."""
-    return found.evaluation(options).is_gap_explained(found.current.model, first.current.model)
+    listed, criteria = [item.name for item in known_effects], options.criteria
+    found = _search(_Search((state,)), listed, options, report)
+    place = next((number for number, item in enumerate(found.rounds) if _preferred_change(item)), None)
+    if place is None or found.state.evaluation(options).is_gap_closed(found.state.current.model):
+        return found.state, found.rounds
+    prefix, item = found.until(place), found.rounds[place]
+    effects = [one for one in item.decisions if one.candidate.settings is not None]
+    best = select_hypothesis(effects, prefix.state.evaluation(options), listed)
+    other = _search(
+        _with_best(prefix, prefix.state, item, best, options), listed, options, report, has_effects_first=True
+    )
+    evaluation, model = other.state.evaluation(options), other.state.current.model
+    one, two = (evidence_of(finish_fit(one.setup, one.current), evaluation) for one in (found.state, other.state))
+    z_score = z_score_between(two, one, criteria)
+    counts = (evaluation.is_gap_closed(model) and z_score >= -criteria.min_z_score) or (
+        evaluation.is_gap_explained(model, state.current.model) and z_score > criteria.min_z_score
+    )
+    return (other.state, other.rounds) if counts else (found.state, found.rounds)
 
 
 def _preferred_change(item: Round) -> bool:
@@ -167,64 +205,63 @@ def _preferred_change(item: Round) -> bool:
 
 
 def _search(
-    state: FitState,
-    known_effects: Sequence[EffectSettings],
-    options: Options,
-    report: Report,
-    has_effects_first: bool = False,
-) -> tuple[FitState, tuple[Round, ...]]:
+    found: _Search, listed: Sequence[str], options: Options, report: Report, has_effects_first: bool = False
+) -> _Search:
     """Add hypotheses one by one, as long as one passes every test.
 
     Args:
-        state: state after the refit within the tolerance.
-        known_effects: effects of the file.
+        found: rounds so far.
+        listed: effects of the file.
         options: options of the diagnosis.
         report: called with the current step and the completed share.
         has_effects_first: whether changes of the file are added only where no effect passes.
     """
-    rounds: list[Round] = []
-    names = [name for name in catalogue_names() if name not in NOT_SEARCHED and name not in options.excluded]
-    changed = [name for name in CHANGE_HYPOTHESES if name not in options.excluded]
-    most = options.criteria.max_effects + len(changed)
-    for number in range(most):
-        share = 0.1 + 0.7 * number / most
+    searched = [name for name in catalogue_names() if name not in NOT_SEARCHED and name not in options.excluded]
+    changes = [name for name in CHANGE_HYPOTHESES if name not in options.excluded]
+    most = options.criteria.max_effects + len(changes)
+    while found.can_go_on(options.criteria, most):
+        added = {item.name for item in found.accepted}
+        names, changed = ([name for name in one if name not in added] for one in (searched, changes))
+        share = 0.1 + 0.7 * len(found.rounds) / most
         report(f"screening of {len(names)} effects", share)
-        setup, current = state.setup, finish_fit(state.setup, state.current)  # as many steps as for the hypotheses
-        state = replace(state, current=current)
+        setup = found.state.setup
+        current = finish_fit(setup, found.state.current)  # as many steps as for the hypotheses
+        state = replace(found.state, current=current)
         evaluation = state.evaluation(options)
-        if rounds and evaluation.is_gap_closed(current.model):
-            break
+        if found.rounds and evaluation.is_gap_closed(current.model):
+            return replace(found, states=(*found.states[:-1], state))
         earlier = evidence_of(current, evaluation)
         screen = Screen(setup.data, current, options.tolerance, setup.freedom, names, options.workers)
         report("full fits", share + 0.02)
-        listed = effect_candidates(setup, screen, current, options.workers, MAX_COMPARED)
-        listed += [changed_candidate(setup, current, name) for name in changed if can_be_freed(setup, name)]
-        decisions = [decide(item, current, earlier, evaluation) for item in listed if item.refit.cost < current.cost]
+        fitted = effect_candidates(setup, screen, current, options.workers, MAX_COMPARED)
+        fitted += [changed_candidate(setup, current, name) for name in changed if can_be_freed(setup, name)]
+        decisions = [decide(item, current, earlier, evaluation) for item in fitted if item.refit.cost < current.cost]
         decisions.sort(key=lambda item: -item.improvement.decrease)
         state = state.with_least_of(decisions)
-        evaluation = replace(
-            evaluation,
-            floor=min(evaluation.floor, state.least[0]),
-            reported_floor=min(evaluation.reported_floor, state.least[1]),
-        )
         effects = [item for item in decisions if item.passed and item.candidate.settings is not None]
         compared = effects if has_effects_first and effects else decisions
-        best = select_hypothesis(compared, evaluation, [item.name for item in known_effects])
-        if best is None or sum(item.accepted is not None for item in rounds) >= most:
-            rounds.append(Round(screen.screenings, tuple(decisions), None, {}))
-            break
-        item = best.candidate
-        rounds.append(Round(screen.screenings, tuple(decisions), best, comparisons(best, decisions, options.criteria)))
-        setup = replace(item.setup, data=setup.data, workers=options.workers)
-        state = replace(state, setup=setup, current=item.refit)
-        state = state.refitted(state.current, FIT_STEPS).with_fitted_lag()
-        names = [name for name in names if name != best.candidate.name]
-        changed = [name for name in changed if name != best.candidate.name]
-        if sum(item.candidate.settings is not None for item in (r.accepted for r in rounds) if item) >= (
-            options.criteria.max_effects
-        ):
-            break
-    return state, tuple(rounds)
+        best = select_hypothesis(compared, state.bounded(evaluation), listed)
+        found = _with_best(found, state, Round(screen.screenings, tuple(decisions), None, {}), best, options)
+    return found
+
+
+def _with_best(found: _Search, state: FitState, item: Round, best: Decision | None, options: Options) -> _Search:
+    """Return the search with a round that adds a hypothesis, or none.
+
+    Args:
+        found: rounds before.
+        state: state before the round.
+        item: the round.
+        best: the hypothesis to add, or None.
+        options: options of the diagnosis.
+    """
+    if best is None:
+        return found.with_round(state, replace(item, accepted=None, comparisons={}), state)
+    compared = comparisons(best, item.decisions, options.criteria)
+    setup = replace(best.candidate.setup, data=state.setup.data, workers=options.workers)
+    after = replace(state, setup=setup, current=best.candidate.refit)
+    after = after.refitted(after.current, FIT_STEPS).with_fitted_lag()
+    return found.with_round(state, replace(item, accepted=best, comparisons=compared), after)
 
 
 def select_hypothesis(
@@ -249,7 +286,8 @@ def select_hypothesis(
     if best.candidate.settings is None:
         return best
     equal = [
-        item for item in passed
+        item
+        for item in passed
         if z_score_between(best.evidence, item.evidence, evaluation.criteria) <= evaluation.criteria.min_z_score
     ]
     return next((item for item in equal if item in known), _simplest(best, equal))

@@ -10,7 +10,7 @@ from workflow_case import AXIS, FRICTION, PERIOD, record
 from sgms_observer.diagnosis.candidates import Candidate, effect_candidates
 from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.diagnosis.criteria import Criteria, at_least
-from sgms_observer.diagnosis.decision import Decision, alternatives
+from sgms_observer.diagnosis.decision import Decision, comparisons
 from sgms_observer.diagnosis.evaluation import Evidence
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise, refit
@@ -149,7 +149,8 @@ def test_alternatives_are_what_left_out_data_do_not_tell_from_the_best() -> None
         decision("quadratic_drag", 4.0),
         decision("asymmetric_coulomb", 1.0, chance=0.01, is_passed=False),
     ]
-    assert alternatives(best, others, Criteria()) == ("cogging",)
+    found = comparisons(best, others, Criteria())
+    assert [name for name, test in found.items() if not test.passed] == ["cogging"]
 
 
 def test_residual_of_the_truth_is_noise() -> None:
