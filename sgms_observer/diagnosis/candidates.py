@@ -32,8 +32,8 @@ MAX_COMPARED = 5
 """Largest number of effects with a final fit in one round."""
 MIN_REDUCTION_SHARE = 0.1
 """Smallest chi2_reduction in the screening, as a share of the largest one, for which an effect is fitted."""
-ABSORBED_BY_NOMINAL = ("mass_error", "actuator_gain")
-"""Effects that the nominal parameters absorb up to their tolerance. The screening cannot exclude them."""
+ABSORBED_BY_NOMINAL = ("mass_error", "actuator_gain", "actuator_dead_zone")
+"""Effects that mass, all forces and Coulomb force absorb up to their tolerance. The screening cannot exclude them."""
 WEAK_START_SHARE = 0.1
 """Share of the strength for a second start, if the fit from the full strength does not reduce the cost."""
 FIXED_SHAPES = {"cogging": (3, 4), **REFERENCE_PARAMETERS}

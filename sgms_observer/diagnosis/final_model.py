@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
+from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least, at_most
 from sgms_observer.diagnosis.decision import within_range
 from sgms_observer.diagnosis.diagnosis import Round
@@ -116,10 +116,12 @@ def range_tests(data: GapData, final: FinalModel) -> list[Test]:
 
 
 def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Test]:
-    """Return for each named effect the test that it explains nearly all of what its own coordinates predict.
+    """Return for each named effect the test that it explains enough of what its own coordinates predict.
 
-    A map over these coordinates is fitted to what the effect leaves. Effects that another contact law can imitate are
-    not tested: what their coordinates predict may be the contact's.
+    A map over these coordinates is fitted to what the effect leaves. Of nearly all effects it may predict next to
+    nothing. An effect that another contact law can imitate is judged over the coordinates of a contact: what they
+    predict may be the contact's, but if it is more than what the effect closes, the effect may be the contact's too.
+    Effects that have to explain the gap are not tested again.
 
     Args:
         data: recordings of the gap.
@@ -129,17 +131,23 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
     criteria, fit = data.options.criteria, final.fit
     known, rest = data.fitted(fit.model), data.evidence(final.after)
     tests = []
-    for item in fit.effects:
-        coordinates = set(effect(item.name).coordinates)
-        over = [one for one in COORDINATES if set(one) <= coordinates | {"direction"} and set(one) & coordinates]
-        if item.name not in final.names or not over or is_confusable_with_contact(item.name):
+    for one in (item.accepted.candidate for item in final.accepted if item.accepted):
+        is_confusable = is_confusable_with_contact(one.name)
+        coordinates = {*CONTACT, "load"} if is_confusable else set(effect(one.name).coordinates)
+        over = [key for key in COORDINATES if set(key) <= coordinates | {"direction"} and set(key) & coordinates]
+        if not over or one.has_to_explain:
             continue
-        others = replace(fit.model, effects=tuple(one for one in fit.model.effects if one.name != item.name))
-        closed = data.reduction(residuals(others, data.motions), final.after).decrease
-        left = fit_map(known, rest if data.has_held_out else known, MAP_NAMES[0], units, criteria, over)
-        share = left.improvement.decrease / (left.improvement.decrease + max(closed, 0.0)) if left else 0.0
-        title = "share of what its coordinates predict that it leaves"
-        tests.append(at_most(item.name, title, share, criteria.min_predictable_share))
+        others = replace(fit.model, effects=tuple(item for item in fit.model.effects if item.name != one.name))
+        closed = max(data.reduction(residuals(others, data.motions), final.after).decrease, 0.0)
+        found = fit_map(known, rest if data.has_held_out else known, MAP_NAMES[0], units, criteria, over)
+        left = found.improvement.decrease if found else 0.0
+        if is_confusable:
+            title = "what the coordinates of a contact still predict, over what it closes"
+            tests.append(at_most(one.name, title, left / max(closed, 1.0e-300), 1.0))
+        else:
+            title = "share of what its coordinates predict that it leaves"
+            share = left / max(left + closed, 1.0e-300)
+            tests.append(at_most(one.name, title, share, criteria.min_predictable_share))
     return tests
 
 

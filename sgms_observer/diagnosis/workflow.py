@@ -191,9 +191,11 @@ def _best_search(
     )
     evaluation, model = other.state.evaluation(options), other.state.current.model
     one, two = (evidence_of(finish_fit(one.setup, one.current), evaluation) for one in (found.state, other.state))
-    z_score = z_score_between(two, one, criteria)
-    counts = (evaluation.is_gap_closed(model) and z_score >= -criteria.min_z_score) or (
-        evaluation.is_gap_explained(model, state.current.model) and z_score > criteria.min_z_score
+    is_better, is_worse = (
+        improvement(*pair).z_score > criteria.min_z_score for pair in ((one.all, two.all), (two.all, one.all))
+    )
+    counts = (evaluation.is_gap_closed(model) and not is_worse) or (
+        evaluation.is_gap_explained(model, state.current.model) and is_better
     )
     return (other.state, other.rounds) if counts else (found.state, found.rounds)
 

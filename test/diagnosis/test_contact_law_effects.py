@@ -130,3 +130,16 @@ def test_the_general_form_of_an_effect_is_no_other_explanation() -> None:
     drag, general, other = (decision(name, 1.0, 1.0) for name in names)
     assert alternatives(drag, [drag, general, other]) == ("eddy_current",)
     assert alternatives(general, [drag, general, other]) == ("quadratic_drag", "eddy_current")
+
+
+def test_an_effect_that_leaves_more_than_another_hypothesis_does_not_end_the_search(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The noise is fitted to the residual: what a wrong effect leaves looks like noise until something leaves less."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("actuator_gain", "actuator_dead_zone", "frictional_lag"))
+    hidden = (EffectSettings("actuator_dead_zone", (0.5,)), EffectSettings("frictional_lag", (300.0, 1.0e-6)))
+    learn, judge = (record(hidden, seed=seed, duration=15.0) for seed in (1, 2))
+    found = diagnose([learn], [judge], AXIS, Options(workers=1, band=100.0))
+    names = [item.accepted.candidate.name for item in found.rounds if item.accepted]
+    assert "frictional_lag" in names and "actuator_gain" not in names
+    assert found.evaluation.gap < CRITERIA.min_gap_over_floor * found.final_state.least[0]
