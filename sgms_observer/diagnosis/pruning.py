@@ -46,10 +46,10 @@ def without_redundant_effects(
 
 
 def compared_again(state: FitState, rounds: Sequence[Round], options: Options) -> tuple[FitState, tuple[Round, ...]]:
-    """Compare each effect with its alternatives again, beside everything that was accepted later.
+    """Compare each effect with its rivals again, beside everything that was accepted later.
 
-    In its own round the later effects were still in the residual and hid differences. An alternative that predicts
-    significantly worse is none any more; one that predicts significantly better takes the place of the effect.
+    In its own round the later effects were still in the residual, where they hide differences and make others. A rival
+    that predicts significantly better takes the place of the effect.
 
     Args:
         state: state with everything that was accepted.
@@ -63,7 +63,7 @@ def compared_again(state: FitState, rounds: Sequence[Round], options: Options) -
         item = found[place]
         name = item.accepted.candidate.name if item.accepted else ""
         tests = {rival: test for rival, test in item.comparisons.items() if rival not in names}
-        for rival in (one for one in item.alternatives if one in tests):
+        for rival in tuple(tests):
             decision = next(one for one in item.decisions if one.candidate.name == rival)
             evaluation = state.evaluation(options)
             swapped = _with_rival(state, name, decision)

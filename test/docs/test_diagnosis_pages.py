@@ -35,6 +35,7 @@ NATURAL = {
     "delay over sample period": 0.5,
     "parameters at the end of their range": 0.0,
     "gap as reported, as a share of the effort": 1.0,
+    "what the coordinates of a contact still predict, over what it closes": 1.0,
     "friction not cancelled by the feedforward: z-score of its growth": 3.0,
 }
 """Thresholds that nobody could choose otherwise."""
