@@ -25,5 +25,6 @@ LIVE = (
 #: tests mostly wait, for messages and motions, and `make test` runs as many at once as there are cores; these come
 #: last, one by one.
 ALONE = (
-    "cli/test_bench.py", "nodes/test_demo.py", "nodes/test_first_start.py", "nodes/test_reference_player.py",
+    "cli/test_bench.py", "nodes/test_commission.py", "nodes/test_demo.py", "nodes/test_first_start.py",
+    "nodes/test_reference_player.py",
 )  # fmt: skip
