@@ -119,7 +119,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     total = residuals(model, data.motions) if learnt else final.after
     floor = _floor(data, final, total, free, unnamed)
     predictable_share = max(
-        free.improvement.share if free else 0.0,
+        _share_of_both(rest, free) if free else 0.0,
         unnamed.significant_share(criteria) if unnamed else 0.0,
         learnt[0].share if learnt else 0.0,
     )
@@ -174,6 +174,17 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         residual_after=tuple(total),
         gap_with_learnt=percent * data.rms(total),
     )  # fmt: skip
+
+
+def _share_of_both(rest: WeightedResidual, free: FreeForm) -> float:
+    """Return the share of the squared gap that a free-form regression predicts, the smaller one of two weightings.
+
+    Args:
+        rest: residual with the weights of the reported gap.
+        free: regression, judged with the weights of the evidence.
+    """
+    reported = 1.0 - (rest.minus(free.predicted).rms / rest.rms) ** 2
+    return max(0.0, min(free.improvement.share, reported))
 
 
 def _floor(

@@ -109,6 +109,8 @@ def check(answer: Answer, learn: Recording) -> None:
             if number.accepted is decision:
                 assert decision.passed
     assert 0.0 <= gap.noise <= gap.floor + 1e-9 <= gap.after + 2e-9
+    if answer.verdict == "unknown_effect":  # the same share in verdict and gap
+        assert gap.predictable > 0.0
     if answer.verdict == "cannot_tell" and answer.diagnosis.is_poor:
         assert answer.warnings and not answer.usable and not named
 
