@@ -57,12 +57,14 @@ def compared_again(state: FitState, rounds: Sequence[Round], options: Options) -
         options: options of the diagnosis.
     """
     criteria, found = options.criteria, list(rounds)
-    accepted = [place for place, item in enumerate(found) if item.accepted]
-    names = {item.accepted.candidate.name for item in found if item.accepted}
-    for place in accepted[:-1]:
-        item = found[place]
-        name = item.accepted.candidate.name if item.accepted else ""
-        tests = {rival: test for rival, test in item.comparisons.items() if rival not in names}
+    accepted = [(place, item.accepted.candidate) for place, item in enumerate(found) if item.accepted]
+    names = {candidate.name for _, candidate in accepted}
+    for place, candidate in accepted[:-1]:
+        if candidate.settings is None:  # a change of the file has no place that an effect could take
+            continue
+        item, name = found[place], candidate.name
+        known = names | {one.name for one in state.current.effects}
+        tests = {rival: test for rival, test in item.comparisons.items() if rival not in known}
         for rival in tuple(tests):
             decision = next(one for one in item.decisions if one.candidate.name == rival)
             evaluation = state.evaluation(options)

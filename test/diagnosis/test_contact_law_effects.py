@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from workflow_case import AXIS, record
 
-from sgms_observer.diagnosis import workflow
+from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.criteria import Criteria, Test
 from sgms_observer.diagnosis.decision import Decision, comparisons, z_score_between
@@ -139,7 +139,14 @@ def test_an_effect_that_leaves_more_than_another_hypothesis_does_not_end_the_sea
     monkeypatch.setattr(workflow, "catalogue_names", lambda: ("actuator_gain", "actuator_dead_zone", "frictional_lag"))
     hidden = (EffectSettings("actuator_dead_zone", (0.5,)), EffectSettings("frictional_lag", (300.0, 1.0e-6)))
     learn, judge = (record(hidden, seed=seed, duration=15.0) for seed in (1, 2))
-    found = diagnose([learn], [judge], AXIS, Options(workers=1, band=100.0))
+    options = Options(workers=1, band=100.0)
+    found = diagnose([learn], [judge], AXIS, options)
     names = [item.accepted.candidate.name for item in found.rounds if item.accepted]
     assert "frictional_lag" in names and "actuator_gain" not in names
     assert found.evaluation.gap < CRITERIA.min_gap_over_floor * found.final_state.least[0]
+    # An effect that passed beside a change of the file does not take its place, however well it predicts.
+    change = found.rounds[0].accepted
+    assert change is not None and change.candidate.settings is None and found.rounds[0].comparisons
+    monkeypatch.setattr(pruning, "z_score_between", lambda *_: -10.0)
+    _, rounds = pruning.compared_again(found.final_state, found.rounds, options)
+    assert rounds[0].accepted is change
