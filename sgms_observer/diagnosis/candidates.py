@@ -33,7 +33,8 @@ MAX_COMPARED = 5
 MIN_REDUCTION_SHARE = 0.1
 """Smallest chi2_reduction in the screening, as a share of the largest one, for which an effect is fitted."""
 ABSORBED_BY_NOMINAL = ("mass_error", "actuator_gain", "actuator_dead_zone")
-"""Effects that mass, all forces and Coulomb force absorb up to their tolerance. The screening cannot exclude them."""
+"""Effects that the parameters of the file absorb up to their tolerance, so that the screening cannot exclude them: the
+first looks like another mass, the second like another mass and friction, the third like another Coulomb force."""
 WEAK_START_SHARE = 0.1
 """Share of the strength for a second start, if the fit from the full strength does not reduce the cost."""
 FIXED_SHAPES = {"cogging": (3, 4), **REFERENCE_PARAMETERS}

@@ -29,10 +29,6 @@ MIN_DELAY = 0.5
 """Shortest delay that is named, in sample periods. Holding the effort between samples causes as much."""
 RANGE_END_TOLERANCE = 1.0e-6
 """Largest relative distance at which a parameter counts as at the end of its range."""
-ANY_VALUE_PARAMETERS = (
-    "thermal_drift.motion_share", "frictional_lag.attraction_rate", "frictional_lag.distance", "backlash.stop",
-)  # fmt: skip
-"""Parameters that may be at an end of their range: there a part of the effect is absent."""
 
 
 @dataclass(frozen=True)
@@ -137,8 +133,7 @@ def within_range(settings: EffectSettings, motions: Sequence[Motion], nominal: M
     """
     at_end = 0
     for parameter, value in zip(effect(settings.name).parameters, settings.values, strict=True):
-        is_free = f"{settings.name}.{parameter.name}" in ANY_VALUE_PARAMETERS or parameter.unit == "rad"
-        if is_free or value == parameter.default:
+        if parameter.may_end or parameter.unit == "rad" or value == parameter.default:
             continue
         limits = plausible_range(settings.name, parameter.name, motions, nominal)
         ends = [end for end in (parameter.minimum, parameter.maximum, *limits) if math.isfinite(end)]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.criteria import Criteria, Test
 from sgms_observer.diagnosis.decision import Decision, strength_over_error
 from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
@@ -192,6 +193,11 @@ class Round:
         return replace(self, accepted=decision if test.passed else None, decisions=listed)
 
 
+def accepted_candidates(rounds: Sequence[Round]) -> list[Candidate]:
+    """Return what these rounds added."""
+    return [item.accepted.candidate for item in rounds if item.accepted]
+
+
 @dataclass(frozen=True)
 class WrittenFits:
     """Fits with the elements of the file, as they are written and reported.
@@ -264,11 +270,10 @@ class Diagnosis:
     @property
     def changes(self) -> frozenset[str]:
         """Return the accepted hypotheses that values of the file changed."""
-        added = [item.accepted.candidate for item in self.rounds if item.accepted]
-        return frozenset(one.name for one in added if one.settings is None)
+        return frozenset(one.name for one in accepted_candidates(self.rounds) if one.settings is None)
 
     @property
     def unnamed_contact_effects(self) -> frozenset[str]:
         """Return the contact law effects that were accepted and are not named."""
-        added = [item.accepted.candidate for item in self.rounds if item.accepted]
-        return frozenset(one.name for one in added if one.has_to_explain and not self.is_gap_explained)
+        listed = [] if self.is_gap_explained else accepted_candidates(self.rounds)
+        return frozenset(one.name for one in listed if one.has_to_explain)

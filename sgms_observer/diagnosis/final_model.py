@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least, at_most
 from sgms_observer.diagnosis.decision import within_range
-from sgms_observer.diagnosis.diagnosis import Round
+from sgms_observer.diagnosis.diagnosis import Round, accepted_candidates
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
@@ -45,7 +45,7 @@ class FinalModel:
     @property
     def names(self) -> frozenset[str]:
         """Return the named effects."""
-        return frozenset(item.accepted.candidate.name for item in self.accepted if item.accepted)
+        return frozenset(one.name for one in accepted_candidates(self.accepted))
 
 
 def final_model(data: GapData, contradiction: Test | None) -> FinalModel:
@@ -68,7 +68,7 @@ def final_model(data: GapData, contradiction: Test | None) -> FinalModel:
 def _confirmation_tests(data: GapData, added: FinalModel) -> list[Test]:
     """Return the tests of everything that was added together, on the recordings of the gap."""
     criteria, diagnosis = data.options.criteria, data.diagnosis
-    names = ", ".join(item.accepted.candidate.name for item in diagnosis.rounds if item.accepted)
+    names = ", ".join(one.name for one in accepted_candidates(diagnosis.rounds))
     before, after = data.rms(added.before), data.rms(added.after)
     reduction = data.reduction(added.before, added.after)
     closed = (before**2 - after**2) / max(before**2 - added.noise**2, 1e-300)
@@ -131,7 +131,7 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
     criteria, fit = data.options.criteria, final.fit
     known, rest = data.fitted(fit.model), data.evidence(final.after)
     tests = []
-    for one in (item.accepted.candidate for item in final.accepted if item.accepted):
+    for one in accepted_candidates(final.accepted):
         is_confusable = is_confusable_with_contact(one.name)
         coordinates = {*CONTACT, "load"} if is_confusable else set(effect(one.name).coordinates)
         over = [key for key in COORDINATES if set(key) <= coordinates | {"direction"} and set(key) & coordinates]

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis.candidates import LAST_STEPS, finish_fit, with_free_effect
 from sgms_observer.diagnosis.criteria import Test, at_least
 from sgms_observer.diagnosis.decision import Decision, compare, z_score_between
-from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, FitState, Options, Round, WrittenFits
+from sgms_observer.diagnosis.diagnosis import (
+    REFIT_STEPS,
+    FitState,
+    Options,
+    Round,
+    WrittenFits,
+    accepted_candidates,
+)
 from sgms_observer.diagnosis.evaluation import evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, data_with_own_noise
@@ -57,24 +64,26 @@ def compared_again(state: FitState, rounds: Sequence[Round], options: Options) -
         options: options of the diagnosis.
     """
     criteria, found = options.criteria, list(rounds)
-    accepted = [(place, item.accepted.candidate) for place, item in enumerate(found) if item.accepted]
-    names = {candidate.name for _, candidate in accepted}
-    for place, candidate in accepted[:-1]:
-        if candidate.settings is None:  # a change of the file has no place that an effect could take
+    places = [place for place, item in enumerate(found) if item.accepted]
+    for place in places[:-1]:
+        item = found[place]
+        assert item.accepted is not None
+        if item.accepted.candidate.settings is None:  # a change of the file has no place that an effect could take
             continue
-        item, name = found[place], candidate.name
-        known = names | {one.name for one in state.current.effects}
+        name = item.accepted.candidate.name
+        known = {one.name for one in state.current.effects}
         tests = {rival: test for rival, test in item.comparisons.items() if rival not in known}
+        if tests:
+            evaluation = state.evaluation(options)
+            full = evidence_of(finish_fit(state.setup, state.current), evaluation)
         for rival in tuple(tests):
             decision = next(one for one in item.decisions if one.candidate.name == rival)
-            evaluation = state.evaluation(options)
             swapped = _with_rival(state, name, decision)
-            full = evidence_of(finish_fit(state.setup, state.current), evaluation)
             z_score = z_score_between(full, evidence_of(swapped.current, evaluation), criteria)
             tests[rival] = compare(name, rival, z_score, criteria)
             if z_score < -criteria.min_z_score:
                 state, tests = swapped.refitted(swapped.current, REFIT_STEPS), {}
-                item, names = replace(item, accepted=decision), names - {name} | {rival}
+                item = replace(item, accepted=decision)
                 break
         found[place] = replace(item, comparisons=tests)
     return state, tuple(found)
@@ -108,7 +117,7 @@ def without_insignificant_effects(
         written = _as_written(found, state, nominal)
         tests = [
             at_least(name, title, written.strength(name), options.criteria.interval_z_score)
-            for name in (item.accepted.candidate.name for item in _with_effects(rounds) if item.accepted)
+            for name in (one.name for one in accepted_candidates(_with_effects(rounds)))
         ]
         weakest = min(tests, key=lambda test: test.value, default=None)
         if weakest is None or weakest.passed:

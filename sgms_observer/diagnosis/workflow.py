@@ -14,7 +14,16 @@ from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_fr
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.decision import Decision, comparisons, decide, z_score_between
-from sgms_observer.diagnosis.diagnosis import FIT_STEPS, REFIT_STEPS, Diagnosis, FitState, Options, Recordings, Round
+from sgms_observer.diagnosis.diagnosis import (
+    FIT_STEPS,
+    REFIT_STEPS,
+    Diagnosis,
+    FitState,
+    Options,
+    Recordings,
+    Round,
+    accepted_candidates,
+)
 from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
@@ -149,7 +158,7 @@ class _Search:
     @property
     def accepted(self) -> list[Candidate]:
         """Return what was added."""
-        return [item.accepted.candidate for item in self.rounds if item.accepted]
+        return accepted_candidates(self.rounds)
 
     def can_go_on(self, criteria: Criteria, most: int) -> bool:
         """Return whether another round may add a hypothesis; ``most`` bounds their number."""
@@ -178,32 +187,36 @@ def _best_search(
     noise and the first one does not predict significantly better, or if it explains the gap and predicts significantly
     better itself.
     """
-    listed, criteria = [item.name for item in known_effects], options.criteria
-    found = _search(_Search((state,)), listed, options, report)
-    place = next((number for number, item in enumerate(found.rounds) if _preferred_change(item)), None)
-    if place is None or found.state.evaluation(options).is_gap_closed(found.state.current.model):
-        return found.state, found.rounds
-    prefix, item = found.until(place), found.rounds[place]
-    effects = [one for one in item.decisions if one.candidate.settings is not None]
-    best = select_hypothesis(effects, prefix.state.evaluation(options), listed)
-    other = _search(
-        _with_best(prefix, prefix.state, item, best, options), listed, options, report, has_effects_first=True
+    listed, most = [item.name for item in known_effects], options.criteria.min_z_score
+    first = _search(_Search((state,)), listed, options, report)
+    place = next((number for number, item in enumerate(first.rounds) if _preferred_change(item)), None)
+    if place is None or first.state.evaluation(options).is_gap_closed(first.state.current.model):
+        return first.state, first.rounds
+    before, item = first.until(place), first.rounds[place]
+    best = select_hypothesis(_passed_effects(item.decisions), before.state.evaluation(options), listed)
+    again = _with_best(before, before.state, item, best, options)
+    second = _search(again, listed, options, report, has_effects_first=True)
+    evaluation, model = second.state.evaluation(options), second.state.current.model
+    earlier, later = (
+        evidence_of(finish_fit(one.setup, one.current), evaluation).all for one in (first.state, second.state)
     )
-    evaluation, model = other.state.evaluation(options), other.state.current.model
-    one, two = (evidence_of(finish_fit(one.setup, one.current), evaluation) for one in (found.state, other.state))
-    is_better, is_worse = (
-        improvement(*pair).z_score > criteria.min_z_score for pair in ((one.all, two.all), (two.all, one.all))
-    )
-    counts = (evaluation.is_gap_closed(model) and not is_worse) or (
-        evaluation.is_gap_explained(model, state.current.model) and is_better
-    )
-    return (other.state, other.rounds) if counts else (found.state, found.rounds)
+    if evaluation.is_gap_closed(model):
+        counts = improvement(later, earlier).z_score <= most
+    else:
+        is_explained = evaluation.is_gap_explained(model, state.current.model)
+        counts = is_explained and improvement(earlier, later).z_score > most
+    return (second.state, second.rounds) if counts else (first.state, first.rounds)
+
+
+def _passed_effects(decisions: Sequence[Decision]) -> list[Decision]:
+    """Return the decisions on effects that passed every test."""
+    return [item for item in decisions if item.passed and item.candidate.settings is not None]
 
 
 def _preferred_change(item: Round) -> bool:
     """Return whether a round added a change of the file although an effect passed every test."""
     is_change = item.accepted is not None and item.accepted.candidate.settings is None
-    return is_change and any(one.passed and one.candidate.settings is not None for one in item.decisions)
+    return is_change and bool(_passed_effects(item.decisions))
 
 
 def _search(
@@ -240,8 +253,7 @@ def _search(
         decisions = [decide(item, current, earlier, evaluation) for item in fitted if item.refit.cost < current.cost]
         decisions.sort(key=lambda item: -item.improvement.decrease)
         state = state.with_least_of(decisions)
-        effects = [item for item in decisions if item.passed and item.candidate.settings is not None]
-        compared = effects if has_effects_first and effects else decisions
+        compared = (has_effects_first and _passed_effects(decisions)) or decisions
         best = select_hypothesis(compared, state.bounded(evaluation), listed)
         found = _with_best(found, state, Round(screen.screenings, tuple(decisions), None, {}), best, options)
     return found

@@ -70,6 +70,8 @@ class EffectParameter:
         prismatic_default: value on a prismatic axis when the YAML is silent [``unit``]; None where it is ``default``.
         acts_on: recorded quantity out of ``QUANTITIES`` whose range bounds a value that a recording can show: a pitch
             is not longer than the stroke, a limit not above the effort. Empty where none does.
+        may_end: whether a fitted value may lie at an end of the range, because a part of the effect is absent there.
+            Elsewhere a value at an end means that the recordings do not show the parameter.
     """
 
     name: str
@@ -81,6 +83,7 @@ class EffectParameter:
     is_strength: bool = False
     prismatic_default: float | None = None
     acts_on: str = ""
+    may_end: bool = False
 
     def __post_init__(self) -> None:
         """Check the range.

@@ -265,6 +265,7 @@ FORCE_EFFECTS = (
                 1.0e-3,
                 "by how much a wall gives before the load slides",
                 acts_on="position",
+                may_end=True,
             ),
         ),
         "F = A / (1 - A) s(v) d(x), x = stretch, d = 0 in the play, +-1 where a wall has given by its stop",

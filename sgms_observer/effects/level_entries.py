@@ -119,7 +119,13 @@ LEVEL_EFFECTS = (
             _share("level when warm over level at the start, minus 1"),
             EffectParameter("time_constant", "s", 600.0, 0.1, 1.0e6, "time constant of the warm-up", acts_on="time"),
             EffectParameter(
-                "motion_share", "-", 0.0, 0.0, 1.0, "share of the heat that sliding brings; 0: warms by the clock"
+                "motion_share",
+                "-",
+                0.0,
+                0.0,
+                1.0,
+                "share of the heat that sliding brings; 0: warms by the clock",
+                may_end=True,
             ),
             EffectParameter(
                 "reference_velocity",
@@ -201,6 +207,7 @@ LEVEL_EFFECTS = (
                 1.0e9,
                 "rate C at which the sliding force follows the Stribeck curve; infinite for none",
                 is_strength=True,
+                may_end=True,
             ),
             EffectParameter(
                 "distance",
@@ -210,6 +217,7 @@ LEVEL_EFFECTS = (
                 1.0,
                 "travel after a reversal over which the contact still sticks",
                 acts_on="position",
+                may_end=True,
             ),
         ),
         "s -> L, dL/dt = C (1 - L / s) while sliding",

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
+import numpy as np
 
 matplotlib.use("Agg")
 
@@ -18,9 +19,12 @@ from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import AutoLocator
+from numpy.typing import NDArray
 
 from sgms_observer.report.colours import COLOURS, light
 from sgms_observer.report.page import Picture
+
+Floats = NDArray[np.float64]
 
 TRUTH, ESTIMATE, MEASURED, REFERENCE = light("ink"), light("estimate"), light("measured"), light("reference")
 FORWARD, BACKWARD = light("forward"), light("backward")
@@ -65,6 +69,16 @@ class Sheet:
         if self.drawn is None:
             raise RuntimeError("the sheet is still being drawn")
         return self.drawn
+
+
+def thinned(values: Floats, most: int) -> Floats:
+    """Return every k-th value, so few that a picture can hold them.
+
+    Args:
+        values: shape (n,).
+        most: about how many.
+    """
+    return values[:: max(1, len(values) // most)]
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, sheet
+from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, sheet, thinned
 from sgms_observer.report.page import Picture
 from sgms_observer.settings.units import Units
 
@@ -29,16 +29,6 @@ _BINS = 120  # of the position, as far as the rows suffice
 _ROWS_OF_A_BIN = 20
 _BINS_OF_A_PERIOD = 12  # so that a period is seen and not folded
 _PERIODS = 20  # of an effect that are shown where the whole stroke has too many
-
-
-def thinned(values: Floats, most: int) -> Floats:
-    """Return every k-th value, so few that a picture can hold them.
-
-    Args:
-        values: shape (n,).
-        most: about how many.
-    """
-    return values[:: max(1, len(values) // most)]
 
 
 def stribeck_points(velocity: Floats, friction: Floats) -> tuple[Floats, Floats, Floats]:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, sheet
+from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, sheet, thinned
 from sgms_observer.report.page import Picture
 from sgms_observer.settings.units import Units
 
@@ -96,7 +96,8 @@ def tracking_picture(run: Run, before: tuple[float, float], after: tuple[float, 
         after: part with compensation [s].
         name: of the picture.
     """
-    caption = "Tracking error without compensation, then with it, on one scale."
+    seconds = f"{before[1] - before[0]:.2g} s"
+    caption = f"Tracking error without compensation, then with it, on one scale: the last {seconds} of each part."
     parts = [run.between(*window) for window in (before, after)]
     errors = [part.position - part.reference for part in parts]
     factor, unit = _readable(np.concatenate(errors), run.units)
@@ -201,7 +202,7 @@ def _band(axes: Axes, run: Run) -> None:
 
 
 def draw_line(axes: Axes, x: Floats, y: Floats, color: str, label: str | None = None, **style: object) -> None:
-    """Draw a line of at most ``_MAX_POINTS`` points, nothing where nothing is known.
+    """Draw a line of about ``_MAX_POINTS`` points at most, nothing where nothing is known.
 
     Args:
         axes: where it is drawn.
@@ -212,5 +213,5 @@ def draw_line(axes: Axes, x: Floats, y: Floats, color: str, label: str | None = 
         style: for matplotlib.
     """
     if np.isfinite(y).any():
-        every = max(1, len(x) // _MAX_POINTS)
-        axes.plot(x[::every], y[::every], color=color, label=label, **style)  # type: ignore[arg-type]
+        x, y = thinned(x, _MAX_POINTS), thinned(y, _MAX_POINTS)
+        axes.plot(x, y, color=color, label=label, **style)  # type: ignore[arg-type]
