@@ -109,6 +109,8 @@ def run(args: argparse.Namespace) -> int | Outcome:
         print(f"  {entry.name}, confidence {item.confidence:.2f}{others}: {values}")
     for learnt in answer.learnt:
         print(f"  learnt: {learnt.sentence}")
+        if learnt.formula:
+            print(f"    a formula predicts as well: {learnt.formula.text}")
     for changed in answer.changed:
         print(f"  changed: {changed.name}: {_shown(changed.before)} -> {_shown(changed.after)}")
     maps = f", {answer.gap_with_learnt:.3g} with learnt maps" if answer.learnt else ""

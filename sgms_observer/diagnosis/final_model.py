@@ -16,6 +16,7 @@ from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
 from sgms_observer.diagnosis.map_fit import COORDINATES, MAP_NAMES, FittedMap, fit_map, with_map
+from sgms_observer.diagnosis.map_formula import Formula, formula_of
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.units import Units
@@ -106,7 +107,17 @@ def learnt_maps(data: GapData, final: FinalModel, units: Units) -> list[FittedMa
             break
         learnt, rest = more, data.evidence(left)
         names = _free_names([*final.fit.effects, *(item.settings for item in learnt)])
-    return learnt
+    return [replace(item, formula=_formula(data, final, learnt, item, units)) for item in learnt]
+
+
+def _formula(
+    data: GapData, final: FinalModel, learnt: Sequence[FittedMap], item: FittedMap, units: Units
+) -> Formula | None:
+    """Return a formula that predicts as well as a map, beside everything else that was found."""
+    model = final.fit.model.with_effects([one.settings for one in learnt if one is not item])
+    known = data.fitted(model)
+    rest = data.evidence(residuals(model, data.motions)) if data.has_held_out else known
+    return formula_of(item.map, known, rest, units, data.options.criteria)
 
 
 def range_tests(data: GapData, final: FinalModel) -> list[Test]:

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.evidence import Improvement, improvement, in_blocks
+from sgms_observer.diagnosis.evidence import Improvement, improvement
 from sgms_observer.diagnosis.gap import WeightedResidual
+from sgms_observer.diagnosis.map_columns import MapColumns, blocks_left, path_of, smooth_values
+from sgms_observer.diagnosis.map_formula import Formula
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.effects.learnt_map import LearntMap, MotionPath, learnt_coordinates
+from sgms_observer.effects.learnt_map import LearntMap, learnt_coordinates
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.units import Units
 
@@ -26,10 +28,6 @@ COORDINATES = (
 """Coordinates that are tried. A map with fewer values is preferred unless a larger one predicts better."""
 POINTS = {1: 24, 2: 10}
 """Number of grid points of a coordinate, by the number of coordinates with a grid."""
-SMOOTHNESS = (1.0e-3, 1.0e-2, 1.0e-1, 1.0, 10.0)
-"""Tried weights of the squared second differences, relative to the mean weight of the data of a grid point."""
-FOLDS, FOLD_TIME = 5, 2.0
-"""Number of folds of the cross-validation, and length of the pieces assigned to them in turn [s]."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +40,7 @@ class FittedMap:
         improvement: improvement on the evaluated recordings [N^2].
         share: closed share of the squared gap there.
         sentence: description of the map.
+        formula: short formula that predicts as well, or None.
     """
 
     map: LearntMap
@@ -49,24 +48,12 @@ class FittedMap:
     improvement: Improvement
     share: float
     sentence: str
+    formula: Formula | None = None
 
     @property
     def settings(self) -> EffectSettings:
         """Return the map as an effect of the parameter file."""
         return self.map.settings()
-
-
-@dataclass(frozen=True)
-class _Columns:
-    """Linear map from the values of a map to the weighted residual, with the fold of each row.
-
-    Attributes:
-        rows: shape (n, k).
-        fold: fold of each row, shape (n,).
-    """
-
-    rows: Floats
-    fold: NDArray[np.int64]
 
 
 def fit_map(
@@ -84,24 +71,16 @@ def fit_map(
         criteria: thresholds.
         over: coordinates of the maps that are tried.
     """
-    target = np.concatenate(fitted.weighted)
     found: list[tuple[FittedMap, list[Floats]]] = []
     for coordinates in over:
         empty = _empty(coordinates, fitted.motions, name)
         if empty is None:
             continue
-        columns = _columns(empty, fitted.motions, fitted.weights)
-        penalty = _penalty(empty)
-        weight = _smoothness(columns, target, penalty)
-        values = _solve(columns.rows, target, weight * penalty)
-        filled = empty.filled(values)
-        if fitted is evaluated:
-            predicted = _cross_validated(columns, target, weight * penalty)
-        else:
-            predicted = _columns(empty, evaluated.motions, evaluated.weights).rows @ values
-        parts = np.split(predicted, np.cumsum([len(part) for part in evaluated.residual])[:-1])
-        left = [part - guess for part, guess in zip(evaluated.weighted, parts, strict=True)]
-        after = in_blocks(left, evaluated.motions, criteria.block)
+        columns = MapColumns.of(empty, fitted)
+        solve = smooth_values(empty, columns)
+        filled = empty.filled(solve(columns.rows, columns.target))
+        others = None if fitted is evaluated else MapColumns.of(empty, evaluated)
+        after = blocks_left(evaluated, columns.predicted(solve, others), criteria.block)
         gain = improvement(evaluated.blocks(criteria.block), after)
         if gain.z_score >= criteria.z_score_of(len(COORDINATES)) and gain.share >= criteria.min_closed_share:
             found.append((FittedMap(filled, coordinates, gain, gain.share, sentence(filled, units)), after))
@@ -133,17 +112,9 @@ def with_map(maps: Sequence[FittedMap], another: FittedMap, units: Units) -> lis
     return [both if item is same else item for item in maps]
 
 
-def _path(motion: Motion) -> MotionPath:
-    """Return a motion in the form that a map is evaluated along."""
-    return MotionPath(
-        motion.period, position=motion.position, velocity=motion.velocity, acceleration=motion.acceleration,
-        time=motion.time,
-    )  # fmt: skip
-
-
 def _empty(coordinates: tuple[str, ...], motions: Sequence[Motion], name: str) -> LearntMap | None:
     """Return a map of zero force over the range of the recordings, or None if a coordinate hardly varies."""
-    reached = np.vstack([learnt_coordinates(coordinates, _path(motion)) for motion in motions])
+    reached = np.vstack([learnt_coordinates(coordinates, path_of(motion)) for motion in motions])
     gridded = [key for key in coordinates if key != "direction"]
     grids: list[tuple[float, ...]] = []
     for place, key in enumerate(coordinates):
@@ -158,57 +129,6 @@ def _empty(coordinates: tuple[str, ...], motions: Sequence[Motion], name: str) -
     step = max(max(motion.resolution for motion in motions), 1.0e-4 * stroke)
     empty = LearntMap.zero(coordinates, tuple(grids), 4.0 * step)
     return LearntMap(coordinates, empty.grids, empty.values, empty.reversal_distance, name=name)
-
-
-def _columns(empty: LearntMap, motions: Sequence[Motion], weights: Sequence[Floats]) -> _Columns:
-    """Return the derivative of the weighted residual with respect to each value of a map."""
-    rows, folds = [], []
-    for motion, weight in zip(motions, weights, strict=True):
-        basis = empty.basis(_path(motion)).toarray()
-        rows.append(weight[:, None] * np.column_stack([motion.low_pass(column) for column in basis.T]))
-        folds.append((motion.thinned(motion.time) / FOLD_TIME).astype(np.int64) % FOLDS)
-    return _Columns(np.vstack(rows), np.concatenate(folds))
-
-
-def _penalty(empty: LearntMap) -> Floats:
-    """Return the penalty matrix: squared second differences along each grid, plus a small multiple of the identity."""
-    sizes = [len(grid) for grid in empty.grids]
-    total = np.zeros((int(np.prod(sizes)), int(np.prod(sizes))))
-    for place, key in enumerate(empty.coordinates):
-        if key == "direction":
-            continue
-        second = np.diff(np.eye(sizes[place]), 2, axis=0)
-        parts = [second.T @ second if i == place else np.eye(size) for i, size in enumerate(sizes)]
-        whole: Floats = np.asarray(parts[0], dtype=np.float64)
-        for part in parts[1:]:
-            whole = np.asarray(np.kron(whole, part), dtype=np.float64)
-        total += whole
-    return total + 1.0e-3 * np.eye(len(total))
-
-
-def _solve(rows: Floats, target: Floats, penalty: Floats) -> Floats:
-    """Return the values of the penalised least-squares fit."""
-    normal = rows.T @ rows
-    scale = float(np.trace(normal)) / len(normal)
-    return np.asarray(np.linalg.solve(normal + max(scale, 1e-300) * penalty, rows.T @ target))
-
-
-def _cross_validated(columns: _Columns, target: Floats, penalty: Floats) -> Floats:
-    """Return the prediction of each fold by the fit to the other folds."""
-    predicted = np.zeros(len(target))
-    for fold in range(FOLDS):
-        out = columns.fold == fold
-        if out.any() and not out.all():
-            predicted[out] = columns.rows[out] @ _solve(columns.rows[~out], target[~out], penalty)
-    return predicted
-
-
-def _smoothness(columns: _Columns, target: Floats, penalty: Floats) -> float:
-    """Return the weight of the second differences with the smallest cross-validation error."""
-    return min(
-        SMOOTHNESS,
-        key=lambda weight: float(np.sum((target - _cross_validated(columns, target, weight * penalty)) ** 2)),
-    )
 
 
 def sentence(learnt: LearntMap, units: Units) -> str:

@@ -174,6 +174,8 @@ def _answer(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
         text.append(f"{entry.name}: {entry.equation}. Place: {entry.place.value}. Shows as: {entry.signature}.")
     for learnt in answer.learnt:
         text.append(f"Learnt: {learnt.sentence}. It closes {100.0 * learnt.share:.0f} % of the squared rest.")
+        if learnt.formula:
+            text.append(f"A short formula predicts as well as this map: {learnt.formula.text}.")
     maps = [map_picture(learnt, units) for learnt in answer.learnt]
     return Section(
         "What the model misses",

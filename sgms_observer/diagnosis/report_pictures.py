@@ -13,7 +13,7 @@ from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.traces import Trace
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
-from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, sheet
+from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, TRUTH, sheet
 from sgms_observer.report.friction_pictures import (
     hysteresis,
     measured_against_modelled,
@@ -193,6 +193,9 @@ def map_picture(learnt: FittedMap, units: Units) -> Picture:
         for number, (column, label) in enumerate(zip(columns.T, labels, strict=True)):
             colour = colours[number % len(colours)]
             axes.plot(factor * np.asarray(grid), column, "o-", ms=3, label=label, color=colour)
+        if learnt.formula:
+            for number, column in enumerate(learnt.formula.map.table().reshape(len(grid), -1).T):
+                axes.plot(factor * np.asarray(grid), column, "--", color=TRUTH, label=None if number else "formula")
         axes.set_xlabel(f"{key} [{unit}]")
         axes.set_ylabel(f"{units.effort_word} [{units.effort}]")
     return drawn.picture

@@ -73,6 +73,7 @@ def result_of(
                 "coordinates": list(item.coordinates),
                 "share": item.share,
                 "sentence": item.sentence,
+                "formula": item.formula.text if item.formula else None,
                 "gap_after": answer.gap_with_learnt,
             }
             for item in answer.learnt

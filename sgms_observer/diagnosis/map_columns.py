@@ -1,0 +1,130 @@
+"""The values of a learnt map as a linear least-squares problem: columns, smoothness and cross-validation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.evidence import in_blocks
+from sgms_observer.diagnosis.gap import WeightedResidual
+from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.effects.learnt_map import LearntMap, MotionPath
+
+Floats = NDArray[np.float64]
+Solve = Callable[[Floats, Floats], Floats]
+"""Takes rows (n, k) and the weighted residual (n,), returns the values of a map (k,)."""
+
+SMOOTHNESS = (1.0e-3, 1.0e-2, 1.0e-1, 1.0, 10.0)
+"""Tried weights of the squared second differences, relative to the mean weight of the data of a grid point."""
+FOLDS, FOLD_TIME = 5, 2.0
+"""Number of folds of the cross-validation, and length of the pieces assigned to them in turn [s]."""
+
+
+@dataclass(frozen=True)
+class MapColumns:
+    """A weighted residual and its derivative with respect to each value of a map.
+
+    Attributes:
+        rows: derivatives, shape (n, k).
+        target: weighted residual [N], shape (n,).
+        fold: fold of each row, shape (n,).
+    """
+
+    rows: Floats
+    target: Floats
+    fold: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, learnt: LearntMap, rest: WeightedResidual) -> MapColumns:
+        """Return the columns of a map.
+
+        Args:
+            learnt: the map; its values do not matter.
+            rest: the residual.
+        """
+        rows, folds = [], []
+        for motion, weight in zip(rest.motions, rest.weights, strict=True):
+            basis = learnt.basis(path_of(motion)).toarray()
+            rows.append(weight[:, None] * np.column_stack([motion.low_pass(column) for column in basis.T]))
+            folds.append((motion.thinned(motion.time) / FOLD_TIME).astype(np.int64) % FOLDS)
+        return cls(np.vstack(rows), np.concatenate(rest.weighted), np.concatenate(folds))
+
+    def predicted(self, solve: Solve, others: MapColumns | None = None) -> Floats:
+        """Return the prediction of the weighted residual of other recordings, or of each fold by the other folds.
+
+        Args:
+            solve: fit.
+            others: columns of the recordings to predict. None: these, cross-validated.
+        """
+        if others is not None:
+            return np.asarray(others.rows @ solve(self.rows, self.target))
+        predicted = np.zeros(len(self.target))
+        for fold in range(FOLDS):
+            out = self.fold == fold
+            if out.any() and not out.all():
+                predicted[out] = self.rows[out] @ solve(self.rows[~out], self.target[~out])
+        return predicted
+
+
+def path_of(motion: Motion) -> MotionPath:
+    """Return a motion in the form that a map is evaluated along."""
+    return MotionPath(
+        motion.period, position=motion.position, velocity=motion.velocity, acceleration=motion.acceleration,
+        time=motion.time,
+    )  # fmt: skip
+
+
+def blocks_left(rest: WeightedResidual, predicted: Floats, length: float) -> list[Floats]:
+    """Return a weighted residual minus its prediction, in blocks of time.
+
+    Args:
+        rest: the residual.
+        predicted: of all recordings, weighted [N].
+        length: of a block [s].
+    """
+    parts = np.split(predicted, np.cumsum([len(part) for part in rest.residual])[:-1])
+    left = [part - guess for part, guess in zip(rest.weighted, parts, strict=True)]
+    return in_blocks(left, rest.motions, length)
+
+
+def smooth_values(learnt: LearntMap, columns: MapColumns) -> Solve:
+    """Return the penalised least-squares fit with the smoothness that cross-validation prefers.
+
+    Args:
+        learnt: the map; its values do not matter.
+        columns: its columns.
+    """
+    penalty = _penalty(learnt)
+
+    def error(weight: float) -> float:
+        predicted = columns.predicted(lambda rows, target: _solve(rows, target, weight * penalty))
+        return float(np.sum((columns.target - predicted) ** 2))
+
+    weight = min(SMOOTHNESS, key=error)
+    return lambda rows, target: _solve(rows, target, weight * penalty)
+
+
+def _penalty(empty: LearntMap) -> Floats:
+    """Return the penalty matrix: squared second differences along each grid, plus a small multiple of the identity."""
+    sizes = [len(grid) for grid in empty.grids]
+    total = np.zeros((int(np.prod(sizes)), int(np.prod(sizes))))
+    for place, key in enumerate(empty.coordinates):
+        if key == "direction":
+            continue
+        second = np.diff(np.eye(sizes[place]), 2, axis=0)
+        parts = [second.T @ second if i == place else np.eye(size) for i, size in enumerate(sizes)]
+        whole: Floats = np.asarray(parts[0], dtype=np.float64)
+        for part in parts[1:]:
+            whole = np.asarray(np.kron(whole, part), dtype=np.float64)
+        total += whole
+    return total + 1.0e-3 * np.eye(len(total))
+
+
+def _solve(rows: Floats, target: Floats, penalty: Floats) -> Floats:
+    """Return the values of the penalised least-squares fit."""
+    normal = rows.T @ rows
+    scale = float(np.trace(normal)) / len(normal)
+    return np.asarray(np.linalg.solve(normal + max(scale, 1e-300) * penalty, rows.T @ target))
