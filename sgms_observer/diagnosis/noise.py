@@ -15,6 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 from scipy.optimize import least_squares
 
 Floats = NDArray[np.float64]
@@ -57,7 +58,7 @@ class Noise:
     def rms(self) -> float:
         """Noise below the band [N]."""
         grid = np.linspace(0.0, self.band, 2000)
-        return float(np.sqrt(2.0 * np.trapezoid(self.density(grid), grid)))
+        return float(np.sqrt(2.0 * trapezoid(self.density(grid), grid)))
 
     def weights(self, stick_indicator: Floats, hidden: Floats | float = 0.0) -> Floats:
         """Return the weights of residuals before whitening.

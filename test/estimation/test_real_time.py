@@ -2,6 +2,8 @@
 
 import pytest
 
+pytest.importorskip("casadi", reason="CasADi is not installed")
+
 from sgms_observer.bench.accuracy import accuracy
 from sgms_observer.bench.problem import make_problem
 
