@@ -42,7 +42,7 @@ class Columns:
     Attributes:
         shape: the shape.
         basis: orthonormal, shape (n, k).
-        to_coefficients: from projections on ``basis`` to the shape's coefficients, shape (k, k).
+        to_coefficients: from projections on ``basis`` to the shape's coefficients, shape (columns, k).
         independent_share: norm of the columns after the projection over the norm before it.
         norm: norm of the columns before the projection, whitened, for unit coefficients.
     """
@@ -210,17 +210,22 @@ class Screen:
         return found
 
     def _orthonormal(self, shape: search.Shape, raw: Floats) -> Columns | None:
-        """Return the orthonormal columns of a shape, or None if the nominal parameters absorb them."""
+        """Return the orthonormal columns of a shape, or None if the parameters of the model absorb all of them.
+
+        A column that they absorb is left out: beside an offset a spring has a stiffness, but no rest position.
+        """
         norm = float(np.linalg.norm(raw))
         if not np.isfinite(norm) or norm < 1.0e-9:
             return None
         left = self.without_nominal(raw)
         independent_share = float(np.linalg.norm(left)) / norm
-        q, r = np.linalg.qr(left)
-        diagonal = np.abs(np.diag(r))
-        if diagonal.min() < 1.0e-6 * norm:
+        kept = np.abs(np.diag(np.linalg.qr(left)[1])) >= 1.0e-6 * norm
+        if not kept.any():
             return None
-        return Columns(shape, q, np.linalg.inv(r), independent_share, norm)
+        q, r = np.linalg.qr(left[:, kept])
+        to_coefficients = np.zeros((len(kept), len(r)))
+        to_coefficients[kept] = np.linalg.inv(r)
+        return Columns(shape, q, to_coefficients, independent_share, norm)
 
     def _column(self, name: str, values: tuple[float, ...]) -> Floats:
         """Return the change of the whitened residual by an effect."""

@@ -1,0 +1,72 @@
+"""Effects beside each other: what one absorbs of another, rivals compared again, effects that are screened low."""
+
+from __future__ import annotations
+
+import pytest
+from workflow_case import AXIS, record
+
+from sgms_observer.diagnosis import pruning, workflow
+from sgms_observer.diagnosis.answer import Answer, answer_of
+from sgms_observer.diagnosis.candidates import MIN_REDUCTION_SHARE
+from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.diagnosis import Diagnosis, FitState, Options, Round, accepted_candidates
+from sgms_observer.diagnosis.result import by_name
+from sgms_observer.settings.axis import EffectSettings
+
+OPTIONS = Options(workers=1, band=25.0)
+OFFSET, SPRING = EffectSettings("offset", (1.5,)), EffectSettings("spring", (20.0, 0.0))
+
+
+def diagnosed(monkeypatch: pytest.MonkeyPatch, hidden: tuple[EffectSettings, ...], names: tuple[str, ...]) -> Diagnosis:
+    """Return the diagnosis of two recordings with hidden effects, where only a few names are searched."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: names)
+    one, other = (record(hidden, seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
+    return workflow.diagnose([one], [other], AXIS, OPTIONS)
+
+
+def test_a_spring_beside_an_offset_has_a_stiffness_but_no_rest_position(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The offset absorbs the rest position; the spring was dropped with it and a changed contact took its place."""
+    found = diagnosed(monkeypatch, (OFFSET, SPRING), ("offset", "asymmetric_coulomb", "spring"))
+    assert [item.name for item in accepted_candidates(found.rounds)] == ["offset", "spring"]
+    answer: Answer = answer_of(found, AXIS, OPTIONS)
+    values = {item.settings.name: by_name(item.settings.name, item.settings.values) for item in answer.effects}
+    assert values["offset"]["force"] == pytest.approx(1.5, rel=0.05)
+    assert values["spring"]["stiffness"] == pytest.approx(20.0, rel=0.05)
+    assert not answer.changed
+
+
+@pytest.mark.parametrize("z_score, first", [(-10.0, "asymmetric_coulomb"), (0.0, "offset"), (10.0, "offset")])
+def test_a_rival_that_predicts_better_beside_the_later_effects_takes_the_place(
+    monkeypatch: pytest.MonkeyPatch, z_score: float, first: str
+) -> None:
+    monkeypatch.setattr(pruning, "z_score_between", lambda *_: z_score)
+    compared: list[tuple[FitState, tuple[Round, ...]]] = []
+
+    def compare(state: FitState, rounds: tuple[Round, ...], options: Options) -> tuple[FitState, tuple[Round, ...]]:
+        compared.append(pruning.compared_again(state, rounds, options))
+        return compared[-1]
+
+    monkeypatch.setattr(workflow, "compared_again", compare)
+    diagnosed(monkeypatch, (OFFSET, SPRING), ("offset", "asymmetric_coulomb", "spring"))
+    [(state, rounds)] = compared
+    assert [item.name for item in accepted_candidates(rounds)] == [first, "spring"]
+    assert {item.name for item in state.current.effects} == {first, "spring"}
+    left = rounds[0].comparisons
+    if z_score < 0.0:  # it was compared with the effect whose place it took
+        assert not left
+    else:
+        assert {name: test.value for name, test in left.items()} == {"asymmetric_coulomb": z_score}
+        assert left["asymmetric_coulomb"].passed == (z_score >= Criteria().min_z_score)
+
+
+def test_a_dead_zone_is_fitted_although_the_coulomb_force_absorbs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The screening cannot exclude it, however much more another effect closes."""
+    cogging = EffectSettings("cogging", (1.5, 0.004, 0.3, 0.0, 0.0))
+    found = diagnosed(monkeypatch, (cogging, EffectSettings("actuator_dead_zone", (0.4,))), (
+        "cogging", "spring", "offset", "actuator_dead_zone",
+    ))  # fmt: skip
+    screenings = found.rounds[0].screenings
+    least = MIN_REDUCTION_SHARE * max(item.chi2_reduction for item in screenings.values())
+    assert screenings["actuator_dead_zone"].chi2_reduction < least
+    assert "actuator_dead_zone" in [item.candidate.name for item in found.rounds[0].decisions]
+    assert "actuator_dead_zone" in [item.name for item in accepted_candidates(found.rounds)]
