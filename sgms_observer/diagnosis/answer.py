@@ -159,7 +159,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         detectable=detectable(diagnosis, axis, options),
         next_experiment=next_experiment(verdict, effects, significant, diagnosis, axis.units),
         tests=(
-            *(test for item in diagnosis.rounds for decision in item.decisions for test in decision.tests),
+            *(test for item in diagnosis.rounds for test in item.tests),
             *final.tests, *by_name, whole, unnamed_rest, *trust,
             *([] if contradiction is None else [contradiction]),
         ),

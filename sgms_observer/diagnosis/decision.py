@@ -285,7 +285,8 @@ def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
 
 def compare(best: str, rival: str, z_score: float, criteria: Criteria) -> Test:
     """Return the test that an effect predicts significantly better than a rival; one that fails is an alternative."""
-    return at_least(best, f"z-score of a better prediction than {rival}", z_score, criteria.min_z_score)
+    title = f"z-score of a better prediction than {rival}"
+    return at_least(best, title, z_score, criteria.min_z_score)
 
 
 def comparisons(best: Decision, others: Sequence[Decision], criteria: Criteria) -> dict[str, Test]:

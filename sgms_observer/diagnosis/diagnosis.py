@@ -185,6 +185,16 @@ class Round:
         """Return the effects that the data do not distinguish from the accepted one."""
         return tuple(name for name, test in self.comparisons.items() if not test.passed)
 
+    @property
+    def tests(self) -> tuple[Test, ...]:
+        """Return every test of the round, the comparisons of what was added behind its own tests."""
+        return tuple(test for item in self.decisions for test in self.tests_of(item))
+
+    def tests_of(self, item: Decision) -> tuple[Test, ...]:
+        """Return every test of a decision of the round."""
+        is_added = self.accepted is not None and item.candidate is self.accepted.candidate
+        return (*item.tests, *(self.comparisons.values() if is_added else ()))
+
     def with_test(self, test: Test) -> Round:
         """Return the round with one more test of the accepted hypothesis, which is rejected if the test fails."""
         assert self.accepted is not None

@@ -73,7 +73,7 @@ def test_tables(answer: Answer) -> list[Table]:
                 outcome = "not distinguishable from the added one"
             else:
                 outcome = "not added"
-            for test in item.tests:
+            for test in step.tests_of(item):
                 mark = "passed" if test.passed else "failed"
                 rows.append((name, outcome, test.name, f"{test.value:.3g}", f"{test.threshold:.3g}", mark))
                 name = outcome = ""

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from sgms_observer.excitation.design import Goal
 from sgms_observer.excitation.following import followed
@@ -19,8 +20,10 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 Floats = NDArray[np.float64]
 
-MIN_Z_SCORE = 3.0
-"""An effect is shown, and told from another one, if the expected z-score of the diagnosis is at least this."""
+POWER = 0.9
+"""Share of such recordings that show an effect, or tell it from another one."""
+MIN_Z_SCORE = 3.0 + float(stats.norm.ppf(POWER))
+"""Smallest expected z-score: that of the diagnosis would be reached by half of the recordings only."""
 MIN_INFORMATION = (2.0 * MIN_Z_SCORE) ** 2
 """Information at which that is so: with it the squared residuals of two models differ by d^2 with a standard error of
 2 d, see ``diagnosis.evidence.improvement``."""

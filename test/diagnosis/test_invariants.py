@@ -103,11 +103,13 @@ def check(answer: Answer, learn: Recording) -> None:
     for number in answer.diagnosis.rounds:
         for decision in number.decisions:
             assert decision.tests, "a hypothesis without a test"
-            for test in decision.tests:
+            for test in number.tests_of(decision):
                 assert math.isfinite(test.value) and math.isfinite(test.threshold)
                 assert (test.of, test.name) in names
             if number.accepted is decision:
                 assert decision.passed
+                told = {test.name.rpartition(" ")[2] for test in number.tests_of(decision) if not test.passed}
+                assert told == set(number.alternatives)
     assert 0.0 <= gap.noise <= gap.floor + 1e-9 <= gap.after + 2e-9
     if answer.verdict == "unknown_effect":  # the same share in verdict and gap
         assert gap.predictable > 0.0
