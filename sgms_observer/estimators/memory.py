@@ -6,6 +6,7 @@ look up the few fields that they use: ``forces = matrix(flat, at.FORCES)``, wher
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -215,7 +216,7 @@ def allocate(sizes: Sizes, tuning: Tuning, fixed: Sequence[Floats]) -> Floats:
         fixed: the fields before ``X_HAT``: nominal model, parameters, process and initial variances.
     """
     shapes = _shapes(sizes)
-    flat = np.zeros(HEADER + PLACE * FIELDS + sum(int(np.prod(shape)) for shape in shapes))
+    flat = np.zeros(HEADER + PLACE * FIELDS + sum(math.prod(shape) for shape in shapes))
     flat[: len(sizes)] = sizes
     flat[IS_MHE : IS_MHE + len(tuning)] = tuning
     start = HEADER + PLACE * FIELDS
@@ -223,7 +224,7 @@ def allocate(sizes: Sizes, tuning: Tuning, fixed: Sequence[Floats]) -> Floats:
         place = HEADER + PLACE * field
         flat[place] = start
         flat[place + 1 : place + 1 + len(shape)] = shape
-        start += int(np.prod(shape))
+        start += math.prod(shape)
     memory = views(flat)
     for target, source in zip(memory[1:], fixed, strict=False):
         target[...] = source
@@ -240,7 +241,7 @@ def views(flat: Floats) -> Memory:
     found = []
     for field, shape in enumerate(_shapes(sizes)):
         start = int(flat[HEADER + PLACE * field])
-        found.append(flat[start : start + int(np.prod(shape))].reshape(shape))
+        found.append(flat[start : start + math.prod(shape)].reshape(shape))
     return Memory(flat[:HEADER], *found)
 
 

@@ -96,13 +96,13 @@ def _interval_by_interval(
     start = int(np.argmax(motion.is_ready))
     edges = [0, start, *range(start + every, len(effort), every), len(effort)]
     tables, delayed = [], np.full(len(effort), np.nan)
+    memory = estimator.memory  # views: they show what the estimator holds after each step
     for first, last in pairwise(edges):
         if first == last:
             continue
         block = slice(first, last)
         results = estimator.step(Motion(motion.table[block], motion.delay_samples), effort[block], factor[block])
         tables.append(results.table)
-        memory = estimator.memory
         newest = int(memory.flags[COUNT]) - 1
         if first >= start and last - first == every and newest >= 0:
             _friction_of_interval(
