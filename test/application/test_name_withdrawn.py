@@ -30,8 +30,8 @@ SLOPE = 0.6 * PLACES / PLACES[-1]
 UNEVEN = np.array([0.0, 0.25, -0.2, 0.1, 0.3, -0.3, 0.15, -0.2, 0.2])
 
 
-def diagnosed(hidden: str, folder: Path) -> dict[str, Any]:
-    """Return what the diagnosis of two recordings finds in a stage with effects that its file lacks."""
+def record(hidden: str, folder: Path) -> None:
+    """Write the file of an axis, and two recordings of a stage with effects that the file lacks."""
     motion = representative_motion(limits_of("prismatic", None, None, None), 1.0e-3)
     motion.write(folder / "reference.csv")
     start, table = folder / "start.yaml", folder / "table.yaml"
@@ -41,8 +41,13 @@ def diagnosed(hidden: str, folder: Path) -> dict[str, Any]:
     for seed in (1, 2):
         run = Simulation(load_settings(table), motion.duration, seed, False)
         simulate(run, str(folder / f"bag{seed}"), "mcap", True, lambda _: None)
-    diagnose_bags(DiagnoseRequest([str(folder / "bag1")], str(start), str(folder / "out"), [str(folder / "bag2")]))
-    result: dict[str, Any] = json.loads((folder / "out" / "result.json").read_text())
+
+
+def diagnosed(folder: Path, out: str = "out") -> dict[str, Any]:
+    """Return what the diagnosis of the two recordings finds."""
+    bags = [[str(folder / f"bag{seed}")] for seed in (1, 2)]
+    diagnose_bags(DiagnoseRequest(bags[0], str(folder / "start.yaml"), str(folder / out), bags[1]))
+    result: dict[str, Any] = json.loads((folder / out / "result.json").read_text())
     return result
 
 
@@ -54,11 +59,12 @@ def test_a_force_along_the_stroke(
     monkeypatch.setattr(workflow, "catalogue_names", lambda: ("spring", "offset", "asymmetric_coulomb"))
     force = [round(float(value), 4) for value in SLOPE + bumps * UNEVEN]
     places = [round(float(value), 5) for value in PLACES]
-    result = diagnosed(
+    record(
         "{names: [learnt_map], learnt_map: {coordinates: [position], reversal_distance: 1.0e-6,"
         f" position: {places}, values: {force}}}}}",
         tmp_path,
     )
+    result = diagnosed(tmp_path)
     assert [one["name"] for one in result["effects"]] == ([name] if name else [])
     (asked,) = [one for one in result["tests"] if "its coordinates predict" in one["name"]]
     assert asked["of"] == "spring" and asked["passed"] == (name is not None)
@@ -80,10 +86,10 @@ def test_an_effect_that_ends_at_its_range_takes_no_other_with_it(
         "{names: [spring, periodic_disturbance], spring: {stiffness: 80.0},"
         " periodic_disturbance: {amplitude: 0.2, frequency: 7.0}}"
     )
-    assert {one["name"] for one in diagnosed(hidden, tmp_path)["effects"]} == {"spring", "periodic_disturbance"}
+    record(hidden, tmp_path)
+    assert {one["name"] for one in diagnosed(tmp_path)["effects"]} == {"spring", "periodic_disturbance"}
     monkeypatch.setattr(final_model, "within_range", with_an_end)
-    (tmp_path / "again").mkdir()
-    result = diagnosed(hidden, tmp_path / "again")
+    result = diagnosed(tmp_path, "again")
     assert [one["name"] for one in result["effects"]] == ["spring"]
     (asked,) = [one for one in result["tests"] if one["of"] == "periodic_disturbance" and one["value"] == 1.0]
     assert asked["name"] == "parameters at the end of their range" and not asked["passed"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from sgms_observer.errors import DataError
 from sgms_observer.excitation.limits import ExcitationLimits
-from sgms_observer.excitation.reference import design_excitation
+from sgms_observer.excitation.reference import Excitation, design_excitation
 from sgms_observer.identification.answer import identification_answer
 from sgms_observer.identification.identify import Identification, IdentifyOptions, force_error, identify
 from sgms_observer.identification.problem import ELEMENTS, RELAXATION, Parameters
@@ -64,9 +65,15 @@ def _record(
     return recordings_from_samples(table.step(round(duration / period))[0].samples, "simulated")
 
 
+@cache
+def _designed(period: float) -> Excitation:
+    """Return the reference that all tables of a period follow."""
+    return design_excitation(START, ExcitationLimits(0.01, 0.05, 1.0), ("identify",), rate=1.0 / period)
+
+
 def _excited(folder: Path, period: float, seed: int = 3, true: AxisSettings = TRUE) -> tuple[Recording, ...]:
     """Let a table follow the designed reference."""
-    reference = design_excitation(START, ExcitationLimits(0.01, 0.05, 1.0), ("identify",), rate=1.0 / period)
+    reference = _designed(period)
     csv = folder / "reference.csv"
     np.savetxt(csv, np.column_stack([reference.time, np.round(reference.position, 12)]), delimiter=",", fmt="%.12g")
     return _record(ReferenceSettings(kind="file", file=str(csv)), float(reference.time[-1]), seed, period, true)
