@@ -219,12 +219,12 @@ class Screen:
             return None
         left = self.without_nominal(raw)
         independent_share = float(np.linalg.norm(left)) / norm
-        kept = np.abs(np.diag(np.linalg.qr(left)[1])) >= 1.0e-6 * norm
-        if not kept.any():
+        is_independent = np.abs(np.diag(np.linalg.qr(left)[1])) >= 1.0e-6 * norm
+        if not is_independent.any():
             return None
-        q, r = np.linalg.qr(left[:, kept])
-        to_coefficients = np.zeros((len(kept), len(r)))
-        to_coefficients[kept] = np.linalg.inv(r)
+        q, r = np.linalg.qr(left[:, is_independent])
+        to_coefficients = np.zeros((len(is_independent), len(r)))
+        to_coefficients[is_independent] = np.linalg.inv(r)
         return Columns(shape, q, to_coefficients, independent_share, norm)
 
     def _column(self, name: str, values: tuple[float, ...]) -> Floats:

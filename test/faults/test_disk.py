@@ -87,7 +87,7 @@ def convert(folder: Path, out: Path) -> tuple[str, list[str | Path]]:
 
 def excite(folder: Path, out: Path) -> tuple[str, list[str | Path]]:
     """Return a command that writes a table."""
-    return COMMAND, ["excite", "--config", folder / "axis.yaml", "--out", out]
+    return COMMAND, ["excite", "--config", folder / "axis.yaml", "--out", out, "--for", "identify"]
 
 
 def report(folder: Path, out: Path) -> tuple[str, list[str | Path]]:
