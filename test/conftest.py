@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from browser import NAMES, Browser, executable
 from hypothesis import HealthCheck, settings
-from selection import ALONE, LIVE, QUICK, UNDISTURBED
+from selection import ALONE, LIVE, QUICK
 
 from sgms_observer.nodes.transport import claim_domain
 
@@ -35,8 +35,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background jo
 
 
 PACKAGE = "sgms_observer"
-APART = {"alone": ALONE, "undisturbed": UNDISTURBED}
-"""Live tests that run one by one: marker and files."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -47,9 +45,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Declare the markers of the tests that must not run beside others."""
-    config.addinivalue_line("markers", "live: starts nodes or looks at the clock; goes before what computes")
-    config.addinivalue_line("markers", "alone: a live test that runs beside no other live one")
-    config.addinivalue_line("markers", "undisturbed: a live test that runs beside no other test at all")
+    config.addinivalue_line("markers", "live: starts nodes or looks at the clock; runs apart from what computes")
+    config.addinivalue_line("markers", "alone: a live test that runs beside no other")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -58,9 +55,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if _is_in(item.path, LIVE) or "ros" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.live)
-        for name, files in APART.items():
-            if _is_in(item.path, files):
-                item.add_marker(name)
+        if _is_in(item.path, ALONE):
+            item.add_marker(pytest.mark.alone)
     if _is_quick(config):
         config.hook.pytest_deselected(items=[item for item in items if not _is_in(item.path, QUICK)])
         items[:] = [item for item in items if _is_in(item.path, QUICK)]
@@ -68,7 +64,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Leave files that are not asked for unread: importing all of them takes longer than many a quick test."""
-    chosen = QUICK if _is_quick(config) else APART.get(config.option.markexpr)
+    chosen = QUICK if _is_quick(config) else ALONE if config.option.markexpr == "alone" else None
     return True if chosen and collection_path.is_file() and not _is_in(collection_path, chosen) else None
 
 

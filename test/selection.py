@@ -15,16 +15,16 @@ QUICK = (
     "settings",
 )  # fmt: skip
 
-#: They start nodes, or look at the clock: beside tests that compute on all cores with the same priority they could fail
-#: for want of time. These, and every test that takes the fixture ``ros``, get the marker ``live``. `make test` runs as
-#: many at once as there are cores, and gives to the tests that compute only what these leave of the cores.
+#: They start nodes, or look at the clock: beside tests that compute on all cores they could fail for want of time.
+#: These, and every test that takes the fixture ``ros``, get the marker ``live``. `make test` runs all others first.
 LIVE = (
     "bags/test_live.py", "cli/test_bench.py", "faults/test_signals.py", "nodes", "package/test_launch_starts.py",
 )  # fmt: skip
 
-#: The live tests of which two at once starve the simulated table: they get the marker ``alone`` too and run one by one.
-ALONE = ("nodes/test_commission.py", "nodes/test_reference_player.py")
-
-#: The live tests that the clock judges, or that take all cores: they get the marker ``undisturbed`` too, and run last,
-#: one by one, beside no other test at all.
-UNDISTURBED = ("cli/test_bench.py", "nodes/test_demo.py", "nodes/test_first_start.py")
+#: The live tests that the clock judges, or that take all cores: they get the marker ``alone`` too. The other live
+#: tests mostly wait, for messages and motions, and `make test` runs as many at once as there are cores; these come
+#: last, one by one.
+ALONE = (
+    "cli/test_bench.py", "nodes/test_commission.py", "nodes/test_demo.py", "nodes/test_first_start.py",
+    "nodes/test_reference_player.py",
+)  # fmt: skip
