@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate
-from sgms_observer.diagnosis.coordinates import free_form_coordinates
+from sgms_observer.diagnosis.coordinates import free_form_coordinates, is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.evaluation import EvaluationData, Evidence, evidence_of
 from sgms_observer.diagnosis.evidence import Improvement, improvement, preference
@@ -264,6 +264,29 @@ def z_score_between(one: Evidence, other: Evidence, criteria: Criteria) -> float
         if held_out * z_score < 0.0 and abs(held_out) > criteria.interval_z_score:
             return held_out
     return z_score
+
+
+def preferred(best: Decision, equal: Sequence[Decision], listed: Sequence[str]) -> Decision:
+    """Return the effect to prefer among those that the data do not distinguish from the best predicting one.
+
+    An effect of the file comes first: a changed value of a known effect is the simplest explanation. If the file lists
+    none of them, the effect with the fewest parameters is returned.
+
+    Args:
+        best: the effect that predicts best.
+        equal: hypotheses that the data do not distinguish from it, the best predicting first.
+        listed: effects of the file.
+    """
+    for item in equal:
+        if item.candidate.name in listed:
+            return item
+    is_confusable = is_confusable_with_contact(best.candidate.name)
+    others = [
+        item for item in equal
+        if item.candidate.settings is not None
+        and (is_confusable or not is_confusable_with_contact(item.candidate.name))
+    ]  # fmt: skip
+    return min((best, *others), key=lambda item: item.candidate.parameter_count)
 
 
 def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:

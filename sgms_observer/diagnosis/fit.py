@@ -45,7 +45,7 @@ FITTED_BY_LOGARITHM = (
     "attraction_rate", "distance", "memory_distance", "gap", "stop", "time_constant", "dwell_time", "width", "velocity",
     "peak_velocity",
 )  # fmt: skip
-"""Positive parameters that are fitted by their logarithm."""
+"""Parameters that are fitted by their logarithm where they cannot be zero."""
 MIN_NOISE_SHARE = 1.0e-3
 """Smallest rms noise of a measured force, as a share of the effort."""
 _MAX_ITERATIONS = 12
@@ -252,6 +252,7 @@ def refit(
     widths = prior_widths(nominal, tolerance, freedom)
     free = tuple((i, j) for i, e in enumerate(effects) for j in range(len(e.values)) if (i, j) not in fixed)
     catalogue = [effect(e.name) for e in effects]
+    names = [catalogue[i].parameters[j].name for i, j in free]
     minimum = np.array([catalogue[i].parameters[j].minimum for i, j in free])
     maximum = np.array([catalogue[i].parameters[j].maximum for i, j in free])
     for k, (i, j) in enumerate(free):
@@ -261,7 +262,7 @@ def refit(
     stroke = float(np.ptp(np.concatenate([motion.position for motion in data.motions])))
     scales = np.array([unit_of(effects[i], j, nominal, stroke) for i, j in free])
     n = len(widths)
-    ratio = np.array([catalogue[i].parameters[j].name in FITTED_BY_LOGARITHM for i, j in free], dtype=bool)
+    ratio = np.array([name in FITTED_BY_LOGARITHM for name in names], dtype=bool) & (minimum > 0.0)
 
     def coordinate(value: Floats) -> Floats:
         shares = value / np.where(scales > 0, scales, 1.0)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.candidates import LAST_STEPS, finish_fit, with_free_effect
+from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least
-from sgms_observer.diagnosis.decision import Decision, compare, z_score_between
+from sgms_observer.diagnosis.decision import Decision, compare, preferred, z_score_between
 from sgms_observer.diagnosis.diagnosis import (
     REFIT_STEPS,
     FitState,
@@ -19,7 +20,7 @@ from sgms_observer.diagnosis.diagnosis import (
     WrittenFits,
     accepted_candidates,
 )
-from sgms_observer.diagnosis.evaluation import evidence_of
+from sgms_observer.diagnosis.evaluation import evidence_of, sliding_shares
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, data_with_own_noise
 from sgms_observer.diagnosis.model import Model
@@ -52,41 +53,74 @@ def without_redundant_effects(
     return state, tuple(rounds)
 
 
-def compared_again(state: FitState, rounds: Sequence[Round], options: Options) -> tuple[FitState, tuple[Round, ...]]:
-    """Compare each effect with its rivals again, beside everything that was accepted later.
+def compared_again(
+    state: FitState, rounds: Sequence[Round], listed: Sequence[str], options: Options
+) -> tuple[FitState, tuple[Round, ...]]:
+    """Compare each effect but the last with its rivals again, beside everything that was accepted later.
 
-    In its own round the later effects were still in the residual, where they hide differences and make others. A rival
-    that predicts significantly better takes the place of the effect.
+    In its own round the later effects were still in the residual, where they hide differences and make others.
 
     Args:
         state: state with everything that was accepted.
         rounds: rounds so far.
+        listed: effects of the file.
         options: options of the diagnosis.
     """
-    criteria, found = options.criteria, list(rounds)
-    places = [place for place, item in enumerate(found) if item.accepted]
-    for place in places[:-1]:
-        item = found[place]
-        assert item.accepted is not None
-        if item.accepted.candidate.settings is None:  # a change of the file has no place that an effect could take
-            continue
-        name = item.accepted.candidate.name
-        known = {one.name for one in state.current.effects}
-        tests = {rival: test for rival, test in item.comparisons.items() if rival not in known}
-        if tests:
-            evaluation = state.evaluation(options)
-            full = evidence_of(finish_fit(state.setup, state.current), evaluation)
-        for rival in tuple(tests):
-            decision = next(one for one in item.decisions if one.candidate.name == rival)
-            swapped = _with_rival(state, name, decision)
-            z_score = z_score_between(full, evidence_of(swapped.current, evaluation), criteria)
-            tests[rival] = compare(name, rival, z_score, criteria)
-            if z_score < -criteria.min_z_score:
-                state, tests = swapped.refitted(swapped.current, REFIT_STEPS), {}
-                item = replace(item, accepted=decision)
-                break
-        found[place] = replace(item, comparisons=tests)
+    found = list(rounds)
+    for place in [place for place, item in enumerate(found) if item.accepted][:-1]:
+        state, found[place] = compared(state, found[place], listed, options)
     return state, tuple(found)
+
+
+def compared(state: FitState, item: Round, listed: Sequence[str], options: Options) -> tuple[FitState, Round]:
+    """Compare an accepted effect with its rivals in the noise of the residual that it leaves.
+
+    Before it was accepted, the noise contained it. A rival that now predicts better takes its place, by the rules of
+    the first choice. Effects that a contact law cannot imitate are compared while the contact slides. A change of the
+    file has no place that an effect could take.
+
+    Args:
+        state: state with everything that was accepted.
+        item: the round in which the effect was accepted.
+        listed: effects of the file.
+        options: options of the diagnosis.
+
+    Returns:
+        The state and the round, with the comparisons of the effect that has the place.
+    """
+    assert item.accepted is not None
+    if item.accepted.candidate.settings is None:
+        return state, item
+    name, most = item.accepted.candidate.name, options.criteria.min_z_score
+    known = {one.name for one in state.current.effects}
+    rivals = {one.candidate.name: one for one in item.decisions if one.candidate.name in item.comparisons}
+    rivals = {rival: one for rival, one in rivals.items() if rival not in known}
+    if not rivals:
+        return state, replace(item, comparisons={})
+    state = state.refitted(state.current, REFIT_STEPS)
+    states = {name: replace(state, current=finish_fit(state.setup, state.current))}
+    states |= {rival: _with_rival(state, name, one) for rival, one in rivals.items()}
+    decisions = {name: item.accepted, **rivals}
+    evaluation = state.evaluation(options)
+    shares = sliding_shares(state.current.model, evaluation)
+    evidence = {key: evidence_of(one.current, evaluation) for key, one in states.items()}
+
+    def z_score(one: str, other: str) -> float:
+        pair = evidence[one], evidence[other]
+        if not (is_confusable_with_contact(one) or is_confusable_with_contact(other)):
+            pair = pair[0].weighted(shares), pair[1].weighted(shares)
+        return z_score_between(*pair, options.criteria)
+
+    best = name
+    for rival in rivals:
+        best = rival if z_score(rival, best) > 0.0 else best
+    equal = [decisions[key] for key in decisions if key != best and z_score(best, key) <= most]
+    first = preferred(decisions[best], [decisions[best], *equal], listed)
+    best = first.candidate.name
+    tests = {key: compare(best, key, z_score(best, key), options.criteria) for key in decisions if key != best}
+    if best != name:
+        state = states[best].refitted(states[best].current, REFIT_STEPS)
+    return state, replace(item, accepted=first, comparisons=tests)
 
 
 def _with_rival(state: FitState, name: str, rival: Decision) -> FitState:

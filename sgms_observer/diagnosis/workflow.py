@@ -13,7 +13,7 @@ from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, effect_c
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_freed, changed_candidate
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.decision import Decision, comparisons, decide, z_score_between
+from sgms_observer.diagnosis.decision import Decision, comparisons, decide, preferred, z_score_between
 from sgms_observer.diagnosis.diagnosis import (
     FIT_STEPS,
     REFIT_STEPS,
@@ -32,7 +32,12 @@ from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.map_fit import MAP_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD_LAG
-from sgms_observer.diagnosis.pruning import compared_again, without_insignificant_effects, without_redundant_effects
+from sgms_observer.diagnosis.pruning import (
+    compared,
+    compared_again,
+    without_insignificant_effects,
+    without_redundant_effects,
+)
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
@@ -91,7 +96,7 @@ def diagnose(
     rounds: tuple[Round, ...] = ()
     if not audited.is_poor:
         state, rounds = without_redundant_effects(*_best_search(state, known_effects, options, report), options)
-        state, rounds = compared_again(state, rounds, options)
+        state, rounds = compared_again(state, rounds, [item.name for item in known_effects], options)
     report("refit of the file's own elements", 0.85)
     state, rounds, written = without_insignificant_effects(file_state, state, rounds, nominal, options)
     evaluation = state.evaluation(options)
@@ -194,7 +199,7 @@ def _best_search(
         return first.state, first.rounds
     before, item = first.until(place), first.rounds[place]
     best = select_hypothesis(_passed_effects(item.decisions), before.state.evaluation(options), listed)
-    again = _with_best(before, before.state, item, best, options)
+    again = _with_best(before, before.state, item, best, listed, options)
     second = _search(again, listed, options, report, has_effects_first=True)
     evaluation, model = second.state.evaluation(options), second.state.current.model
     earlier, later = (
@@ -253,13 +258,15 @@ def _search(
         decisions = [decide(item, current, earlier, evaluation) for item in fitted if item.refit.cost < current.cost]
         decisions.sort(key=lambda item: -item.improvement.decrease)
         state = state.with_least_of(decisions)
-        compared = (has_effects_first and _passed_effects(decisions)) or decisions
-        best = select_hypothesis(compared, state.bounded(evaluation), listed)
-        found = _with_best(found, state, Round(screen.screenings, tuple(decisions), None, {}), best, options)
+        eligible = (has_effects_first and _passed_effects(decisions)) or decisions
+        best = select_hypothesis(eligible, state.bounded(evaluation), listed)
+        found = _with_best(found, state, Round(screen.screenings, tuple(decisions), None, {}), best, listed, options)
     return found
 
 
-def _with_best(found: _Search, state: FitState, item: Round, best: Decision | None, options: Options) -> _Search:
+def _with_best(
+    found: _Search, state: FitState, item: Round, best: Decision | None, listed: Sequence[str], options: Options
+) -> _Search:
     """Return the search with a round that adds a hypothesis, or none.
 
     Args:
@@ -267,25 +274,22 @@ def _with_best(found: _Search, state: FitState, item: Round, best: Decision | No
         state: state before the round.
         item: the round.
         best: the hypothesis to add, or None.
+        listed: effects of the file.
         options: options of the diagnosis.
     """
     if best is None:
         return found.with_round(state, replace(item, accepted=None, comparisons={}), state)
-    compared = comparisons(best, item.decisions, options.criteria)
+    item = replace(item, accepted=best, comparisons=comparisons(best, item.decisions, options.criteria))
     setup = replace(best.candidate.setup, data=state.setup.data, workers=options.workers)
     after = replace(state, setup=setup, current=best.candidate.refit)
-    after = after.refitted(after.current, FIT_STEPS).with_fitted_lag()
-    return found.with_round(state, replace(item, accepted=best, comparisons=compared), after)
+    after, item = compared(after.refitted(after.current, FIT_STEPS).with_fitted_lag(), item, listed, options)
+    return found.with_round(state, item, after)
 
 
 def select_hypothesis(
     decisions: Sequence[Decision], evaluation: EvaluationData, listed: Sequence[str] = ()
 ) -> Decision | None:
     """Return the hypothesis to add, or None if none passes every test.
-
-    If the data do not distinguish the best effect from an effect of the file, the effect of the file is returned: a
-    changed value of a known effect is the simpler explanation. If the file lists none of them, the effect with the
-    fewest parameters is returned.
 
     Args:
         decisions: decisions, the best predicting first.
@@ -296,31 +300,11 @@ def select_hypothesis(
     if not passed:
         return None
     best = _best_hypothesis(passed, evaluation)
-    known = [item for item in passed if item.candidate.name in listed]
     if best.candidate.settings is None:
         return best
-    equal = [
-        item
-        for item in passed
-        if z_score_between(best.evidence, item.evidence, evaluation.criteria) <= evaluation.criteria.min_z_score
-    ]
-    return next((item for item in equal if item in known), _simplest(best, equal))
-
-
-def _simplest(best: Decision, equal: Sequence[Decision]) -> Decision:
-    """Return the effect with the fewest parameters of those that the data do not distinguish from the best one.
-
-    Args:
-        best: the effect that predicts best.
-        equal: hypotheses that the data do not distinguish from it, the best predicting first.
-    """
-    is_confusable = is_confusable_with_contact(best.candidate.name)
-    others = [
-        item for item in equal
-        if item.candidate.settings is not None
-        and (is_confusable or not is_confusable_with_contact(item.candidate.name))
-    ]  # fmt: skip
-    return min((best, *others), key=lambda item: item.candidate.parameter_count)
+    criteria = evaluation.criteria
+    equal = [item for item in passed if z_score_between(best.evidence, item.evidence, criteria) <= criteria.min_z_score]
+    return preferred(best, equal, listed)
 
 
 def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> Decision:

@@ -147,6 +147,6 @@ def test_an_effect_that_leaves_more_than_another_hypothesis_does_not_end_the_sea
     # An effect that passed beside a change of the file does not take its place, however well it predicts.
     change = found.rounds[0].accepted
     assert change is not None and change.candidate.settings is None and found.rounds[0].comparisons
-    monkeypatch.setattr(pruning, "z_score_between", lambda *_: -10.0)
-    _, rounds = pruning.compared_again(found.final_state, found.rounds, options)
+    monkeypatch.setattr(pruning, "z_score_between", lambda *_: 10.0)
+    _, rounds = pruning.compared_again(found.final_state, found.rounds, [], options)
     assert rounds[0].accepted is change

@@ -10,6 +10,7 @@ from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.candidates import MIN_REDUCTION_SHARE
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.diagnosis import Diagnosis, FitState, Options, Round, accepted_candidates
+from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.result import by_name
 from sgms_observer.settings.axis import EffectSettings
 
@@ -35,28 +36,43 @@ def test_a_spring_beside_an_offset_has_a_stiffness_but_no_rest_position(monkeypa
     assert not answer.changed
 
 
-@pytest.mark.parametrize("z_score, first", [(-10.0, "asymmetric_coulomb"), (0.0, "offset"), (10.0, "offset")])
+@pytest.mark.parametrize("z_score, first", [(-10.0, "asymmetric_coulomb"), (1.0, "offset"), (10.0, "offset")])
 def test_a_rival_that_predicts_better_beside_the_later_effects_takes_the_place(
     monkeypatch: pytest.MonkeyPatch, z_score: float, first: str
 ) -> None:
-    monkeypatch.setattr(pruning, "z_score_between", lambda *_: z_score)
+    rounds_before: list[tuple[Round, ...]] = []
     compared: list[tuple[FitState, tuple[Round, ...]]] = []
 
-    def compare(state: FitState, rounds: tuple[Round, ...], options: Options) -> tuple[FitState, tuple[Round, ...]]:
-        compared.append(pruning.compared_again(state, rounds, options))
+    def compare(
+        state: FitState, rounds: tuple[Round, ...], listed: list[str], options: Options
+    ) -> tuple[FitState, tuple[Round, ...]]:
+        rounds_before.append(rounds)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(pruning, "evidence_of", lambda fit, _: NamedEvidence(fit))
+            patch.setattr(pruning, "z_score_between", lambda one, other, _: z_score * (one.offset - other.offset))
+            compared.append(pruning.compared_again(state, rounds, listed, options))
         return compared[-1]
 
     monkeypatch.setattr(workflow, "compared_again", compare)
     diagnosed(monkeypatch, (OFFSET, SPRING), ("offset", "asymmetric_coulomb", "spring"))
-    [(state, rounds)] = compared
+    [(state, rounds)], [before] = compared, rounds_before
+    assert [item.name for item in accepted_candidates(before)] == ["offset", "spring"]
     assert [item.name for item in accepted_candidates(rounds)] == [first, "spring"]
     assert {item.name for item in state.current.effects} == {first, "spring"}
-    left = rounds[0].comparisons
-    if z_score < 0.0:  # it was compared with the effect whose place it took
-        assert not left
-    else:
-        assert {name: test.value for name, test in left.items()} == {"asymmetric_coulomb": z_score}
-        assert left["asymmetric_coulomb"].passed == (z_score >= Criteria().min_z_score)
+    other = {"offset": "asymmetric_coulomb", "asymmetric_coulomb": "offset"}[first]
+    [(name, test)] = rounds[0].comparisons.items()
+    assert (name, test.value, test.passed) == (other, abs(z_score), abs(z_score) >= Criteria().min_z_score)
+
+
+class NamedEvidence:
+    """Evidence that only knows whether its fit has the offset."""
+
+    def __init__(self, fit: Refit) -> None:
+        self.offset = float("offset" in [item.name for item in fit.effects])
+
+    def weighted(self, _shares: object) -> NamedEvidence:
+        """Return the same evidence."""
+        return self
 
 
 def test_a_dead_zone_is_fitted_although_the_coulomb_force_absorbs_it(monkeypatch: pytest.MonkeyPatch) -> None:
