@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
-from workflow_case import AXIS, record
+from workflow_case import AXIS, evaluation_of, record
 
 from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.candidates import MIN_REDUCTION_SHARE
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.diagnosis import Diagnosis, FitState, Options, Round, accepted_candidates
-from sgms_observer.diagnosis.fit import Refit
+from sgms_observer.diagnosis.evaluation import evidence_of, sliding_shares
+from sgms_observer.diagnosis.fit import Refit, RefitSetup
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.diagnosis.result import by_name
 from sgms_observer.settings.axis import EffectSettings
 
@@ -86,3 +90,32 @@ def test_a_dead_zone_is_fitted_although_the_coulomb_force_absorbs_it(monkeypatch
     assert screenings["actuator_dead_zone"].chi2_reduction < least
     assert "actuator_dead_zone" in [item.candidate.name for item in found.rounds[0].decisions]
     assert "actuator_dead_zone" in [item.name for item in accepted_candidates(found.rounds)]
+
+
+def test_a_sample_counts_by_the_share_of_the_contact_that_slides() -> None:
+    """Two forces are compared while the contact slides, and the two kinds of recordings have each their own shares."""
+    learn, judge = (motion_of(record((OFFSET,), seed=seed, duration=12.0)) for seed in (1, 2))
+    truth = Model.of(AXIS).with_effects((OFFSET,))
+    evaluation = evaluation_of([learn], truth, [judge])
+    setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
+    evidence = evidence_of(setup.fit((OFFSET,), None, 2), evaluation)
+    shares = sliding_shares(truth, evaluation)
+    assert [len(share) for share in shares] == [len(block) for block in evidence.all]
+    found = evidence.weighted(shares)
+    assert (len(found.fit), len(found.held_out)) == (len(evidence.fit), len(evidence.held_out))
+    for motion, parts in ((learn, shares[: len(evidence.fit)]), (judge, shares[len(evidence.fit) :])):
+        share = np.concatenate(parts)
+        time = np.linspace(0.0, float(motion.time[-1]), len(share))
+        speed = np.interp(time, motion.time, np.abs(motion.velocity))
+        rests = (time % 6.0 > 5.4) & (time % 6.0 < 5.9)
+        assert share[rests].max() < 0.1 and share[speed > 0.01].mean() > 0.9
+    np.testing.assert_allclose(np.concatenate(found.all), np.concatenate(evidence.all) * np.concatenate(shares))
+
+
+def test_a_dead_zone_that_is_not_there_has_no_width() -> None:
+    """Its width may be zero, so it has no logarithm; by its logarithm it stayed above zero with an error of nothing."""
+    evaluation = evaluation_of([motion_of(record(seed=seed, duration=12.0)) for seed in (1, 2)], Model.of(AXIS))
+    setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
+    found = setup.fit((EffectSettings("actuator_dead_zone", (0.2,)),), None, 12)
+    [width], [error] = found.effects[0].values, found.standard_errors()
+    assert 0.0 <= width < 0.02 and (width == 0.0 or width < 3.0 * error)
