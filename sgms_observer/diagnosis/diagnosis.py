@@ -151,6 +151,7 @@ class FitState:
             gap,
             reported_floor,
             reported_gap,
+            self.current.model,
             options.criteria,
             options.seed,
         )
