@@ -79,7 +79,7 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, evaluation: Evalua
     criteria = evaluation.criteria
     later = evidence_of(item.refit, evaluation)
     gain = improvement(earlier.all, later.all)
-    tests = [_prediction_test(item, earlier, later, evaluation)]
+    tests = [_prediction_test(item, gain, earlier, later, evaluation)]
     gap, reported = improvement(earlier.force, later.force), improvement(earlier.reported, later.reported)
     if evaluation.has_held_out:
         tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
@@ -93,18 +93,16 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, evaluation: Evalua
     return Decision(item, later, gain, gap, reported, tuple(tests))
 
 
-def _prediction_test(item: Candidate, earlier: Evidence, later: Evidence, evaluation: EvaluationData) -> Test:
+def _prediction_test(
+    item: Candidate, gain: Improvement, earlier: Evidence, later: Evidence, evaluation: EvaluationData
+) -> Test:
     """Return the test that the hypothesis predicts significantly better.
-
-    An effect that no contact law can imitate has to do so while the contact slides.
 
     The held-out recordings were not screened, so their threshold counts the compared candidates only. All recordings
     together were screened, so their threshold counts every tried shape. One of the two tests is enough, because a
     held-out recording may excite the effect less.
     """
     criteria = evaluation.criteria
-    if item.settings is not None and not is_confusable_with_contact(item.name):
-        earlier, later = earlier.while_sliding(evaluation), later.while_sliding(evaluation)
     title = "z-score on data not fitted to"
     if evaluation.has_held_out:
         held_out = improvement(earlier.held_out, later.held_out)
@@ -114,8 +112,7 @@ def _prediction_test(item: Candidate, earlier: Evidence, later: Evidence, evalua
         if alone.passed:
             return alone
         title = "z-score over all recordings"
-    z_score = improvement(earlier.all, later.all).z_score
-    return at_least(item.name, title, z_score, criteria.z_score_of(item.trials))
+    return at_least(item.name, title, gain.z_score, criteria.z_score_of(item.trials))
 
 
 def range_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:

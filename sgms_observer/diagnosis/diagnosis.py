@@ -151,7 +151,6 @@ class FitState:
             gap,
             reported_floor,
             reported_gap,
-            self.current.model,
             options.criteria,
             options.seed,
         )

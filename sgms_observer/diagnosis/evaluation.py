@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,6 @@ class EvaluationData:
         floor: rms weighted residual of a perfect model on ``motions``, from noise and encoder [N].
         gap: rms weighted residual of the current model on ``motions`` [N].
         reported_floor, reported_gap: the same two with the weights of the reported gap [N].
-        model: the current model.
         criteria: thresholds.
         seed: seed of the free-form regression.
         predictions: free-form predictions so far, by coordinates and model.
@@ -53,7 +52,6 @@ class EvaluationData:
     gap: float
     reported_floor: float
     reported_gap: float
-    model: Model
     criteria: Criteria
     seed: int
     predictions: dict[tuple[tuple[str, ...], Model], FreeForm] = field(default_factory=dict, compare=False)
@@ -72,23 +70,6 @@ class EvaluationData:
     def gap_weights(self) -> tuple[Floats, ...]:
         """Return the weights of the samples of ``motions`` in the reported gap."""
         return self.held_out_data.gap_weights if self.has_held_out else self.fit_data.gap_weights
-
-    @cached_property
-    def sliding_shares(self) -> list[Floats]:
-        """Return the share of the contact that slides at the samples of each block of ``Evidence.all``.
-
-        At rest the effort is what the contact has held since it stopped, and no two contact laws agree about that. An
-        effect that no contact law can imitate is judged while the contact slides.
-        """
-        found: list[Floats] = []
-        for data in (self.fit_data, self.held_out_data):
-            for motion, noise in zip(data.motions, data.noise, strict=True):
-                stick_indicator = motion.thinned(predict(self.model, motion).stick_indicator)
-                count = series_length(motion, noise)
-                at = np.linspace(0.0, len(stick_indicator) - 1.0, count)
-                share = 1.0 - np.clip(np.interp(at, np.arange(len(stick_indicator)), stick_indicator), 0.0, 1.0)
-                found += blocks_of(share, len(motion.time) * motion.period / count, self.criteria.block)
-        return found
 
     def rms(self, model: Model) -> float:
         """Return the rms weighted residual of a model on ``motions`` [N]."""
@@ -153,9 +134,13 @@ class Evidence:
         """Return all whitened blocks."""
         return [*self.fit, *self.held_out]
 
-    def while_sliding(self, evaluation: EvaluationData) -> Evidence:
-        """Return the evidence with each whitened sample weighted by the share of the contact that slides."""
-        blocks = [block * share for block, share in zip(self.all, evaluation.sliding_shares, strict=True)]
+    def weighted(self, shares: Sequence[Floats]) -> Evidence:
+        """Return the evidence with weighted whitened residuals.
+
+        Args:
+            shares: weights of the samples of each block of ``all``.
+        """
+        blocks = [block * share for block, share in zip(self.all, shares, strict=True)]
         return replace(self, fit=blocks[: len(self.fit)], held_out=blocks[len(self.fit) :])
 
 
@@ -175,3 +160,25 @@ def evidence_of(found: Refit, evaluation: EvaluationData) -> Evidence:
         in_blocks(weighted(left, evaluation.weights), evaluation.motions, length),
         in_blocks(weighted(left, evaluation.gap_weights), evaluation.motions, length),
     )
+
+
+def sliding_shares(model: Model, evaluation: EvaluationData) -> list[Floats]:
+    """Return the share of the contact that slides at the samples of each block of ``Evidence.all``.
+
+    At rest the effort is what the contact has held since it stopped, and no two contact laws agree about that. Effects
+    that another contact law cannot imitate are told from each other while the contact slides.
+
+    Args:
+        model: simulates the contact.
+        evaluation: the recordings.
+    """
+    found: list[Floats] = []
+    for data in (evaluation.fit_data, evaluation.held_out_data):
+        for motion, noise in zip(data.motions, data.noise, strict=True):
+            stick_indicator = motion.thinned(predict(model, motion).stick_indicator)
+            count = series_length(motion, noise)
+            at = np.linspace(0.0, len(stick_indicator) - 1.0, count)
+            share = 1.0 - np.clip(np.interp(at, np.arange(len(stick_indicator)), stick_indicator), 0.0, 1.0)
+            period = len(motion.time) * motion.period / count
+            found += blocks_of(share, period, evaluation.criteria.block)
+    return found

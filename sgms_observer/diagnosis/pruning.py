@@ -20,7 +20,7 @@ from sgms_observer.diagnosis.diagnosis import (
     WrittenFits,
     accepted_candidates,
 )
-from sgms_observer.diagnosis.evaluation import evidence_of
+from sgms_observer.diagnosis.evaluation import evidence_of, sliding_shares
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, data_with_own_noise
 from sgms_observer.diagnosis.model import Model
@@ -102,12 +102,13 @@ def compared(state: FitState, item: Round, listed: Sequence[str], options: Optio
     states |= {rival: _with_rival(state, name, one) for rival, one in rivals.items()}
     decisions = {name: item.accepted, **rivals}
     evaluation = state.evaluation(options)
+    shares = sliding_shares(state.current.model, evaluation)
     evidence = {key: evidence_of(one.current, evaluation) for key, one in states.items()}
 
     def z_score(one: str, other: str) -> float:
         pair = evidence[one], evidence[other]
         if not (is_confusable_with_contact(one) or is_confusable_with_contact(other)):
-            pair = pair[0].while_sliding(evaluation), pair[1].while_sliding(evaluation)
+            pair = pair[0].weighted(shares), pair[1].weighted(shares)
         return z_score_between(*pair, options.criteria)
 
     best = name

@@ -11,7 +11,7 @@ from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.candidates import MIN_REDUCTION_SHARE
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.diagnosis import Diagnosis, FitState, Options, Round, accepted_candidates
-from sgms_observer.diagnosis.evaluation import evidence_of
+from sgms_observer.diagnosis.evaluation import evidence_of, sliding_shares
 from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
@@ -74,7 +74,7 @@ class NamedEvidence:
     def __init__(self, fit: Refit) -> None:
         self.offset = float("offset" in [item.name for item in fit.effects])
 
-    def while_sliding(self, _evaluation: object) -> NamedEvidence:
+    def weighted(self, _shares: object) -> NamedEvidence:
         """Return the same evidence."""
         return self
 
@@ -99,9 +99,9 @@ def test_a_sample_counts_by_the_share_of_the_contact_that_slides() -> None:
     evaluation = evaluation_of([learn], truth, [judge])
     setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
     evidence = evidence_of(setup.fit((OFFSET,), None, 2), evaluation)
-    shares = evaluation.sliding_shares
+    shares = sliding_shares(truth, evaluation)
     assert [len(share) for share in shares] == [len(block) for block in evidence.all]
-    found = evidence.while_sliding(evaluation)
+    found = evidence.weighted(shares)
     assert (len(found.fit), len(found.held_out)) == (len(evidence.fit), len(evidence.held_out))
     for motion, parts in ((learn, shares[: len(evidence.fit)]), (judge, shares[len(evidence.fit) :])):
         share = np.concatenate(parts)

@@ -84,4 +84,4 @@ def evaluation_of(
     lowest = noise_floors(judge, truth, data.noise, 1, weights)[0] if floor is None else floor
     left = residuals(Model.of(AXIS), judge)
     first = rms(weighted(left, weights))
-    return EvaluationData(tuple(learn), judge, data, unseen, lowest, first, lowest, rms(left), truth, Criteria(), 1)
+    return EvaluationData(tuple(learn), judge, data, unseen, lowest, first, lowest, rms(left), Criteria(), 1)
