@@ -11,7 +11,7 @@ import numpy as np
 from start_file import WINDOW, start_file
 
 from sgms_observer.application.commission.motion import Motion, learning_motion, representative_motion
-from sgms_observer.application.commission.next_experiment import EXPERIMENT_SECONDS, separating
+from sgms_observer.application.commission.next_experiment import EXPERIMENT_SECONDS, separating, with_noise_of
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.simulate import Simulation, simulate
 from sgms_observer.excitation.limits import limits_of
@@ -56,7 +56,7 @@ def test_the_designed_motion_separates_what_the_first_recording_does_not(tmp_pat
     first = named([learn], "first")
     assert [(one["name"], one["alternatives"]) for one in first] == [("asymmetric_coulomb", ["offset"])]
     (model,) = load_settings(tmp_path / "first" / "augmented.yaml").axes
-    found = separating([("asymmetric_coulomb", "offset")], model, limits, 0.0, PERIOD)
+    found = separating([("asymmetric_coulomb", "offset")], with_noise_of(learn, model), limits, 0.0, PERIOD)
     assert found is not None
     second = named([learn, played(found.motion, "experiment", 3)], "second")
     assert [(one["name"], one["alternatives"]) for one in second] == [("asymmetric_coulomb", [])]

@@ -184,8 +184,8 @@ def diagnose_bags_of(session: Session, bags: Sequence[str], out: str) -> Found:
     )
 
 
-def unexplained(bag: str, axis: AxisSettings) -> float:
-    """Return the gap of a model: rms of measured minus predicted effort over the rms effort of a recording.
+def residual_of(bag: str, axis: AxisSettings) -> WeightedResidual:
+    """Return the residual of a model in a recording, as the gap counts it.
 
     Args:
         bag: the recording.
@@ -197,8 +197,18 @@ def unexplained(bag: str, axis: AxisSettings) -> float:
     band = choose_band(pieces, axis).corner
     motions = [motion_of(piece, band=band) for piece in pieces]
     model = Model.of(axis)
-    weights = data_with_own_noise(motions, model).gap_weights
-    return WeightedResidual(motions, residuals(model, motions), weights).rms / effort_rms(motions, weights)
+    return WeightedResidual(motions, residuals(model, motions), data_with_own_noise(motions, model).gap_weights)
+
+
+def unexplained(bag: str, axis: AxisSettings) -> float:
+    """Return the gap of a model: rms of measured minus predicted effort over the rms effort of a recording.
+
+    Args:
+        bag: the recording.
+        axis: the model.
+    """
+    rest = residual_of(bag, axis)
+    return rest.rms / effort_rms(rest.motions, rest.weights)
 
 
 def load_motion(session: Session, name: str) -> Motion:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
-from sgms_observer.application.commission.learn import Found, diagnose_bags_of
+from sgms_observer.application.commission.learn import Found, diagnose_bags_of, residual_of
 from sgms_observer.application.commission.motion import Motion, checked
 from sgms_observer.application.commission.session import LEARN_BAG, Session
+from sgms_observer.diagnosis.fit import MIN_NOISE_SHARE
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.question import NO_REFERENCE_SHOWS, is_possible
 from sgms_observer.excitation.reference import HiddenError, design_excitation
@@ -62,6 +63,17 @@ def ambiguous_sets(effects: Sequence[Mapping[str, Any]], axis: AxisSettings) -> 
     return found
 
 
+def with_noise_of(bag: str, axis: AxisSettings) -> AxisSettings:
+    """Return the model with what it leaves of a recording as its noise, in place of what the file expects.
+
+    Args:
+        bag: the recording.
+        axis: the model.
+    """
+    noise = max(residual_of(bag, axis).rms, MIN_NOISE_SHARE * axis.friction.coulomb_force)
+    return replace(axis, estimator=replace(axis.estimator, measurement_std=noise))
+
+
 def separating(
     sets: Sequence[Sequence[str]],
     axis: AxisSettings,
@@ -71,7 +83,8 @@ def separating(
 ) -> Experiment | None:
     """Return the motion for the first set of effects that a motion within the limits tells apart; None if none does.
 
-    What counts is the expected evidence for the first effect of a set, as strong as the model has it.
+    What counts is the expected evidence for the first effect of a set, as strong as the model has it, in the noise of
+    the model (``estimator.measurement_std``).
 
     Args:
         sets: names of effects, the most urgent first.
@@ -147,7 +160,7 @@ def _run_another(session: Session, done: list[dict[str, Any]]) -> str:
     if len(done) >= MOST_EXPERIMENTS:
         return f"{names} stay ambiguous after {len(done)} experiments"
     model = load_settings(session.path(f"{ledger.facts['diagnosis']}/augmented.yaml"))
-    axis = next(one for one in model.axes if one.name == session.axis.name)
+    axis = with_noise_of(str(session.path(LEARN_BAG)), next(a for a in model.axes if a.name == session.axis.name))
     found = separating(sets, axis, plan.limits, session.origin, plan.settings.sample_period)
     if found is None:
         return (
