@@ -274,7 +274,7 @@ def preferred(best: Decision, equal: Sequence[Decision], listed: Sequence[str]) 
 
     Args:
         best: the effect that predicts best.
-        equal: hypotheses that the data do not distinguish from it, the best predicting first.
+        equal: the best effect and all hypotheses that the data do not distinguish from it.
         listed: effects of the file.
     """
     for item in equal:

@@ -165,8 +165,8 @@ def evidence_of(found: Refit, evaluation: EvaluationData) -> Evidence:
 def sliding_shares(model: Model, evaluation: EvaluationData) -> list[Floats]:
     """Return the share of the contact that slides at the samples of each block of ``Evidence.all``.
 
-    At rest the effort is what the contact has held since it stopped, and no two contact laws agree about that. Effects
-    that another contact law cannot imitate are told from each other while the contact slides.
+    At rest the effort is what the contact has held since it stopped, which differs between contact laws. Effects that
+    another contact law cannot imitate are compared while the contact slides.
 
     Args:
         model: simulates the contact.

@@ -252,9 +252,9 @@ def refit(
     widths = prior_widths(nominal, tolerance, freedom)
     free = tuple((i, j) for i, e in enumerate(effects) for j in range(len(e.values)) if (i, j) not in fixed)
     catalogue = [effect(e.name) for e in effects]
-    names = [catalogue[i].parameters[j].name for i, j in free]
-    minimum = np.array([catalogue[i].parameters[j].minimum for i, j in free])
-    maximum = np.array([catalogue[i].parameters[j].maximum for i, j in free])
+    parameters = [catalogue[i].parameters[j] for i, j in free]
+    minimum = np.array([parameter.minimum for parameter in parameters])
+    maximum = np.array([parameter.maximum for parameter in parameters])
     for k, (i, j) in enumerate(free):
         low_limit, high_limit = plausible_range(effects[i].name, catalogue[i].parameters[j].name, data.motions, nominal)
         minimum[k], maximum[k] = max(minimum[k], low_limit), min(maximum[k], high_limit)
@@ -262,7 +262,7 @@ def refit(
     stroke = float(np.ptp(np.concatenate([motion.position for motion in data.motions])))
     scales = np.array([unit_of(effects[i], j, nominal, stroke) for i, j in free])
     n = len(widths)
-    ratio = np.array([name in FITTED_BY_LOGARITHM for name in names], dtype=bool) & (minimum > 0.0)
+    ratio = np.array([one.name in FITTED_BY_LOGARITHM and one.minimum > 0.0 for one in parameters], dtype=bool)
 
     def coordinate(value: Floats) -> Floats:
         shares = value / np.where(scales > 0, scales, 1.0)

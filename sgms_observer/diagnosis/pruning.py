@@ -75,9 +75,9 @@ def compared_again(
 def compared(state: FitState, item: Round, listed: Sequence[str], options: Options) -> tuple[FitState, Round]:
     """Compare an accepted effect with its rivals in the noise of the residual that it leaves.
 
-    Before it was accepted, the noise contained it. A rival that now predicts better takes its place, by the rules of
-    the first choice. Effects that a contact law cannot imitate are compared while the contact slides. A change of the
-    file has no place that an effect could take.
+    Before it was accepted, the fitted noise still contained it. A rival that now predicts better takes its place, by
+    the rules of the first choice. Effects that a contact law cannot imitate are compared while the contact slides. A
+    change of the file has no place that an effect could take.
 
     Args:
         state: state with everything that was accepted.
@@ -114,8 +114,8 @@ def compared(state: FitState, item: Round, listed: Sequence[str], options: Optio
     best = name
     for rival in rivals:
         best = rival if z_score(rival, best) > 0.0 else best
-    equal = [decisions[key] for key in decisions if key != best and z_score(best, key) <= most]
-    first = preferred(decisions[best], [decisions[best], *equal], listed)
+    equal = [one for key, one in decisions.items() if z_score(best, key) <= most]
+    first = preferred(decisions[best], equal, listed)
     best = first.candidate.name
     tests = {key: compare(best, key, z_score(best, key), options.criteria) for key in decisions if key != best}
     if best != name:

@@ -40,7 +40,9 @@ def test_a_spring_beside_an_offset_has_a_stiffness_but_no_rest_position(monkeypa
     assert not answer.changed
 
 
-@pytest.mark.parametrize("z_score, first", [(-10.0, "asymmetric_coulomb"), (1.0, "offset"), (10.0, "offset")])
+@pytest.mark.parametrize(
+    "z_score, first", [(-10.0, "asymmetric_coulomb"), (0.0, "offset"), (1.0, "offset"), (10.0, "offset")]
+)
 def test_a_rival_that_predicts_better_beside_the_later_effects_takes_the_place(
     monkeypatch: pytest.MonkeyPatch, z_score: float, first: str
 ) -> None:

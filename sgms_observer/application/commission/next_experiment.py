@@ -11,6 +11,7 @@ from sgms_observer.application.commission.learn import Found, diagnose_bags_of, 
 from sgms_observer.application.commission.motion import Motion, checked
 from sgms_observer.application.commission.session import LEARN_BAG, Session
 from sgms_observer.diagnosis.fit import MIN_NOISE_SHARE
+from sgms_observer.diagnosis.gap import effort_rms
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.question import NO_REFERENCE_SHOWS, is_possible
 from sgms_observer.excitation.reference import HiddenError, design_excitation
@@ -64,13 +65,14 @@ def ambiguous_sets(effects: Sequence[Mapping[str, Any]], axis: AxisSettings) -> 
 
 
 def with_noise_of(bag: str, axis: AxisSettings) -> AxisSettings:
-    """Return the model with what it leaves of a recording as its noise, in place of what the file expects.
+    """Return the model with the rms residual that it leaves in a recording as its ``estimator.measurement_std``.
 
     Args:
         bag: the recording.
         axis: the model.
     """
-    noise = max(residual_of(bag, axis).rms, MIN_NOISE_SHARE * axis.friction.coulomb_force)
+    rest = residual_of(bag, axis)
+    noise = max(rest.rms, MIN_NOISE_SHARE * effort_rms(rest.motions, rest.weights))
     return replace(axis, estimator=replace(axis.estimator, measurement_std=noise))
 
 
