@@ -191,8 +191,12 @@ def missing_topic(bag: BagReader, name: str, key: str) -> RecordingError:
     fitting = sorted(
         topic for topic, kind in bag.topics.items() if kind == JOINT_STATE and topic.rpartition("/")[2] not in others
     )
-    best = next((topic for topic in fitting if topic.endswith(f"/{key}")), fitting[0] if fitting else "")
-    remedy = f"name it with --topic {key}={best}" if best else f"record {key} as {JOINT_STATE}"
+    same_name = next((topic for topic in fitting if key in topic.split("/")), "")
+    remedy = f"record {key} as {JOINT_STATE}"
+    if same_name:
+        remedy = f"name it with --topic {key}={same_name}"
+    elif fitting:
+        remedy = f"if one of them is the {key}, name it with --topic {key}=TOPIC; otherwise {remedy}"
     return RecordingError(f"{bag.path} has no topic {name}; it holds {held}; {remedy}")
 
 

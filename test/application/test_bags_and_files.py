@@ -119,13 +119,14 @@ def test_topics_of_other_names_and_their_remedy(tmp_path: Path, capsys: pytest.C
     assert main(["init", str(tmp_path / "bag"), "--out", yaml]) == 1
     error = capsys.readouterr().err
     assert "has no topic position; it holds /stage1/force, /stage1/position/raw" in error
-    assert "--topic position=/stage1/" in error
+    assert "--topic position=/stage1/position/raw" in error
     assert not Path(yaml).exists()
     named = ["--topic", "position=/stage1/position/raw", "--topic", "control_effort=/stage1/force"]
     assert result(capsys, "init", str(tmp_path / "bag"), "--out", yaml, *named)["axes"][0]["name"] == "x"
     assert result(capsys, "check", yaml, str(tmp_path / "bag"), *named)["fits"]
     faults = result(capsys, "check", yaml, str(tmp_path / "bag"), code=1)["faults"]
     assert len(faults) == 2 and all("--topic" in fault for fault in faults)
+    assert "if one of them is the control_effort, name it with --topic control_effort=TOPIC" in faults[1]
     info = result(capsys, "info", str(tmp_path / "bag"))
     assert info["axes"] == [] and "--topic position=" in info["warnings"][0]
     for wrong, sentence in (
