@@ -26,7 +26,7 @@ from sgms_observer.settings.axis import EffectSettings
 Floats = NDArray[np.float64]
 
 MIN_DELAY = 0.5
-"""Shortest delay that is named, in sample periods. Holding the effort between samples causes as much."""
+"""Holding the effort between samples causes this delay, in sample periods. A named delay is surely longer."""
 RANGE_END_TOLERANCE = 1.0e-6
 """Largest relative distance at which a parameter counts as at the end of its range."""
 
@@ -145,7 +145,8 @@ def physical_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
     """Return tests that the recordings can show the effect: strength, frequency, delay and limit."""
     settings = item.settings
     assert settings is not None
-    tests = [at_least(item.name, "strength over its standard error", strength(item), evaluation.criteria.min_z_score)]
+    ratio, least = strength(item), evaluation.criteria.min_z_score
+    tests = [at_least(item.name, "strength over its standard error", ratio, least)]
     values = dict(zip((p.name for p in effect(settings.name).parameters), settings.values, strict=True))
     rate = min(motion.step / motion.period for motion in evaluation.fit_motions)
     if "frequency" in values:
@@ -155,7 +156,8 @@ def physical_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
             )
         )
     if settings.name == "actuator_delay":
-        tests.append(at_least(item.name, "delay over sample period", values["delay"] * rate, MIN_DELAY))
+        shortest = values["delay"] * (1.0 - least / max(ratio, least))
+        tests.append(at_least(item.name, "shortest likely delay over sample period", shortest * rate, MIN_DELAY))
     if settings.name == "actuator_saturation":
         effort = np.abs(np.concatenate([motion.effort for motion in evaluation.fit_motions]))
         tests.append(

@@ -231,3 +231,22 @@ def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
     stroke = float(np.ptp(motion.position))
     assert not all(test.passed for test in range_tests(item("cogging", 0.5, 0.7 * stroke, 0.1, 0.0, 0.0), evaluation))
     assert all(test.passed for test in range_tests(item("cogging", 0.5, 0.2 * stroke, 0.1, 0.0, 0.0), evaluation))
+
+
+def test_a_delay_that_may_come_from_holding_the_effort_fails() -> None:
+    motion = moved()
+    evaluation = evaluation_of((motion,), MODEL)
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
+    plain = setup.fit((), None, 2)
+    rate = motion.step / motion.period
+
+    def delayed(samples: float, error: float) -> Candidate:
+        delay = EffectSettings("actuator_delay", (samples / rate,))
+        refit = replace(plain, effects=(delay,), jacobian=np.array([[rate / error]]), scales=np.ones(1), free=((0, 0),))
+        return Candidate("actuator_delay", setup, refit, 1)
+
+    for samples, error, is_long in ((0.54, 0.01, True), (0.52, 0.01, False), (0.54, 0.02, False), (0.4, 0.001, False)):
+        *_, test = physical_tests(delayed(samples, error), evaluation)
+        assert test.name == "shortest likely delay over sample period"
+        assert test.value == pytest.approx(samples - CRITERIA.min_z_score * error)
+        assert test.passed == is_long
