@@ -13,8 +13,6 @@ from sgms_observer.jit import njit
 
 Floats = NDArray[np.float64]
 
-REST_SHARE = 2.0e-3
-"""The stage counts as resting below this share of the 99.5 % quantile of the speed."""
 CONTACT = ("velocity", "acceleration", "direction", "distance since reversal", "time since reversal", "dwell")
 """Coordinates of any contact law. An effect on them has to predict better than a regression over them."""
 
@@ -78,8 +76,7 @@ def coordinates_of(motion: Motion, names: Sequence[str]) -> Floats:
 
 def _all(motion: Motion) -> dict[str, Floats]:
     """Return every coordinate at the samples of residuals."""
-    speed = np.abs(motion.velocity)
-    direction = np.where(speed > REST_SHARE * float(np.quantile(speed, 0.995)), np.sign(motion.velocity), 0.0)
+    direction = np.where(motion.is_moving, np.sign(motion.velocity), 0.0)
     time_since, distance, rest_before = (np.zeros(len(direction)) for _ in range(3))
     _history(direction, motion.position, motion.period, time_since, distance, rest_before)
     listed = {

@@ -355,8 +355,9 @@ def unknown_initial_friction(friction: FrictionSettings, motion: Motion) -> Floa
     """Return the width of the range of friction that the unknown state at the start leaves possible at each sample [N].
 
     Each element starts anywhere between its two sliding forces. A motion over a range of positions takes from the width
-    what a sliding contact loses when it moves back as far. The width that the whole recording leaves does not count: it
-    is an offset.
+    what a sliding contact loses when it moves back as far. Elements with frictional lag may also start as far from the
+    Stribeck curve as static from Coulomb force, and approach it while the stage moves (eq. 2). The width that the whole
+    recording leaves does not count: it is an offset.
 
     Args:
         friction: settings of the contact.
@@ -364,8 +365,12 @@ def unknown_initial_friction(friction: FrictionSettings, motion: Motion) -> Floa
     """
     place = motion.position
     range_so_far = np.maximum.accumulate(place) - np.minimum.accumulate(place)
-    lost = friction_drop_after_reversal(friction, range_so_far)
-    return np.asarray(lost[-1] - lost)
+    known = friction_drop_after_reversal(friction, range_so_far)
+    if friction.model == "gms":
+        moving_time = motion.period * np.cumsum(motion.is_moving)
+        lag = np.exp(-friction.attraction_rate / friction.static_force * moving_time)
+        known = known + (friction.static_force - friction.coulomb_force) * (1.0 - lag)
+    return np.asarray(known[-1] - known)
 
 
 def friction_drop_after_reversal(friction: FrictionSettings, distance: float | Floats) -> Floats:

@@ -42,6 +42,8 @@ HELD_LAG = 0.5
 """Lag of an effort that is held between samples, in samples."""
 MAX_CACHED = 4
 """Number of cached results per motion and kind: a parameter outside the contact needs no new simulation."""
+REST_SHARE = 2.0e-3
+"""The stage counts as resting below this share of the 99.5 % quantile of the speed."""
 EDGE_TIME = 0.1
 """Time dropped at either end for the transients of the low-pass [s]."""
 
@@ -140,6 +142,12 @@ class Motion:
         slow = CREEP_SPEED * self.resolution / self.period
         square = np.square(np.square(self.velocity / slow))
         return np.asarray(np.exp(-np.minimum(square, 700.0)), dtype=np.float64)
+
+    @cached_property
+    def is_moving(self) -> NDArray[np.bool_]:
+        """Whether the speed is above ``REST_SHARE`` of its 99.5 % quantile."""
+        speed = np.abs(self.velocity)
+        return np.asarray(speed > REST_SHARE * float(np.quantile(speed, 0.995)), dtype=np.bool_)
 
     @cached_property
     def shows_no_motion(self) -> NDArray[np.bool_]:

@@ -31,7 +31,7 @@ def test_two_histories_differ_by_no_more_than_is_unknown(swings: list[float]) ->
         parts = split_at_reversals(position, period)
         level = stribeck(MAXWELL_SLIP, position, period)
         friction.append(element_friction(MAXWELL_SLIP, *parts, period, level)[0][len(first) :])
-    motion = replace(motion_of(record(duration=4.0)), position=way)
+    motion = replace(motion_of(record(duration=4.0)), position=way, velocity=np.gradient(way, period))
     left = unknown_initial_friction(MAXWELL_SLIP, motion)
     difference = np.abs(friction[0] - friction[1])
     assert np.all(np.diff(left) <= 1e-9) and left[-1] == 0.0
@@ -50,3 +50,22 @@ def test_the_first_samples_count_less_until_the_contact_has_slipped() -> None:
     assert share[0] < 0.5 and share[-1] == 1.0
     assert weights[0] == weights.min() < 0.8 and weights[-1] == 1.0
     assert np.all(weights[share < 0.9] < 1.0)
+
+
+def test_a_lagging_contact_starts_anywhere_between_static_and_coulomb_force() -> None:
+    """One history crept at the static force, the other slid fast at the Coulomb force; both then slide on."""
+    contact = replace(MAXWELL_SLIP, coulomb_force=2.0, attraction_rate=40.0)
+    period, slow, fast = 1.0e-3, 0.05 * MAXWELL_SLIP.stribeck_velocity, 50.0 * MAXWELL_SLIP.stribeck_velocity
+    way = fast * period * np.arange(1, 1001)
+    friction = []
+    for speed in (slow, fast):
+        history = np.full(8000, speed * period)
+        position = np.concatenate((np.cumsum(history) - np.sum(history), way))
+        parts = split_at_reversals(position, period)
+        level = stribeck(contact, position, period)
+        friction.append(element_friction(contact, *parts, period, level)[0][len(history) :])
+    motion = replace(motion_of(record(duration=4.0)), position=way, velocity=np.full(len(way), fast))
+    left = unknown_initial_friction(contact, motion)
+    difference = np.abs(friction[0] - friction[1])
+    assert difference.max() > 0.9 * (contact.static_force - contact.coulomb_force)
+    assert np.all(difference <= left + 0.02 * contact.coulomb_force)
