@@ -355,22 +355,41 @@ def unknown_initial_friction(friction: FrictionSettings, motion: Motion) -> Floa
     """Return the width of the range of friction that the unknown state at the start leaves possible at each sample [N].
 
     Each element starts anywhere between its two sliding forces. A motion over a range of positions takes from the width
-    what a sliding contact loses when it moves back as far. Elements with frictional lag may also start as far from the
-    Stribeck curve as static from Coulomb force, and approach it while the stage moves (eq. 2). The width that the whole
-    recording leaves does not count: it is an offset.
+    what a sliding contact loses when it moves back as far. Where the recording starts in motion, elements with
+    frictional lag may also be as far from the Stribeck curve as static from Coulomb force: see ``_unknown_lag``. The
+    width that the whole recording leaves does not count: it is an offset.
 
     Args:
         friction: settings of the contact.
         motion: the recording.
     """
-    place = motion.position
-    range_so_far = np.maximum.accumulate(place) - np.minimum.accumulate(place)
-    known = friction_drop_after_reversal(friction, range_so_far)
-    if friction.model == "gms":
-        moving_time = motion.period * np.cumsum(motion.is_moving)
-        lag = np.exp(-friction.attraction_rate / friction.static_force * moving_time)
-        known = known + (friction.static_force - friction.coulomb_force) * (1.0 - lag)
-    return np.asarray(known[-1] - known)
+    known = friction_drop_after_reversal(friction, _range_so_far(motion.position))
+    width = known[-1] - known
+    return np.asarray(width + _unknown_lag(friction, motion) if friction.model == "gms" else width)
+
+
+def _unknown_lag(friction: FrictionSettings, motion: Motion) -> Floats:
+    """Return the width of the lagged friction that the unknown state at the start leaves possible at each sample [N].
+
+    It decreases exponentially while the contact slides (eq. 2). Where the stage stops, the elements stick; they slip
+    again on the Stribeck curve, so that the motion from there on takes away the rest.
+
+    Args:
+        friction: settings of the contact.
+        motion: the recording.
+    """
+    slides_on = motion.is_moving & (np.sign(motion.velocity) == np.sign(motion.velocity[0]))
+    stop = len(slides_on) if slides_on.all() else int(np.argmin(slides_on))
+    lag = np.exp(-friction.attraction_rate / friction.static_force * motion.period * np.arange(len(slides_on)))
+    if stop < len(slides_on):
+        since = friction_drop_after_reversal(friction, _range_so_far(motion.position[stop:]))
+        lag[stop:] = lag[stop] * (1.0 - since / (2.0 * friction.static_force)) if stop > 0 else 0.0
+    return np.asarray((friction.static_force - friction.coulomb_force) * lag)
+
+
+def _range_so_far(position: Floats) -> Floats:
+    """Return the range of positions from the first sample to each sample [m]."""
+    return np.asarray(np.maximum.accumulate(position) - np.minimum.accumulate(position))
 
 
 def friction_drop_after_reversal(friction: FrictionSettings, distance: float | Floats) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from workflow_case import AXIS, record
@@ -52,11 +53,13 @@ def test_the_first_samples_count_less_until_the_contact_has_slipped() -> None:
     assert np.all(weights[share < 0.9] < 1.0)
 
 
-def test_a_lagging_contact_starts_anywhere_between_static_and_coulomb_force() -> None:
-    """One history crept at the static force, the other slid fast at the Coulomb force; both then slide on."""
+@pytest.mark.parametrize("returns_after", [1000, 40])
+def test_a_lagging_contact_starts_anywhere_between_static_and_coulomb_force(returns_after: int) -> None:
+    """One history crept at the static force, the other slid fast at the Coulomb force; both slide on, then return."""
     contact = replace(MAXWELL_SLIP, coulomb_force=2.0, attraction_rate=40.0)
     period, slow, fast = 1.0e-3, 0.05 * MAXWELL_SLIP.stribeck_velocity, 50.0 * MAXWELL_SLIP.stribeck_velocity
-    way = fast * period * np.arange(1, 1001)
+    velocity = np.where(np.arange(1000) < returns_after, fast, -fast)
+    way = period * np.cumsum(velocity)
     friction = []
     for speed in (slow, fast):
         history = np.full(8000, speed * period)
@@ -64,8 +67,18 @@ def test_a_lagging_contact_starts_anywhere_between_static_and_coulomb_force() ->
         parts = split_at_reversals(position, period)
         level = stribeck(contact, position, period)
         friction.append(element_friction(contact, *parts, period, level)[0][len(history) :])
-    motion = replace(motion_of(record(duration=4.0)), position=way, velocity=np.full(len(way), fast))
+    motion = replace(motion_of(record(duration=4.0)), position=way, velocity=velocity)
     left = unknown_initial_friction(contact, motion)
     difference = np.abs(friction[0] - friction[1])
     assert difference.max() > 0.9 * (contact.static_force - contact.coulomb_force)
     assert np.all(difference <= left + 0.02 * contact.coulomb_force)
+
+
+def test_the_friction_lag_of_a_recording_from_rest_is_known() -> None:
+    contact = replace(MAXWELL_SLIP, coulomb_force=2.0, attraction_rate=40.0)
+    motion = motion_of(record(duration=4.0))
+    resting = replace(motion, velocity=np.concatenate((np.zeros(10), motion.velocity[10:])))
+    lagging = replace(contact, model="gms")
+    assert np.array_equal(
+        unknown_initial_friction(lagging, resting), unknown_initial_friction(replace(contact, model="sgms"), resting)
+    )
