@@ -12,7 +12,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
+from types import FrameType, TracebackType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -63,9 +63,16 @@ def noted_interrupts() -> Iterator[list[int]]:
         if isinstance(lost.exc_value, KeyboardInterrupt):  # it met a destructor, which swallows it
             signal.setitimer(signal.ITIMER_REAL, _SOON)
         else:
-            usual_hook(lost)
+            usual_unraisable(lost)
 
-    usual_hook, sys.unraisablehook = sys.unraisablehook, unraisable
+    def printed(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        if issubclass(kind, KeyboardInterrupt):  # it met an import by a module in C, which prints and goes on
+            signal.setitimer(signal.ITIMER_REAL, _SOON)
+        else:
+            usual_excepthook(kind, error, trace)
+
+    usual_unraisable, sys.unraisablehook = sys.unraisablehook, unraisable
+    usual_excepthook, sys.excepthook = sys.excepthook, printed
     alarm = signal.signal(signal.SIGALRM, note)
     for number in ours:
         signal.signal(number, note)
@@ -73,7 +80,7 @@ def noted_interrupts() -> Iterator[list[int]]:
         yield noted
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        sys.unraisablehook = usual_hook
+        sys.unraisablehook, sys.excepthook = usual_unraisable, usual_excepthook
         signal.signal(signal.SIGALRM, alarm)
         for number, handler in ours.items():
             if signal.getsignal(number) is note:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import signal
+import sys
 import time
 import types
 
@@ -32,6 +34,15 @@ def test_an_interrupt_that_was_lost_comes_again(monkeypatch: pytest.MonkeyPatch)
     assert len(noted) == 2
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_an_interrupt_that_a_module_in_c_prints_comes_again_without_a_word(capfd: pytest.CaptureFixture[str]) -> None:
+    hook = sys.excepthook
+    with noted_interrupts() as noted, pytest.raises(KeyboardInterrupt):
+        ctypes.pythonapi.PyRun_SimpleString(b"import signal\nsignal.raise_signal(signal.SIGINT)")
+        time.sleep(4.0)  # shorter than the time after which any interrupt comes again
+    assert len(noted) == 2 and capfd.readouterr().err == ""
+    assert sys.excepthook is hook
 
 
 def test_an_error_that_an_interrupt_turned_into_is_none(
