@@ -13,10 +13,11 @@ from sgms_observer.diagnosis.criteria import Test, at_least, at_most
 from sgms_observer.diagnosis.decision import within_range
 from sgms_observer.diagnosis.diagnosis import Round, accepted_candidates
 from sgms_observer.diagnosis.fit import Refit
-from sgms_observer.diagnosis.gap import residuals
+from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
-from sgms_observer.diagnosis.map_fit import COORDINATES, MAP_NAMES, FittedMap, fit_map, with_map
+from sgms_observer.diagnosis.map_fit import AT_REST, COORDINATES, MAP_NAMES, FittedMap, fit_map, with_map
 from sgms_observer.diagnosis.map_formula import Formula, formula_of
+from sgms_observer.diagnosis.model import Model
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.units import Units
@@ -90,24 +91,54 @@ def learnt_maps(data: GapData, final: FinalModel, units: Units) -> list[FittedMa
         final: the model without maps.
         units: units of the axis.
     """
-    criteria = data.options.criteria
     learnt: list[FittedMap] = []
-    model, rest = final.fit.model, data.evidence(final.after)
-    names = _free_names(final.fit.effects)
-    while names:
-        known = data.fitted(model)
-        another = fit_map(known, rest if data.has_held_out else known, names[0], units, criteria)
-        least = criteria.min_closed_share if learnt else criteria.min_predictable_share
-        if another is None or another.share < least:
-            break
-        more = with_map(learnt, another, units)
-        model = final.fit.model.with_effects([item.settings for item in more])
-        left = residuals(model, data.motions)
-        if data.rms(left) > data.rms(rest.residual):  # the gap as reported must not grow either
-            break
-        learnt, rest = more, data.evidence(left)
-        names = _free_names([*final.fit.effects, *(item.settings for item in learnt)])
+    while (more := _with_another_map(data, final, learnt, units)) is not None:
+        learnt = more
     return [replace(item, formula=_formula(data, final, learnt, item, units)) for item in learnt]
+
+
+def _with_another_map(
+    data: GapData, final: FinalModel, learnt: Sequence[FittedMap], units: Units
+) -> list[FittedMap] | None:
+    """Return maps with one more, or None if no other closes enough. A relaxation at rest is tried last.
+
+    Args:
+        data: recordings of the gap.
+        final: the model without maps.
+        learnt: maps so far.
+        units: units of the axis.
+    """
+    criteria = data.options.criteria
+    names = _free_names([*final.fit.effects, *(item.settings for item in learnt)])
+    model = final.fit.model.with_effects([item.settings for item in learnt])
+    left = residuals(model, data.motions) if learnt else final.after
+    least = criteria.min_closed_share if learnt else criteria.min_predictable_share
+    for over in (COORDINATES, AT_REST) if names else ():
+        found = fit_map(*_to_learn_and_judge(data, model, left, over is AT_REST), names[0], units, criteria, over)
+        if found is None or found.share < least:
+            continue
+        more = with_map(learnt, found, units)
+        total = residuals(final.fit.model.with_effects([item.settings for item in more]), data.motions)
+        if data.rms(total) <= data.rms(left):  # the gap as reported must not grow either
+            return more
+    return None
+
+
+def _to_learn_and_judge(
+    data: GapData, model: Model, left: Sequence[Floats], is_at_rest: bool
+) -> tuple[WeightedResidual, WeightedResidual]:
+    """Return the residual on the recordings to learn from and on the evaluated ones; one object if they are the same.
+
+    Args:
+        data: recordings of the gap.
+        model: the model.
+        left: its residual on the recordings of the gap [N].
+        is_at_rest: whether a relaxation at rest is to be learnt.
+    """
+    known = data.fitted_gap(model) if is_at_rest else data.fitted(model)
+    if not data.has_held_out:
+        return known, known
+    return known, data.rest(left) if is_at_rest else data.evidence(left)
 
 
 def _formula(
@@ -115,9 +146,9 @@ def _formula(
 ) -> Formula | None:
     """Return a formula that predicts as well as a map, beside everything else that was found."""
     model = final.fit.model.with_effects([one.settings for one in learnt if one is not item])
-    known = data.fitted(model)
-    rest = data.evidence(residuals(model, data.motions)) if data.has_held_out else known
-    return formula_of(item.map, known, rest, units, data.options.criteria)
+    left = residuals(model, data.motions)
+    residual = _to_learn_and_judge(data, model, left, item.coordinates in AT_REST)
+    return formula_of(item.map, *residual, units, data.options.criteria)
 
 
 def range_tests(data: GapData, final: FinalModel) -> list[Test]:

@@ -102,9 +102,13 @@ class GapData:
         return noise
 
     def fitted(self, model: Model) -> WeightedResidual:
-        """Return the residual of a model on the recordings to learn from."""
+        """Return the residual of a model on the recordings to learn from, with the weights of the evidence."""
         motions = self.diagnosis.final_state.fit_motions
         return WeightedResidual(motions, residuals(model, motions), self.diagnosis.evaluation.fit_data.weights)
+
+    def fitted_gap(self, model: Model) -> WeightedResidual:
+        """Return the residual of a model on the recordings to learn from, with the weights of the gap."""
+        return replace(self.fitted(model), weights=self.diagnosis.evaluation.fit_data.gap_weights)
 
     def predictable(self, rest: WeightedResidual, model: Model) -> FreeForm | None:
         """Return what a free-form regression predicts of a residual, or None if it is not significant.

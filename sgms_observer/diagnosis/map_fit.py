@@ -26,6 +26,9 @@ COORDINATES = (
     ("dwell", "direction"), ("load", "direction"), ("position", "time"), ("velocity", "load"),
 )  # fmt: skip
 """Coordinates that are tried. A map with fewer values is preferred unless a larger one predicts better."""
+AT_REST = (("rest",), ("rest", "direction"))
+"""Coordinates of what relaxes while the stage rests. The evidence hardly counts such samples, so these maps are fitted
+and judged with the weights of the gap."""
 POINTS = {1: 24, 2: 10}
 """Number of grid points of a coordinate, by the number of coordinates with a grid."""
 
@@ -72,6 +75,7 @@ def fit_map(
         over: coordinates of the maps that are tried.
     """
     found: list[tuple[FittedMap, list[Floats]]] = []
+    tried = len(COORDINATES) + len(AT_REST)
     for coordinates in over:
         empty = _empty(coordinates, fitted.motions, name)
         if empty is None:
@@ -82,7 +86,7 @@ def fit_map(
         others = None if fitted is evaluated else MapColumns.of(empty, evaluated)
         after = blocks_left(evaluated, columns.predicted(solve, others), criteria.block)
         gain = improvement(evaluated.blocks(criteria.block), after)
-        if gain.z_score >= criteria.z_score_of(len(COORDINATES)) and gain.share >= criteria.min_closed_share:
+        if gain.z_score >= criteria.z_score_of(tried) and gain.share >= criteria.min_closed_share:
             found.append((FittedMap(filled, coordinates, gain, gain.share, sentence(filled, units)), after))
     if not found:
         return None

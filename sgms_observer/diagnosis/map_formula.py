@@ -85,7 +85,7 @@ def _wave_text(x: str, amplitudes: Sequence[float], shape: Sequence[float]) -> s
     return f"+ {size:.3g} sin(2 pi {x} / {shape[0]:.4g} {_signed(phase)})"
 
 
-_PLACES, _SPANS = frozenset({"position"}), frozenset({"time", "travel", "dwell"})
+_PLACES, _SPANS = frozenset({"position"}), frozenset({"time", "travel", "dwell", "rest"})
 _ALL = _PLACES | _SPANS | {"velocity", "load"}
 FORMS = (
     Form(

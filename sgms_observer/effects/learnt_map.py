@@ -59,7 +59,7 @@ class MotionPath:
 def _weights(q: Any, v: Any, a: Any, t: Any, h: float, s: Any, p: Any, first: Any, step: Any, weights: Any) -> None:
     """Write, for each sample, which values count and with what weight."""
     for k in range(q.shape[0]):
-        s[0], s[1], s[2], s[3] = map_kernel.learnt_map_next(v[k], h, s, p)
+        s[0], s[1], s[2], s[3], s[4] = map_kernel.learnt_map_next(v[k], h, s, p)
         first[k], step[k], weights[k, 0], weights[k, 1], weights[k, 2], weights[k, 3] = map_kernel.learnt_map_weights(
             q[k], v[k], a[k], t[k], s, p
         )
@@ -69,7 +69,7 @@ def _weights(q: Any, v: Any, a: Any, t: Any, h: float, s: Any, p: Any, first: An
 def _coordinates(numbers: Any, q: Any, v: Any, a: Any, t: Any, h: float, s: Any, p: Any, out: Any) -> None:
     """Write the coordinates of each sample."""
     for k in range(q.shape[0]):
-        s[0], s[1], s[2], s[3] = map_kernel.learnt_map_next(v[k], h, s, p)
+        s[0], s[1], s[2], s[3], s[4] = map_kernel.learnt_map_next(v[k], h, s, p)
         for i in range(numbers.shape[0]):
             out[k, i] = map_kernel.coordinate(numbers[i], q[k], v[k], a[k], t[k], s)
 
@@ -85,7 +85,7 @@ def learnt_coordinates(names: tuple[str, ...], path: MotionPath, reversal_distan
     q, v, a, t = path.columns()
     numbers = np.array([COORDINATES.index(name) for name in names], dtype=np.int64)
     out = np.empty((len(q), len(names)))
-    _coordinates(numbers, q, v, a, t, path.period, np.zeros(4), np.array([1.0, reversal_distance]), out)
+    _coordinates(numbers, q, v, a, t, path.period, np.zeros(5), np.array([1.0, reversal_distance]), out)
     return out
 
 
@@ -197,7 +197,7 @@ class LearntMap:
         first, step = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
         weights = np.empty((count, 4))
         p = np.array(self.settings().values)
-        _weights(q, v, a, t, path.period, np.zeros(4), p, first, step, weights)
+        _weights(q, v, a, t, path.period, np.zeros(5), p, first, step, weights)
         columns = np.stack([first, first + 1, first + step, first + step + 1], axis=1)
         rows = np.repeat(np.arange(count), 4)
         return sparse.csr_matrix((weights.ravel(), (rows, columns.ravel())), shape=(count, size))

@@ -19,6 +19,7 @@ _UNITS = {
     "time": "s",
     "travel": "m",
     "dwell": "s",
+    "rest": "s",
 }
 _MEANING = {
     "position": "grid over the position",
@@ -28,6 +29,7 @@ _MEANING = {
     "time": "grid over the time since the first sample",
     "travel": "grid over the distance travelled since the first sample",
     "dwell": "grid over the time at rest before the present motion",
+    "rest": "grid over the time at rest so far, zero in motion",
 }
 GRIDS = tuple(_UNITS)
 
@@ -105,7 +107,7 @@ def _entry(name: str) -> Effect:
         "Bishop 2006, Pattern Recognition and Machine Learning, ch. 3 (linear models of local basis functions)",
         formula.learnt_map,
         formula.learnt_map_next,
-        (0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, 0.0),
         (
             EffectList("coordinates", "-", ("direction",), 0.0, 0.0, "one or two coordinates", formula.COORDINATES),
             *(EffectList(key, unit, (), -1.0e9, 1.0e9, _MEANING[key]) for key, unit in _UNITS.items()),

@@ -129,6 +129,7 @@ def built_in_step(
         s[1] = learnt_map_state[1]
         s[2] = learnt_map_state[2]
         s[3] = learnt_map_state[3]
+        s[4] = learnt_map_state[4]
         force = _learnt_map(q, v, a, t, s, p)
     return force, factor
 

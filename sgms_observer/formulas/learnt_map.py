@@ -4,22 +4,22 @@ A table has to be searched, so these formulas have branches and loops: they are 
 numpy. ``q``, ``v``, ``a``, ``t`` and ``h`` are position, velocity, acceleration, time and time step [SI]. ``p`` holds
 scale, reversal_distance [m], then each list as its length and its entries: coordinates (numbers of ``COORDINATES``),
 one grid for each coordinate but the direction in the order of ``COORDINATES``, the values [N]. ``s`` holds direction
-(-1..1), travel [m], the clock of the present rest [s] and the dwell [s].
+(-1..1), travel [m], the clock of the present rest [s], the dwell [s] and the rest [s].
 """
 
 import math
 
-COORDINATES = ("position", "direction", "velocity", "acceleration", "load", "time", "travel", "dwell")
-POSITION, DIRECTION, VELOCITY, ACCELERATION, LOAD, TIME, TRAVEL, DWELL = range(8)
-NUMBER_OF_GRIDS = 7  # one for each coordinate but the direction, whose grid is -1, 1
+COORDINATES = ("position", "direction", "velocity", "acceleration", "load", "time", "travel", "dwell", "rest")
+POSITION, DIRECTION, VELOCITY, ACCELERATION, LOAD, TIME, TRAVEL, DWELL, REST = range(9)
+NUMBER_OF_GRIDS = 8  # one for each coordinate but the direction, whose grid is -1, 1
 SCALARS = 2
 
 MARGIN = 0.1  # width over which the force fades outside the grid, as a share of the grid's whole range
-REST_TIME = 0.05  # s without motion after which an axis counts as resting, and within which the dwell follows
+REST_TIME = 0.05  # s without motion after which an axis counts as resting, and within which dwell and rest follow
 
 
 def learnt_map_next(v, h, s, p):
-    """Advance direction, travel, clock and dwell by one step; see the module for ``s`` and ``p``.
+    """Advance direction, travel, clock, dwell and rest by one step; see the module for ``s`` and ``p``.
 
     The direction follows the motion like a slip element: it turns round over the reversal distance and stays where it
     is at rest, so that noise on a resting encoder does not move it. The axis moves where that element slips.
@@ -27,10 +27,12 @@ def learnt_map_next(v, h, s, p):
     turned = s[0] + 2.0 * v * h / p[1]
     direction = min(max(turned, -1.0), 1.0)
     clock = 0.0 if math.fabs(turned) > 1.0 else s[2] + h
+    keep = math.exp(-h / REST_TIME)
     dwell = s[3]
     if clock > REST_TIME:
-        dwell = clock + (dwell + h - clock) * math.exp(-h / REST_TIME)
-    return (direction, s[1] + math.fabs(v) * h, clock, dwell)
+        dwell = clock + (dwell + h - clock) * keep
+    rest = clock + (s[4] - clock) * keep
+    return (direction, s[1] + math.fabs(v) * h, clock, dwell, rest)
 
 
 def coordinate(number, q, v, a, t, s):
@@ -50,11 +52,13 @@ def coordinate(number, q, v, a, t, s):
         x = s[1]
     elif number == DWELL:
         x = s[3]
+    elif number == REST:
+        x = s[4]
     return x
 
 
 def list_start(number, p):
-    """Return where the length of a list stands in ``p``: 0 the coordinates, 1 to 7 the grids, 8 the values."""
+    """Return where the length of a list stands in ``p``: 0 the coordinates, 1 to 8 the grids, 9 the values."""
     place = SCALARS
     for _ in range(number):
         place += 1 + int(p[place])

@@ -14,7 +14,7 @@ from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals, rms
-from sgms_observer.diagnosis.map_fit import fit_map
+from sgms_observer.diagnosis.map_fit import AT_REST, fit_map
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.diagnosis.result import result_of, write_augmented
@@ -108,6 +108,22 @@ def test_a_friction_level_along_the_rail_is_learnt_and_its_file_loads_and_closes
     assert rms(after) == pytest.approx(
         rms(residuals(model.with_effects([settings]), [other])), rel=1e-3
     )  # the file says what was learnt
+
+
+def test_a_relaxation_at_rest_is_learnt() -> None:
+    """The friction relaxes by 2 N a second while the stage rests, in the direction that it came from."""
+    hidden = LearntMap(("rest", "direction"), ((0.0, 1.0), ()), (0.0, 0.0, 2.0, -2.0)).settings()
+    model = Model.of(AXIS)
+    known, judge = (
+        WeightedResidual([motion], left := residuals(model, [motion]), [np.ones_like(part) for part in left])
+        for motion in (motion_of(record((hidden,), seed=seed, duration=30.0)) for seed in (1, 2))
+    )
+    found = fit_map(known, judge, "learnt_map", AXIS.units, OPTIONS.criteria, AT_REST)
+    assert found is not None and found.coordinates == ("rest", "direction")
+    assert found.share > 0.7
+    grid = np.array(found.map.grids[0])
+    for column, slope in zip(found.map.table().T, (2.0, -2.0), strict=True):
+        assert np.polyfit(grid, column, 1)[0] == pytest.approx(slope, rel=0.2)
 
 
 def test_diagnose_learns_the_rail_and_takes_the_map_of_its_own_file_for_granted(

@@ -169,6 +169,15 @@ def test_the_dwell_is_the_rest_before_the_motion_and_does_not_jump() -> None:
     assert np.abs(np.diff(dwell)).max() < 3.0 * PERIOD / 0.05 * 1.1
 
 
+def test_the_rest_is_the_time_at_rest_so_far_and_does_not_jump() -> None:
+    move = np.linspace(0.0, 0.1, 1000)
+    position = np.concatenate([np.zeros(3000), move, 0.1 + np.zeros(700), 0.1 + move])
+    rest = learnt_coordinates(("rest",), along(position))[:, 0]
+    assert rest[2999] == pytest.approx(3.0, abs=0.06) and rest[4699] == pytest.approx(0.7, abs=0.06)
+    assert np.abs(rest[3300:4000]).max() < 0.01 and np.abs(rest[5000:]).max() < 0.01
+    assert np.abs(np.diff(rest)).max() < 3.0 * PERIOD / 0.05 * 1.1
+
+
 def test_coordinates_are_what_their_names_say() -> None:
     t = np.arange(2000) * PERIOD
     q, v, a = 0.1 * np.sin(3.0 * t), 0.3 * np.cos(3.0 * t), -0.9 * np.sin(3.0 * t)

@@ -33,6 +33,7 @@ GRID = {
     "time": (0.0, 0.1, 0.3),
     "travel": (0.0, 1.0e-3, 5.0e-3),
     "dwell": (0.0, 0.1),
+    "rest": (0.0, 0.05, 0.2),
 }
 
 
@@ -80,7 +81,14 @@ def test_every_effect_of_the_catalogue(entry: Effect, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "coordinates",
-    [("direction",), ("velocity", "load"), ("direction", "acceleration"), ("time", "travel"), ("dwell", "position")],
+    [
+        ("direction",),
+        ("velocity", "load"),
+        ("direction", "acceleration"),
+        ("time", "travel"),
+        ("dwell", "position"),
+        ("rest", "direction"),
+    ],
     ids="_".join,
 )
 def test_a_learnt_map_over_any_coordinates(coordinates: tuple[str, ...], tmp_path: Path) -> None:
