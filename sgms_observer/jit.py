@@ -98,8 +98,8 @@ def _imports(module: str) -> frozenset[str]:
 
 
 @cache
-def _key_of(module: str) -> str:
-    """Return a key that changes whenever the module, or one it imports, does."""
+def _sources(module: str) -> tuple[Path, ...]:
+    """Return the source files of a module and of every module of ours that it imports, directly or not."""
     seen: set[str] = set()
     waiting = [module]
     while waiting:
@@ -107,10 +107,15 @@ def _key_of(module: str) -> str:
         if name not in seen:
             seen.add(name)
             waiting.extend(_imports(name))
+    return tuple(path for path in map(_file_of, sorted(seen)) if path)
+
+
+@cache
+def _key_of(module: str) -> str:
+    """Return a key that changes whenever the module, or one it imports, does."""
     digest = hashlib.sha256()
-    for name in sorted(seen):
-        path = _file_of(name)
-        digest.update(path.read_bytes() if path else b"")
+    for path in _sources(module):
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -141,11 +146,16 @@ def can_keep() -> bool:
 
 
 def _mark(name: str, module: str) -> Path:
-    """Return the file that says that a part's kernels are in the cache: of this source, numba, Python and processor."""
+    """Return the file that says that a part's kernels are in the cache: of these source files, numba and processor.
+
+    numba keeps the kernels of each copy of a file apart, by its path, and older versions by its time too.
+    """
     from llvmlite import binding
 
-    made_by = f"{numba.__version__} {sys.version} {binding.get_host_cpu_name()} {os.environ['NUMBA_OPT']}"  # type: ignore[attr-defined]
-    return cache_folder() / _key_of(module) / f"{name}-{hashlib.sha256(made_by.encode()).hexdigest()[:16]}.complete"
+    made_by = [numba.__version__, sys.version, binding.get_host_cpu_name(), os.environ["NUMBA_OPT"]]  # type: ignore[attr-defined]
+    made_by += [f"{path} {path.stat().st_mtime_ns}" for path in _sources(module)]
+    digest = hashlib.sha256(" ".join(made_by).encode()).hexdigest()[:16]
+    return cache_folder() / _key_of(module) / f"{name}-{digest}.complete"
 
 
 def is_complete(name: str, module: str) -> bool:
