@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.criteria import Criteria, Test
-from sgms_observer.diagnosis.decision import Decision, strength_over_error
+from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.fit import Refit, RefitSetup, data_with_noise_of, data_with_own_noise
@@ -18,6 +20,8 @@ from sgms_observer.diagnosis.gap import noise_floors, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.screen import Screening
+from sgms_observer.diagnosis.uncertainty import RecordingEstimates
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 
@@ -216,18 +220,41 @@ class WrittenFits:
         before: fit of the file within its tolerance.
         after: fit with everything that was accepted.
         setup: setup of ``after``.
-        errors: standard error of each free effect parameter of ``after``, by index of effect and parameter.
+        free: index (effect, parameter) of each free effect parameter of ``after``.
+        estimates: of these parameters.
     """
 
     before: Refit
     after: Refit
     setup: RefitSetup
-    errors: Mapping[tuple[int, int], float]
+    free: tuple[tuple[int, int], ...]
+    estimates: RecordingEstimates
 
-    def strength(self, name: str) -> float:
-        """Return the strength of an effect over its standard error."""
+    @cached_property
+    def errors(self) -> Mapping[tuple[int, int], float]:
+        """Return the standard error of each free effect parameter, with the scatter between recordings, SI units."""
+        return dict(zip(self.free, self.estimates.std_errors.tolist(), strict=True))
+
+    def strength(self, name: str, least: float) -> float:
+        """Return the strength of an effect over its standard error, in held-out recordings too.
+
+        Args:
+            name: the effect.
+            least: smallest strength over its standard error at which a recording would surely show the effect.
+
+        Returns:
+            Infinite if the effect has no free strength parameter.
+        """
         place = [item.name for item in self.after.effects].index(name)
-        return strength_over_error(self.after.effects[place], {j: e for (i, j), e in self.errors.items() if i == place})
+        parameters = effect(name).parameters
+        return max(
+            (
+                self.estimates.smaller_z_score(column, parameters[j].default, least)
+                for column, (i, j) in enumerate(self.free)
+                if i == place and parameters[j].is_strength
+            ),
+            default=math.inf,
+        )
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from sgms_observer.diagnosis.evaluation import evidence_of, sliding_shares
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, data_with_own_noise
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.uncertainty import with_between_recording_error
+from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
 
 Floats = NDArray[np.float64]
 
@@ -135,9 +135,10 @@ def _with_rival(state: FitState, name: str, rival: Decision) -> FitState:
 def without_insignificant_effects(
     found: FitState, state: FitState, rounds: Sequence[Round], nominal: Model, options: Options
 ) -> tuple[FitState, tuple[Round, ...], WrittenFits]:
-    """Remove each effect whose reported 90 % interval includes a strength of zero, the weakest first.
+    """Remove each effect whose strength is not significant in the fit or not in the held-out recordings, weakest first.
 
-    The interval includes the scatter between recordings: an effect of the machine has one strength in all of them.
+    An effect of the machine appears in all recordings: estimated from the held-out ones alone, its strength has the
+    same sign and differs significantly from zero.
 
     Args:
         found: state after the refit within the tolerance.
@@ -146,11 +147,12 @@ def without_insignificant_effects(
         nominal: the given model.
         options: options of the diagnosis.
     """
-    title = "strength over its standard error, as reported"
+    title = "strength over its standard error, in held-out recordings too"
+    criteria = options.criteria
     while True:
         written = _as_written(found, state, nominal)
         tests = [
-            at_least(name, title, written.strength(name), options.criteria.interval_z_score)
+            at_least(name, title, written.strength(name, criteria.min_z_score), criteria.interval_z_score)
             for name in (one.name for one in accepted_candidates(_with_effects(rounds)))
         ]
         weakest = min(tests, key=lambda test: test.value, default=None)
@@ -192,7 +194,7 @@ def _as_written(found: FitState, state: FitState, nominal: Model) -> WrittenFits
     first = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
     before = first.fit(found.current.effects, None, LAST_STEPS)
     if state is found:
-        return WrittenFits(before, before, first, {})
+        return WrittenFits(before, before, first, (), RecordingEstimates(np.zeros((1, 0)), np.zeros((1, 0))))
     fine = state.setup.nominal
     later = replace(nominal, is_unsmoothed=fine.is_unsmoothed, relaxation=fine.relaxation)
     if state.setup.freedom.elements:
@@ -208,7 +210,4 @@ def _as_written(found: FitState, state: FitState, nominal: Model) -> WrittenFits
     free = set(after.free)
     fixed = [(i, j) for i, e in enumerate(after.effects) for j in range(len(e.values)) if (i, j) not in free]
     fresh = last.fit(after.effects, after.logs, 1, fixed)  # computes the derivatives
-    errors = dict(
-        zip(fresh.free, with_between_recording_error(last, fresh, state.held_out_motions).tolist(), strict=True)
-    )
-    return WrittenFits(before, after, last, errors)
+    return WrittenFits(before, after, last, fresh.free, recording_estimates(last, fresh, state.held_out_motions))
