@@ -15,7 +15,7 @@ from sgms_observer.application.axis_facts import read_axis_facts
 from sgms_observer.application.bag_info import find_position_topic
 from sgms_observer.application.parameter_template import template_text
 from sgms_observer.application.recording_use import doubts_about, losses_in
-from sgms_observer.bags.survey import survey_bag
+from sgms_observer.bags.source import survey_bag
 from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.load import settings_from_tree

@@ -91,8 +91,8 @@ def replay_bag(
     """
     from dataclasses import replace
 
+    from sgms_observer.bags.bag_folder import refuse_existing_bag, refuse_own_recording
     from sgms_observer.bags.reader import BagSamples
-    from sgms_observer.bags.replacement import refuse_existing_bag, refuse_own_recording
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.settings.load import load_settings
 
@@ -135,7 +135,7 @@ def write_report(done: Replayed, bag: str, config: str, out: str) -> str:
     """Write the page about a replay into the folder of its bag and return its path."""
     from pathlib import Path
 
-    from sgms_observer.bags.replacement import REPORT
+    from sgms_observer.bags.bag_folder import REPORT
     from sgms_observer.report.page import render_page
     from sgms_observer.report.replay_view import recorded_outputs
     from sgms_observer.report.replayed import replay_page
@@ -226,7 +226,7 @@ def beside(given: Iterable[Given], most: int) -> Iterator[Iterator[Given]]:
 
 def _write(bag: BagWriter, outgoing: Outgoing, estimates: dict[int, Estimates]) -> None:
     """Write what the node would publish."""
-    from sgms_observer.bags.diagnostics_cdr import encode_diagnostics, parameter_entry
+    from sgms_observer.bags.cdr_arrays import encode_diagnostics, parameter_entry
     from sgms_observer.observer.outgoing import PARAMETERS
 
     for block in outgoing.blocks(estimates):

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``registry.Command``."""
-    from sgms_observer.bags.replacement import REPORT, refuse_existing_bag
+    from sgms_observer.bags.bag_folder import REPORT, refuse_existing_bag
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.settings.load import load_settings
     from sgms_observer.shipped import shipped_file

@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``registry.Command``."""
     from sgms_observer.application.simulate import Simulation, simulate
-    from sgms_observer.bags.replacement import refuse_existing_bag
+    from sgms_observer.bags.bag_folder import refuse_existing_bag
     from sgms_observer.cli.progress import Progress
     from sgms_observer.settings.load import load_settings
 

@@ -39,7 +39,7 @@ def test_case_shows_nothing_of_its_truth(tmp_path: Path) -> None:
 
 @needs_numba
 def test_bags_hold_all_topics(tmp_path: Path) -> None:
-    from sgms_observer.bags.metadata import METADATA
+    from sgms_observer.bags.bag_folder import METADATA
 
     paths = make_case(2, "nothing", 0.0, tmp_path, duration=2.0)
     for bag in (paths.bag, *paths.holdouts):
