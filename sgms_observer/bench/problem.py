@@ -12,8 +12,7 @@ from sgms_observer.bench import stages
 from sgms_observer.estimators.block import restart
 from sgms_observer.estimators.estimator import Estimator
 from sgms_observer.filters.motion import known_motion
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import EstimatorSettings
+from sgms_observer.settings.axis import EstimatorSettings, FrictionSettings
 
 Floats = NDArray[np.float64]
 

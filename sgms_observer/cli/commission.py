@@ -21,7 +21,7 @@ HELP = "lead a machine to its compensation: check, excite, record, identify, dia
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file to start from")
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="folder of all files; a rerun goes on where the last one ended"
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job, as ``registry.Command``; code 3 where the result must not be used as it is."""
+    """Do the job, as ``main.Command``; code 3 where the result must not be used as it is."""
     from sgms_observer.application.commission.ledger import Ledger
     from sgms_observer.application.commission.run import commission
     from sgms_observer.application.commission.session import Plan, Request, Session

@@ -29,7 +29,7 @@ _SHORT = 0.002  # s; shorter pauses are slept, longer ones can be interrupted
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("bag", metavar="BAG", help="the recording")
     parser.add_argument("--rate", type=float, default=1.0, metavar="R", help="times faster than recorded (default: 1)")
     parser.add_argument(
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     require_ros()
     import rclpy
     from rclpy.duration import Duration

@@ -52,7 +52,7 @@ from sgms_observer.estimators.layout import (
     ParameterArrays,
 )
 from sgms_observer.filters.motion import ELAPSED, LEAD, PRESENT_VELOCITY
-from sgms_observer.settings.observer import CompensationSettings
+from sgms_observer.settings.axis import CompensationSettings
 from sgms_observer.status import Status
 
 _GOOD = (Status.RUNNING, Status.FALLBACK_NOT_CONVERGED, Status.FALLBACK_DEADLINE)

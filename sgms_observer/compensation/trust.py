@@ -6,7 +6,7 @@ import math
 
 from sgms_observer.filters.differentiator import velocity_noise_gain
 from sgms_observer.jit import njit
-from sgms_observer.settings.observer import FilterSettings
+from sgms_observer.settings.axis import FilterSettings
 
 MIN_Z_SCORE = 3.0
 """Smallest z-score at which the sign of an estimate counts as known."""

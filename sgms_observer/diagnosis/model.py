@@ -18,8 +18,7 @@ from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place
 from sgms_observer.formulas import vectorised
-from sgms_observer.settings.axis import AxisSettings, EffectSettings
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.axis import AxisSettings, EffectSettings, FrictionSettings
 
 Floats = NDArray[np.float64]
 

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.formulas.friction import stribeck_level
 from sgms_observer.jit import njit
-from sgms_observer.settings.axis import AxisSettings
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.axis import AxisSettings, FrictionSettings
 
 Floats = NDArray[np.float64]
 

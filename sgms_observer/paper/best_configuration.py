@@ -24,7 +24,7 @@ from sgms_observer.paper.conditions import (
     simulate,
 )
 from sgms_observer.paper.estimate import Estimate, estimate
-from sgms_observer.settings.observer import EstimatorSettings, FilterSettings
+from sgms_observer.settings.axis import EstimatorSettings, FilterSettings
 from sim_plant.record import StageRecord
 
 PERIODS = 11  # the last one follows ten periods of learning

@@ -8,10 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sgms_observer.observer.samples import Floats
-from sgms_observer.settings.axis import AxisSettings
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import EstimatorSettings, FilterSettings
-from sgms_observer.settings.stage import ControllerSettings, ReferenceSettings, StageSettings
+from sgms_observer.settings.axis import (
+    AxisSettings,
+    ControllerSettings,
+    EstimatorSettings,
+    FilterSettings,
+    FrictionSettings,
+    ReferenceSettings,
+    StageSettings,
+)
 from sim_plant.record import StageRecord
 from sim_plant.stage import SimulatedStage
 

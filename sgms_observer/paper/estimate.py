@@ -17,8 +17,7 @@ from sgms_observer.friction.gms import gms_step_in_branch
 from sgms_observer.jit import njit
 from sgms_observer.observer.samples import Floats
 from sgms_observer.paper.conditions import SAMPLE_PERIOD
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import EstimatorSettings, FilterSettings
+from sgms_observer.settings.axis import EstimatorSettings, FilterSettings, FrictionSettings
 from sim_plant.record import StageRecord
 
 

@@ -13,8 +13,8 @@ from sgms_observer.jit import njit
 from sgms_observer.observer.samples import Floats
 from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, TRUTH, sheet
 from sgms_observer.report.page import Picture
-from sgms_observer.settings.friction import FrictionSettings
-from sim_plant.true_friction import Integers, TrueFriction, advance_elements, level_of, true_friction
+from sgms_observer.settings.axis import FrictionSettings
+from sim_plant.integration import Integers, TrueFriction, advance_elements, level_of, true_friction
 
 _N = 8
 EIGHT = FrictionSettings(

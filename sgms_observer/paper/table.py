@@ -27,8 +27,7 @@ from sgms_observer.paper.conditions import (
     simulate,
 )
 from sgms_observer.paper.estimate import estimate
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import FilterSettings
+from sgms_observer.settings.axis import FilterSettings, FrictionSettings
 
 PERIOD = 2  # the first one holds the start from rest
 

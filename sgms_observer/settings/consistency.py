@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from sgms_observer.settings.axis import AxisSettings
-from sgms_observer.settings.faults import Faults, shown
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import EstimatorSettings, FilterSettings
-from sgms_observer.settings.stage import ReferenceSettings, StageSettings
+from sgms_observer.settings.axis import (
+    AxisSettings,
+    EstimatorSettings,
+    FilterSettings,
+    FrictionSettings,
+    ReferenceSettings,
+    StageSettings,
+)
+from sgms_observer.settings.check import Faults, shown
 from sgms_observer.settings.units import Units
 
 #: Largest distance of the sum of the element fractions from one; printed tables round to two or three digits.

@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from sgms_observer.effects.effect import Effect, EffectList, EffectParameter, EffectSettings, flat_values
-from sgms_observer.settings.check import checked_value
+from sgms_observer.settings.check import Faults, alternatives, checked_value, closest, shown
 from sgms_observer.settings.declaration import DOUBLE, DOUBLES, STRINGS, Declared
-from sgms_observer.settings.faults import Faults, alternatives, closest, shown
 from sgms_observer.settings.units import PRISMATIC, Units
 
 #: The catalogue as the settings see it: effect by its name.

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from sgms_observer.settings.axis import AxisSettings, Settings
-from sgms_observer.settings.check import checked_value
+from sgms_observer.settings.axis import AxisSettings, FrictionSettings, Settings
+from sgms_observer.settings.check import Faults, checked_value
 from sgms_observer.settings.declaration import DOUBLE, DOUBLES, STRINGS, Declared, declared_sections, declared_settings
 from sgms_observer.settings.effects import NAMES, NO_EFFECT
-from sgms_observer.settings.faults import Faults
-from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.load import AXES, ROS_SWITCHES
 
 #: What a parameter of an effect may be: a number, a list of numbers, or a list of words.

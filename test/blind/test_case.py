@@ -11,9 +11,8 @@ import yaml
 
 from sgms_observer.jit import HAS_NUMBA
 from sim_plant.blind import make_case
-from sim_plant.blind.case import make_scene
+from sim_plant.blind.case import SEAL_FILE, digest, make_scene, open_seal, seal
 from sim_plant.blind.menu import INSIDE, OUTSIDE
-from sim_plant.blind.seal import SEAL_FILE, digest, open_seal, seal
 
 needs_numba = pytest.mark.skipif(not HAS_NUMBA, reason="millions of steps in plain Python")
 

@@ -12,8 +12,8 @@ from sgms_observer.application.commission.next_experiment import MOST_EXPERIMENT
 from sgms_observer.application.commission.run import STEPS
 from sgms_observer.application.commission.session import REPEATS
 from sgms_observer.application.parameter_template import FIRST_LIMIT_SHARE
+from sgms_observer.settings.axis import CompensationSettings
 from sgms_observer.settings.load import load_settings
-from sgms_observer.settings.observer import CompensationSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]}
