@@ -42,7 +42,7 @@ from sgms_observer.compensation.motion_ahead import (
     MEMORY_SIZE,
     look_ahead_block,
 )
-from sgms_observer.compensation.trust import fade
+from sgms_observer.compensation.safety import fade
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.estimators.block import FRICTION_STD, RESULT_SIZE, STATUS
 from sgms_observer.estimators.layout import (

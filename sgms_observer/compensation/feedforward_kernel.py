@@ -14,10 +14,10 @@ from sgms_observer.compensation.motion_ahead import (
     JERK,
     SET_VELOCITY,
     TRAVEL,
+    advance_elements,
+    preview_elements,
 )
-from sgms_observer.compensation.preview import advance_elements, preview_elements
-from sgms_observer.compensation.safety import safe_output
-from sgms_observer.compensation.trust import contradicts, fade, next_steady, next_trust
+from sgms_observer.compensation.safety import contradicts, fade, next_steady, next_trust, safe_output
 from sgms_observer.effects.kernels import needed_command
 from sgms_observer.estimators.block import FRICTION_STD, RESULT_SIZE, STATUS
 from sgms_observer.estimators.layout import (

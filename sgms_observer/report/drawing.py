@@ -21,8 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import AutoLocator
 from numpy.typing import NDArray
 
-from sgms_observer.report.colours import COLOURS, light
-from sgms_observer.report.page import Picture
+from sgms_observer.report.page import COLOURS, Picture, light
 
 Floats = NDArray[np.float64]
 

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.report.colours import light
 from sgms_observer.report.drawing import sheet
-from sgms_observer.report.page import Picture, Plot
+from sgms_observer.report.page import Picture, Plot, light
 
 Floats = NDArray[np.float64]
 

@@ -44,7 +44,7 @@ def checked_axis(
         catalogue: known effects; None when they are not known.
         faults: receives the sentences.
     """
-    elsewhere = elsewhere_in(name)
+    elsewhere = _elsewhere_in(name)
     kind = tree.get("joint_type") if isinstance(tree, Mapping) else None
     kind = kind if kind in JOINT_TYPES else PRISMATIC
     axis = checked_group(
@@ -121,7 +121,7 @@ def _places() -> dict[str, str]:
     return {key: place for key, place in found.items() if key not in twice}
 
 
-def elsewhere_in(axis: str) -> dict[str, str]:
+def _elsewhere_in(axis: str) -> dict[str, str]:
     """Return the full name of every setting, by its short name, for guesses at what a misplaced one means."""
     shared = {key: key for key in (*declared_settings(Settings), "axes")}
     return {**{key: f"{axis}{place}" for key, place in _places().items()}, **shared}
@@ -305,7 +305,7 @@ def _unknown_at_the_top(tree: Mapping[Any, Any], names: Sequence[str], faults: F
             )
         else:
             elsewhere = {name: f"{axis}.{name}" for axis in names[:1] for name in of_an_axis}
-            unknown_key("", key, known, elsewhere | elsewhere_in(names[0] if names else "x"), faults)
+            unknown_key("", key, known, elsewhere | _elsewhere_in(names[0] if names else "x"), faults)
 
 
 def _catalogue(source: CatalogueSource, effect_files: Sequence[str], faults: Faults) -> Catalogue | None:
