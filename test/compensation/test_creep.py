@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sgms_observer.compensation.safety import standstill_velocity
+from sgms_observer.compensation.feedforward_kernel import standstill_velocity
 from sgms_observer.filters.differentiator import Differentiator
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
