@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.excitation.limits import ExcitationLimits
-from sgms_observer.excitation.track import Track
+from sgms_observer.excitation.limits import ExcitationLimits, Track
 from sim_plant.reference_file import write_reference_file
 
 Floats = NDArray[np.float64]
