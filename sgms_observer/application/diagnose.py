@@ -9,8 +9,8 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from sgms_observer.application.bag_info import refuse_learnt_from
 from sgms_observer.application.predicted_tracking import predict_tracking
-from sgms_observer.application.recording_use import refuse_learnt_from
 from sgms_observer.bags.bag_folder import refuse_own_recording
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.compensation_check import CompensationCheck, can_look_ahead, check_compensation

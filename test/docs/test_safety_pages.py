@@ -11,7 +11,7 @@ from sgms_observer.application.commission import compensate, guard
 from sgms_observer.application.commission.next_experiment import MOST_EXPERIMENTS
 from sgms_observer.application.commission.run import STEPS
 from sgms_observer.application.commission.session import REPEATS
-from sgms_observer.application.parameter_template import FIRST_LIMIT_SHARE
+from sgms_observer.application.init import FIRST_LIMIT_SHARE
 from sgms_observer.settings.axis import CompensationSettings
 from sgms_observer.settings.load import load_settings
 
