@@ -23,7 +23,7 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings, FrictionSe
 Floats = NDArray[np.float64]
 
 stribeck_level = vectorised("friction").stribeck_level
-asymmetric_coulomb = vectorised("effects_level").asymmetric_coulomb
+asymmetric_coulomb = vectorised("effects").asymmetric_coulomb
 ASYMMETRIC_COULOMB = "asymmetric_coulomb"
 """The effect with a separate sliding force for each direction, which is chosen by the displacement within a step."""
 NEED_SLIDING_FORCE = ("frictional_lag", "backlash")
