@@ -45,9 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``; code 3 where the result must not be used as it is."""
-    from sgms_observer.application.commission.ledger import Ledger
     from sgms_observer.application.commission.run import commission
-    from sgms_observer.application.commission.session import Plan, Request, Session
+    from sgms_observer.application.commission.session import Ledger, Plan, Request, Session
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.whole_file import try_folder

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from sgms_observer.errors import SgmsError
 from sgms_observer.observer.outgoing import ESTIMATE
 from sgms_observer.observer.samples import Estimates, Samples
+from sgms_observer.report.drawing import Line, Panel, extreme_rows, time_plot
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Plot, Section, Table
 from sgms_observer.report.recorded import SETTLE, recorded_lateness, signal_of
 from sgms_observer.report.run_pictures import Run, hysteresis_picture, reversal_picture
-from sgms_observer.report.time_plot import Line, Panel, extreme_rows, time_plot
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.status import MAX_NIS, Status
 
