@@ -33,13 +33,8 @@ _HEAD = """\
 """
 
 
-def template_text(drafts: Sequence[AxisDraft], head: str) -> str:
-    """Return the text of a parameter file.
-
-    Args:
-        drafts: first values of each axis.
-        head: where they come from, for the first line.
-    """
+def _template_text(drafts: Sequence[AxisDraft], head: str) -> str:
+    """Return the text of a parameter file with first values of each axis; ``head`` says where they come from."""
     period = drafts[0].period
     names = ", ".join(f'"{draft.name}"' for draft in drafts)
     lines = [
@@ -276,7 +271,7 @@ def init(
         raise ConfigurationError(
             [f"the joint {odd[0]} cannot name a group of parameters; record or convert it as letters, digits, _ and -"]
         )
-    text = template_text(drafts, head)
+    text = _template_text(drafts, head)
     settings_from_tree(yaml.load(text, Loader=yaml.SafeLoader), out)
     write_text(text, out)
     return Initialised(out, tuple(drafts), tuple(found))

@@ -169,7 +169,7 @@ _ALIKE = 0.4  # of two differences that agree, the smaller one's least share of 
 
 
 @njit
-def agreed(first: float, second: float) -> float:
+def _agreed(first: float, second: float) -> float:
     """Return the smaller in magnitude of two numbers that agree, and 0 for those that do not or are not finite."""
     small, large = min(abs(first), abs(second)), max(abs(first), abs(second))
     if not (first * second > 0.0 and small >= _ALIKE * large and large < math.inf):
@@ -235,12 +235,12 @@ def look_ahead_block(
             if follows and math.isfinite(memory[LAST_VELOCITY]):
                 change = (velocity - memory[LAST_VELOCITY]) / h
                 # the mean over the last step, brought to its end by half a step of jerk
-                acceleration = agreed(change, memory[LAST_CHANGE])
+                acceleration = _agreed(change, memory[LAST_CHANGE])
                 new_jerk = (change - memory[LAST_CHANGE]) / h
-                jerk = agreed(agreed(new_jerk, memory[LAST_JERK]), memory[BEFORE_LAST_JERK])
+                jerk = _agreed(_agreed(new_jerk, memory[LAST_JERK]), memory[BEFORE_LAST_JERK])
                 if acceleration == change:
                     acceleration += 0.5 * jerk * h
-            if is_difference and agreed(velocity, memory[LAST_VELOCITY]) == 0.0:
+            if is_difference and _agreed(velocity, memory[LAST_VELOCITY]) == 0.0:
                 set_velocity = 0.0
             if not math.isfinite(travel):
                 travel = velocity * h

@@ -61,12 +61,8 @@ def vector_samples(axis: AxisSettings, sample_period: float) -> Samples:
     return Samples(stamp_ns, position, effort, reference, reference_velocity)
 
 
-def columns_of(estimates: Estimates) -> list[tuple[str, str, np.ndarray]]:
-    """Return name, member of the C output and values of each compared column, the status last.
-
-    Args:
-        estimates: of the samples.
-    """
+def _columns_of(estimates: Estimates) -> list[tuple[str, str, np.ndarray]]:
+    """Return name, member of the C output and values of each compared column, the status last."""
     single = (
         "position", "velocity", "acceleration", "friction", "friction_std", "compensation", "innovation",
         "innovation_std",
@@ -82,13 +78,8 @@ def columns_of(estimates: Estimates) -> list[tuple[str, str, np.ndarray]]:
     return [*columns, ("status", "status", estimates.status.astype(float))]
 
 
-def vector_text(samples: Samples, columns: list[tuple[str, str, np.ndarray]]) -> str:
-    """Return the test vector as CSV, every number with all its digits.
-
-    Args:
-        samples: the inputs.
-        columns: from ``columns_of``.
-    """
+def _vector_text(samples: Samples, columns: list[tuple[str, str, np.ndarray]]) -> str:
+    """Return inputs and the columns of ``_columns_of`` as CSV, every number with all its digits."""
     inputs = ("position", "effort", "reference_position", "reference_velocity")
     head = ",".join(["stamp_ns", *inputs, *(f"python_{name}" for name, _member, _values in columns)])
     table = np.column_stack([*(getattr(samples, name) for name in inputs), *(values for *_names, values in columns)])
@@ -123,13 +114,8 @@ def with_ekf(axis: AxisSettings) -> tuple[AxisSettings, list[str]]:
     return replace(axis, estimator=replace(axis.estimator, kind="ekf")), [sentence]
 
 
-def prefix_of(axis: AxisSettings, count: int) -> str:
-    """Return what the C names of an axis begin with.
-
-    Args:
-        axis: the axis.
-        count: of exported axes; a single one needs no name of its own.
-    """
+def _prefix_of(axis: AxisSettings, count: int) -> str:
+    """Return what the C names of an axis begin with; a single one (``count``) needs no name of its own."""
     return NAME if count == 1 else f"{NAME}_{re.sub(r'[^0-9a-zA-Z_]', '_', axis.name)}"
 
 
@@ -148,13 +134,13 @@ def c_files(settings: Settings, axes: Sequence[AxisSettings], real: str) -> tupl
         own, sentences = with_ekf(axis)
         warnings += sentences
         own = replace(own, compensation=replace(own.compensation, enabled=True))
-        prefix = prefix_of(axis, len(axes))
+        prefix = _prefix_of(axis, len(axes))
         samples = vector_samples(own, settings.sample_period)
-        columns = columns_of(AxisObserver(own, settings.sample_period).step(samples))
+        columns = _columns_of(AxisObserver(own, settings.sample_period).step(samples))
         part = translate_axis(program, AxisObserver(own, settings.sample_period), prefix)
         parts.append(part)
         entries.append(_entry(part, axis, settings.sample_period, columns))
-        files[entries[-1]["vector"]] = vector_text(samples, columns)
+        files[entries[-1]["vector"]] = _vector_text(samples, columns)
     files.update(_sources(program, parts, entries, axes, real))
     return files, warnings
 
@@ -252,7 +238,7 @@ def controller_files(axes: Sequence[AxisSettings], sources: Mapping[str, str], s
     entries = [
         {
             "name": axis.name,
-            "prefix": prefix_of(axis, len(axes)),
+            "prefix": _prefix_of(axis, len(axes)),
             "scales": (axis.position_scale, axis.effort_scale),
         }
         for axis in axes

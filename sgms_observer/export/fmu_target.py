@@ -100,14 +100,8 @@ def _struct(memory: Memory, instance: Any, fixed: Sequence[str] = ()) -> Struct:
     return Struct(f"{snake(type(instance).__name__)}_struct", tuple(fields), bound)
 
 
-def stage_source(settings: Settings, axis: AxisSettings, fmi: int) -> tuple[str, list[Variable], float]:
-    """Return the C source of the FMU, its real variables, and the time between two ticks [s].
-
-    Args:
-        settings: of the YAML.
-        axis: the axis.
-        fmi: 2 or 3.
-    """
+def _stage_source(settings: Settings, axis: AxisSettings, fmi: int) -> tuple[str, list[Variable], float]:
+    """Return the C source of the FMU of FMI version ``fmi``, its real variables, and the time between two ticks [s]."""
     stage = SimulatedStage(axis, settings.sample_period)
     parts = stage.parts
     constants = parts.constants._replace(ticks_per_sample=1)
@@ -197,7 +191,7 @@ def write_fmu(settings: Settings, axis: AxisSettings, fmi: int, path: Path) -> t
     """
     model = f"sgms_{''.join(letter if letter.isalnum() else '_' for letter in axis.name)}"
     axis = replace(axis, stage=replace(axis.stage, force_noise=0.0, disturbance_noise=0.0))
-    source, variables, tick = stage_source(settings, axis, fmi)
+    source, variables, tick = _stage_source(settings, axis, fmi)
     token = source.split('#define STAGE_TOKEN "', 1)[1].split('"', 1)[0]
     units = {item.unit: base_exponents(item.unit) for item in variables if item.unit}
     units.setdefault("s", base_exponents("s"))

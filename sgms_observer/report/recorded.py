@@ -106,11 +106,6 @@ SETTLE = 1.0
 def signal_of(bag: Path, topic: str, axis: str) -> tuple[Ints, dict[str, Floats]]:
     """Return the stamps and fields of one axis of a topic, in the order of the stamps.
 
-    Args:
-        bag: the recording.
-        topic: its name, without namespace.
-        axis: name of the axis.
-
     Raises:
         RecordingError: the bag lacks the topic.
         DataError: the topic holds nothing of the axis.

@@ -143,7 +143,7 @@ def _example(declared: Declared) -> str:
     return f"{default:.1f}" if float(default).is_integer() else shown(float(default))
 
 
-def range_rule(value: float, declared: Declared) -> str | None:
+def _range_rule(value: float, declared: Declared) -> str | None:
     """Return the rule that a number breaks and its remedy, or None."""
     if declared.is_nonzero and value == 0.0:
         return "must not be 0; write 1.0 for no scaling"
@@ -156,16 +156,8 @@ def range_rule(value: float, declared: Declared) -> str | None:
     return None
 
 
-def checked_entry(path: str, declared: Declared, raw: Any, where: str, faults: Faults) -> Any:
-    """Return one entry as its declared type, or note the fault and return None.
-
-    Args:
-        path: full name of the parameter.
-        declared: its declaration.
-        raw: as read.
-        where: `` in entry 2`` for an entry of a list, otherwise empty.
-        faults: receives the sentence.
-    """
+def _checked_entry(path: str, declared: Declared, raw: Any, where: str, faults: Faults) -> Any:
+    """Return one entry as its declared type, or note the fault and return None; ``where`` numbers an entry."""
     value = _meant(declared.kind, raw)
     if value is _NOT_MEANT:
         faults.add(path, f"{path} = {shown(raw)}{where} {_expectation(declared)}")
@@ -180,7 +172,7 @@ def checked_entry(path: str, declared: Declared, raw: Any, where: str, faults: F
             faults.add(path, f"{path} = {shown(raw)}{where} must be {alternatives(declared.choices)}; {remedy}")
             return None
         return value
-    rule = None if isinstance(value, bool) else range_rule(value, declared)
+    rule = None if isinstance(value, bool) else _range_rule(value, declared)
     if rule:
         unit = f" {declared.unit}" if declared.unit != "-" else ""
         faults.add(path, f"{path} = {shown(value)}{unit}{where} {rule}")
@@ -203,7 +195,7 @@ def checked_value(path: str, declared: Declared, raw: Any, faults: Faults) -> An
         if raw is None:
             faults.add(path, f"{path} has no value; give one or remove the line")
             return None
-        return checked_entry(path, declared, raw, "", faults)
+        return _checked_entry(path, declared, raw, "", faults)
     if isinstance(raw, Mapping):
         example = "[1.0]" if declared.kind == DOUBLES else "[a]"
         faults.add(path, f"{path} = {shown(raw)} must be a list; write it like {example}")
@@ -212,7 +204,7 @@ def checked_value(path: str, declared: Declared, raw: Any, faults: Faults) -> An
     found = []
     for index, entry in enumerate(entries):
         where = f" in entry {index + 1}" if len(entries) > 1 else ""
-        found.append(checked_entry(path, declared, entry, where, faults))
+        found.append(_checked_entry(path, declared, entry, where, faults))
     return None if any(entry is None for entry in found) else tuple(found)
 
 

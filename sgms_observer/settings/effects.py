@@ -21,13 +21,8 @@ NO_EFFECT = "none"
 NAMES = Declared("names", STRINGS, (), "effects of the catalogue that act on this axis")
 
 
-def declared_parameter(parameter: EffectParameter, joint_type: str = PRISMATIC) -> Declared:
-    """Return an effect's parameter as a setting.
-
-    Args:
-        parameter: entry of the catalogue.
-        joint_type: of the axis that the effect acts on; the unit follows it, and some defaults do.
-    """
+def _declared_parameter(parameter: EffectParameter, joint_type: str = PRISMATIC) -> Declared:
+    """Return an effect's parameter as a setting; unit and some defaults follow the axis's type of joint."""
     is_own = joint_type == PRISMATIC and parameter.prismatic_default is not None
     return Declared(
         parameter.name,
@@ -40,13 +35,8 @@ def declared_parameter(parameter: EffectParameter, joint_type: str = PRISMATIC) 
     )
 
 
-def declared_list(item: EffectList, joint_type: str = PRISMATIC) -> Declared:
-    """Return an effect's list as a setting.
-
-    Args:
-        item: entry of the catalogue.
-        joint_type: of the axis; its unit follows.
-    """
+def _declared_list(item: EffectList, joint_type: str = PRISMATIC) -> Declared:
+    """Return an effect's list as a setting; its unit follows the axis's type of joint."""
     unit = Units(joint_type).of(item.unit)
     if item.choices:
         return Declared(item.name, STRINGS, item.default, item.description, unit, choices=item.choices)
@@ -63,8 +53,8 @@ def declared_values(entry: Effect, joint_type: str = PRISMATIC) -> dict[str, Dec
         joint_type: of the axis; the units follow.
     """
     return {
-        **{parameter.name: declared_parameter(parameter, joint_type) for parameter in entry.parameters},
-        **{item.name: declared_list(item, joint_type) for item in entry.lists},
+        **{parameter.name: _declared_parameter(parameter, joint_type) for parameter in entry.parameters},
+        **{item.name: _declared_list(item, joint_type) for item in entry.lists},
     }
 
 

@@ -109,7 +109,7 @@ class Scene:
     truths: dict[str, dict[str, float]]
 
 
-def draw_effect(
+def _draw_effect(
     kind: Kind,
     stage: TrueStage,
     motion: Motion,
@@ -117,16 +117,7 @@ def draw_effect(
     purpose: tuple[int, int],
     run: Callable[[Hidden], Track],
 ) -> Hidden:
-    """Draw an effect that the motion shows, at the size asked for.
-
-    Args:
-        kind: menu entry.
-        stage: what it is hidden in.
-        motion: the main reference.
-        size: share of the Coulomb force; 0 for the stage without it.
-        purpose: seed, and place among the effects of the case.
-        run: records the main motion.
-    """
+    """Draw an effect that the main motion shows, at the size asked for (share of the Coulomb force, or 0)."""
     index = list(menu.KINDS).index(kind.name)
 
     def maker(attempt: int) -> Maker:
@@ -196,7 +187,7 @@ def make_scene(seed: int, effect: str, size: float, duration: float = 30.0, mass
         kind = menu.KINDS[part]
         if 0.0 < size < kind.smallest:
             raise ValueError(f"{part} of {size:g} lies inside the owner's tolerance; use at least {kind.smallest:g}")
-        found.append(draw_effect(kind, found[0].known if found else stage, motions[0], size, (seed, i), main_run))
+        found.append(_draw_effect(kind, found[0].known if found else stage, motions[0], size, (seed, i), main_run))
     hidden = Hidden(stage, stage) if not found else found[0] if len(found) == 1 else menu.together(*found)
     nominal = {"x": nominal_model(hidden.known, chance(seed, 13), mass_tolerance=mass_tolerance)} | nominal
     tracks = []

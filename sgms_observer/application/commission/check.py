@@ -69,9 +69,6 @@ def topic_faults(topics: Topics, axis: AxisSettings, period: float) -> list[str]
 def connect(session: Session) -> str:
     """Check what can be checked without a motion; remember where the axis stands.
 
-    Args:
-        session: the session.
-
     Returns:
         What was found, one sentence.
 

@@ -155,10 +155,6 @@ def _without_new_offset(session: Session, found: AxisSettings) -> str:
 
     While the axis slides, an offset stands for every force that depends on the direction. The diagnosis says which one
     it is, and what else it may be; an offset in its file would hide that.
-
-    Args:
-        session: the session.
-        found: the identified axis.
     """
     own = {item.name for item in session.axis.effects}
     kept = [item.name for item in found.effects if item.name != OFFSET or item.name in own]
@@ -215,12 +211,7 @@ def diagnose_bags_of(session: Session, bags: Sequence[str], out: str) -> Found:
 
 
 def residual_of(bag: str, axis: AxisSettings) -> WeightedResidual:
-    """Return the residual of a model in a recording, as the gap counts it.
-
-    Args:
-        bag: the recording.
-        axis: the model.
-    """
+    """Return the residual of a model in a recording, as the gap counts it."""
     pieces = list(read_recordings(bag, axis))
     if not pieces:
         raise DataError(f"{bag} holds no usable recording of axis {axis.name}; record again")
@@ -231,23 +222,13 @@ def residual_of(bag: str, axis: AxisSettings) -> WeightedResidual:
 
 
 def unexplained(bag: str, axis: AxisSettings) -> float:
-    """Return the gap of a model: rms of measured minus predicted effort over the rms effort of a recording.
-
-    Args:
-        bag: the recording.
-        axis: the model.
-    """
+    """Return the gap of a model: rms of measured minus predicted effort over the rms effort of a recording."""
     rest = residual_of(bag, axis)
     return rest.rms / effort_rms(rest.motions, rest.weights)
 
 
 def load_motion(session: Session, name: str) -> Motion:
-    """Return a motion that an earlier step wrote.
-
-    Args:
-        session: the session.
-        name: of the file.
-    """
+    """Return a motion that an earlier step wrote."""
     rows = np.loadtxt(session.path(name), delimiter=",", skiprows=1, ndmin=2)
     return Motion(session.plan.settings.sample_period, rows[:, 1])
 

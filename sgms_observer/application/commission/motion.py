@@ -75,11 +75,7 @@ class Motion:
         return Motion(self.period, np.concatenate([other.position, self.position[1:]]))
 
     def write(self, path: Path) -> None:
-        """Write it as CSV, as ``sgms excite`` does, relative to the middle of the stroke.
-
-        Args:
-            path: the file.
-        """
+        """Write it as CSV, as ``sgms excite`` does, relative to the middle of the stroke."""
         time = np.asarray(self.period * np.arange(len(self.position)), np.float64)
         write_reference_file(path, time, self.position, self.velocity)
 

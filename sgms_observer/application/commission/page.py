@@ -60,11 +60,7 @@ def _lights(session: Session) -> tuple[Light, ...]:
 
 
 def headline(session: Session) -> str:
-    """Return the result in one sentence.
-
-    Args:
-        session: the session.
-    """
+    """Return the result in one sentence."""
     tracking, axis = session.ledger.tracking, session.axis
     names = ", ".join(effect["name"] for effect in session.ledger.effects) or "no further effect"
     if not tracking:

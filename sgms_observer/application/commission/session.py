@@ -101,11 +101,7 @@ class Ledger:
         )
 
     def is_finished(self, name: str) -> bool:
-        """Return whether a rerun may skip a step.
-
-        Args:
-            name: of the step.
-        """
+        """Return whether a rerun may skip a step."""
         step = self.steps.get(name)
         if step is None or step.state == FAILED or not step.files:
             return False
@@ -130,11 +126,7 @@ class Ledger:
         self.write()
 
     def repeat(self, name: str) -> None:
-        """Note that a rerun skipped a step that was finished before.
-
-        Args:
-            name: of the step.
-        """
+        """Note that a rerun skipped a step that was finished before."""
         step = self.steps[name]
         self.steps[name] = Step(name, SKIPPED, step.seconds, step.sentence, step.files)
 
@@ -221,9 +213,6 @@ class Plan:
     def of(cls, request: Request) -> Plan:
         """Return the plan of a request.
 
-        Args:
-            request: the request.
-
         Raises:
             ConfigurationError: file, axis or limits cannot be used.
         """
@@ -280,11 +269,7 @@ class Session:
         return float(self.ledger.facts.get("delay", 0.0))
 
     def path(self, name: str) -> Path:
-        """Return a file of the folder.
-
-        Args:
-            name: relative to it.
-        """
+        """Return a file of the folder."""
         return self.ledger.folder / name
 
     def confirm_motion(self, motion: Motion, purpose: str) -> None:

@@ -200,9 +200,6 @@ class Guard:
     def __call__(self, heard: Heard) -> None:
         """Look at the newest samples.
 
-        Args:
-            heard: the samples.
-
         Raises:
             DataError: the motion must stop; one sentence.
         """
