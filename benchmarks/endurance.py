@@ -23,7 +23,7 @@ import numpy as np
 from endurance_graph import over_the_graph
 from endurance_memory import Memory
 
-from sgms_observer.bags.cdr_arrays import encode_diagnostics, parameter_entry
+from sgms_observer.bags.diagnostics_cdr import encode_diagnostics, parameter_entry
 from sgms_observer.bags.rows import encode_joint_states
 from sgms_observer.cli.progress import Progress
 from sgms_observer.nodes.engine import Engine

@@ -25,7 +25,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.bags.cdr import JointStateEncoder
-from sgms_observer.bags.cdr_arrays import decode_diagnostics
+from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
 from sgms_observer.nodes.conductor import RepeatedRequest
 from sgms_observer.nodes.topics import SAMPLE_QOS
 

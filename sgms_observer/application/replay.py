@@ -225,7 +225,7 @@ def beside(given: Iterable[Given], most: int) -> Iterator[Iterator[Given]]:
 
 def _write(bag: BagWriter, outgoing: Outgoing, estimates: dict[int, Estimates]) -> None:
     """Write what the node would publish."""
-    from sgms_observer.bags.cdr_arrays import encode_diagnostics, parameter_entry
+    from sgms_observer.bags.diagnostics_cdr import encode_diagnostics, parameter_entry
     from sgms_observer.observer.outgoing import PARAMETERS
 
     for block in outgoing.blocks(estimates):

@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.application.kernels import OF_OBSERVER
-from sgms_observer.bags.cdr_arrays import encode_diagnostics, parameter_entry
+from sgms_observer.bags.diagnostics_cdr import encode_diagnostics, parameter_entry
 from sgms_observer.errors import SgmsError
 from sgms_observer.nodes.engine import Engine, save_learnt
 from sgms_observer.nodes.lifecycle import ManagedNode

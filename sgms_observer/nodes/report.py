@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from sgms_observer.bags.cdr_arrays import ERROR, OK, WARN, DiagnosticStatus
+from sgms_observer.bags.diagnostics_cdr import ERROR, OK, WARN, DiagnosticStatus
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.intake import IntakeCounts
 from sgms_observer.nodes.statistics import AxisStatistics, Growth, StepTimes

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.cdr_arrays import decode_trajectory
 from sgms_observer.bags.message_types import TRAJECTORY
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.bags.source import BagReader, find_topic
+from sgms_observer.bags.trajectory_cdr import decode_trajectory
 from sgms_observer.errors import DataError
 from sgms_observer.observer.outgoing import HORIZON
 from sgms_observer.settings.axis import AxisSettings

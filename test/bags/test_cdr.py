@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sgms_observer.bags.cdr import JointStateDecoder, JointStateEncoder, decode_joint_state
-from sgms_observer.bags.cdr_arrays import DiagnosticStatus, decode_diagnostics, encode_diagnostics
+from sgms_observer.bags.diagnostics_cdr import DiagnosticStatus, decode_diagnostics, encode_diagnostics
 from sgms_observer.errors import DataError
 
 JOINT_STATE = "sensor_msgs/msg/JointState"

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sgms_observer.bags.cdr_arrays import FIELDS, decode_trajectory, encode_trajectory
+from sgms_observer.bags.trajectory_cdr import FIELDS, decode_trajectory, encode_trajectory
 from sgms_observer.errors import DataError
 
 STAMP = 1_700_000_000_000_000_123

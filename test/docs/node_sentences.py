@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PLACES = (
     "sgms_observer/status.py",
     "sgms_observer/observer/pairing.py",
-    "sgms_observer/bags/cdr_arrays.py",
+    "sgms_observer/bags/diagnostics_cdr.py",
     "sgms_observer/nodes/*.py",
 )
 HOLE = "…"  # stands for what is filled in

@@ -12,7 +12,7 @@ from ros_graph import ONE_AXIS, Graph, NodeProcess, Start, wait_until
 from rosgraph_msgs.msg import Clock
 
 from sgms_observer.bags.cdr import decode_joint_state
-from sgms_observer.bags.cdr_arrays import decode_diagnostics
+from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
 
 LIMIT, SLEW = 3.0, 200.0
 COMPENSATED = ONE_AXIS + f"      compensation: {{enabled: true, limit: {LIMIT}, slew_limit: {SLEW}, timeout: 0.05}}\n"

@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
-from sgms_observer.bags.cdr_arrays import DiagnosticStatus, decode_diagnostics, encode_diagnostics
 from sgms_observer.bags.conversion import parse_map, read_table
+from sgms_observer.bags.diagnostics_cdr import DiagnosticStatus, decode_diagnostics, encode_diagnostics
 from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli import main as command_line

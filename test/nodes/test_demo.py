@@ -19,7 +19,7 @@ from looks import check_report
 from program import PATIENCE
 from ros_graph import ONE_AXIS, Graph, Start, wait_until
 
-from sgms_observer.bags.cdr_arrays import decode_diagnostics
+from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.bags.source import BagReader
 

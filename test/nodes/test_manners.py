@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 from test_observer_node import motion
 
 from sgms_observer.bags.cdr import JointStateDecoder, JointStateEncoder
-from sgms_observer.bags.cdr_arrays import DiagnosticStatus, decode_diagnostics
+from sgms_observer.bags.diagnostics_cdr import DiagnosticStatus, decode_diagnostics
 from sgms_observer.settings.load import load_settings
 
 COMPENSATED = ONE_AXIS + "      compensation: {enabled: true, timeout: 5.0}\n"

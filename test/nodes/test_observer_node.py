@@ -20,7 +20,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from sgms_observer.bags.cdr import decode_joint_state
-from sgms_observer.bags.cdr_arrays import decode_diagnostics
+from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.settings.load import load_settings
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from sgms_observer.bags.cdr import JointStateEncoder
-from sgms_observer.bags.cdr_arrays import ERROR, WARN
+from sgms_observer.bags.diagnostics_cdr import ERROR, WARN
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.nodes.intake import Intake, IntakeCounts
 from sgms_observer.nodes.pace import LONGEST_CATCH_UP, Pace

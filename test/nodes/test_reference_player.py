@@ -15,7 +15,7 @@ from program import PATIENCE, start_program
 from ros_graph import ONE_AXIS, Graph, Start, wait_until
 
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
-from sgms_observer.bags.cdr_arrays import decode_trajectory
+from sgms_observer.bags.trajectory_cdr import decode_trajectory
 from sgms_observer.nodes.horizons import AHEAD, EVERY, decode_horizons
 from sgms_observer.nodes.set_points import braking
 
