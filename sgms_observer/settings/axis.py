@@ -344,7 +344,7 @@ class Settings:
 
 
 def coupled_number(axes: Sequence[AxisSettings], number: int) -> int | None:
-    """Return the number of the axis whose motion acts on this one by ``cross_axis_coupling``; None where there is none."""
+    """Return the number of the axis whose motion acts on this one by ``cross_axis_coupling``; None without one."""
     if len(axes) < 2:
         return None
     names = [axis.name for axis in axes]

@@ -46,7 +46,7 @@ class Experiment:
 
 
 def ambiguous_sets(effects: Sequence[Mapping[str, Any]], axis: AxisSettings) -> list[tuple[str, ...]]:
-    """Return the sets of effects that a motion may tell apart: each effect with all its rivals, then with each of them."""
+    """Return the sets of effects that a motion may tell apart: each effect with all its rivals, then with each."""
     found: list[tuple[str, ...]] = []
     for effect in effects:
         name, rivals = effect["name"], effect["alternatives"]
