@@ -196,7 +196,7 @@ class KeptComment:
 def comments_in(text: str) -> tuple[tuple[KeptComment, ...], tuple[str, ...]]:
     """Return the comments of a YAML text, key by key, and those behind the last key."""
     found, above = [], []
-    for line, name, _indent in _keys(text):
+    for line, name, _indent in keyed_lines(text):
         stripped = line.strip()
         if stripped.startswith("#"):
             above.append(stripped[1:].removeprefix(" "))
@@ -227,7 +227,7 @@ def with_comments(
     """
     waiting = {one.name: one for one in kept}
     lines: list[str] = []
-    for line, name, indent in _keys(text):
+    for line, name, indent in keyed_lines(text):
         one = waiting.pop(name, None) if name else None
         if one is not None:
             lines += [f"{indent}# {comment}".rstrip() if comment else "" for comment in one.above]
@@ -241,7 +241,7 @@ def with_comments(
     return "\n".join(lines) + "\n"
 
 
-def _keys(text: str) -> Iterator[tuple[str, str, str]]:
+def keyed_lines(text: str) -> Iterator[tuple[str, str, str]]:
     """Yield each line, the full name of its key (empty without one) and its indentation."""
     above: list[tuple[int, str]] = []
     for line in text.splitlines():
