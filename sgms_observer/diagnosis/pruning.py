@@ -23,6 +23,7 @@ from sgms_observer.diagnosis.diagnosis import (
 from sgms_observer.diagnosis.evaluation import evidence_of, sliding_shares
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, data_with_own_noise
+from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
 
@@ -135,7 +136,7 @@ def _with_rival(state: FitState, name: str, rival: Decision) -> FitState:
 def without_insignificant_effects(
     found: FitState, state: FitState, rounds: Sequence[Round], nominal: Model, options: Options
 ) -> tuple[FitState, tuple[Round, ...], WrittenFits]:
-    """Remove each effect whose strength is not significant in the fit or not in the held-out recordings, weakest first.
+    """Remove each effect that held-out recordings do not show or that hardly closes the reported gap, weakest first.
 
     An effect of the machine appears in all recordings: estimated from the held-out ones alone, its strength has the
     same sign and differs significantly from zero.
@@ -147,15 +148,11 @@ def without_insignificant_effects(
         nominal: the given model.
         options: options of the diagnosis.
     """
-    title = "strength over its standard error, in held-out recordings too"
-    criteria = options.criteria
     while True:
         written = _as_written(found, state, nominal)
-        tests = [
-            at_least(name, title, written.strength(name, criteria.min_z_score), criteria.interval_z_score)
-            for name in (one.name for one in accepted_candidates(_with_effects(rounds)))
-        ]
-        weakest = min(tests, key=lambda test: test.value, default=None)
+        names = [one.name for one in accepted_candidates(_with_effects(rounds))]
+        tests = [test for name in names for test in _reported_tests(name, written, state, options)]
+        weakest = min(tests, key=lambda test: test.value / test.threshold, default=None)
         if weakest is None or weakest.passed:
             for test in tests:
                 rounds = _with_test(rounds, test)
@@ -163,6 +160,27 @@ def without_insignificant_effects(
         rounds = _with_test(rounds, weakest)
         nothing_is_left = not any(item.accepted for item in rounds)
         state = found if nothing_is_left else state.refitted(_fit_without(state, weakest.of), REFIT_STEPS)
+
+
+def _reported_tests(name: str, written: WrittenFits, state: FitState, options: Options) -> list[Test]:
+    """Return the tests of an effect as it is reported: its strength, and the share of the gap that it closes."""
+    criteria, evaluation = options.criteria, state.evaluation(options)
+
+    def squared_gap(model: Model) -> float:
+        return rms(weighted(residuals(model, evaluation.motions), evaluation.gap_weights)) ** 2
+
+    model = written.after.model
+    without = replace(model, effects=tuple(one for one in model.effects if one.name != name))
+    after = squared_gap(model)
+    closed = squared_gap(written.before.model) - after
+    share = (squared_gap(without) - after) / closed if closed > 0.0 else 0.0
+    strength = written.strength(name, criteria.min_z_score)
+    return [
+        at_least(
+            name, "strength over its standard error, in held-out recordings too", strength, criteria.interval_z_score
+        ),
+        at_least(name, "share of the closed squared gap, as reported", share, criteria.min_closed_share),
+    ]  # fmt: skip
 
 
 def _with_effects(rounds: Sequence[Round]) -> list[Round]:
