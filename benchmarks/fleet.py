@@ -16,10 +16,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dask.distributed import LocalCluster
+from dask.distributed import Client, LocalCluster
 
 from sgms_observer.bags.source import BagReader
 from sgms_observer.cli.main import main as sgms
@@ -89,7 +90,10 @@ def on_cluster(jobs: list[Job], workers: int, is_killed: bool) -> tuple[list[Out
         is_killed: whether one of them is killed on the way.
     """
     with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, scheduler_port=0) as cluster:
-        run_jobs(jobs[:0], 0, cluster.scheduler_address, lambda done: None)
+        with Client(cluster) as client:  # imports and kernels, in every worker
+            first = [replace(jobs[0], out=f"{jobs[0].out}_first_of_{number}") for number in range(workers)]
+            places = zip(first, list(client.scheduler_info()["workers"]), strict=True)
+            client.gather([client.submit(run_job, job, workers=[address], pure=False) for job, address in places])
         killed: list[int] = []
 
         def watch(done: float) -> None:

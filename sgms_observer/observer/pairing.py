@@ -117,6 +117,7 @@ class Pairing:
         self.reference = Stream(is_awaited=False)
         self.ready: deque[Samples] = deque()
         self._first = self._next = 0
+        self._prepared: tuple[int, Samples] | None = None
         self._allocate()
 
     def push_position(self, stamp_ns: int, position: float) -> None:
@@ -137,7 +138,8 @@ class Pairing:
             self._restart(stamp_ns)
         stream.last_ns = stamp_ns
         stream.queue.append((stamp_ns, position, _NAN))
-        self._join()
+        if self.effort.queue or not self.effort.is_awaited:  # else there is nothing to join
+            self._join()
         waiting = len(stream.queue)
         if waiting > self.reference_limit:
             if (
@@ -191,6 +193,20 @@ class Pairing:
             return None
         return samples if self._scales is None else samples.in_si(self._scales)
 
+    def prepare(self) -> None:
+        """Make the next sample for ``pop_one`` before it comes."""
+        first = self._first
+        if self._prepared is None or self._prepared[0] != first:
+            self._prepared = first, self._view(first, first + 1)
+
+    def pop_one(self) -> Samples | None:
+        """Return what ``pop`` would, if that is one sample and ``prepare`` came after the one before; else None."""
+        first, prepared = self._first, self._prepared
+        if prepared is None or prepared[0] != first or self._next != first + 1 or self.ready:
+            return None
+        self._first = first + 1
+        return prepared[1] if self._scales is None else prepared[1].in_si(self._scales)
+
     @property
     def has_samples(self) -> bool:
         """Return whether ``pop`` would return a block."""
@@ -211,10 +227,15 @@ class Pairing:
     def _take(self) -> Samples:
         """Return the rows since the last call, as views that are never overwritten."""
         first, last = self._first, self._next
-        stamps, values = self._stamps, self._values
+        samples = self._view(first, last)
         self._first = last
         if last == _ROWS:
             self._allocate()
+        return samples
+
+    def _view(self, first: int, last: int) -> Samples:
+        """Return rows as samples."""
+        stamps, values = self._stamps, self._values
         return Samples.of(
             stamp_ns=stamps[first:last],
             position=values[0, first:last],
@@ -225,6 +246,7 @@ class Pairing:
 
     def _allocate(self) -> None:
         """Allocate new arrays; returned blocks are views of the old ones."""
+        self._prepared = None
         self._stamps = np.empty(_ROWS, np.int64)
         self._values = np.empty((4, _ROWS))
         self._first = self._next = 0
