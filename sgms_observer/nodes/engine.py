@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,7 +14,7 @@ from sgms_observer.nodes.statistics import AxisStatistics, StepClock
 from sgms_observer.observer.all_axes import AllAxes
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.block_arrays import Observed
-from sgms_observer.observer.next_sample import Send, prepare_next
+from sgms_observer.observer.next_sample import Step, prepare_next
 from sgms_observer.observer.outgoing import Outgoing, OutgoingBlock, ParameterReport
 from sgms_observer.observer.parameter_changes import parameter_changes, parameter_remarks
 from sgms_observer.observer.samples import Samples
@@ -63,7 +63,7 @@ class Engine:
         self.intake = Intake(settings.scales, settings.sample_period)
         self.horizons = HorizonExchange(settings, self._all_axes)
         self._outgoing = Outgoing(settings)
-        self._next_sample: Callable[[Samples], Observed] | None = None
+        self._prepared: tuple[Callable[[int, Sequence[float]], None], list[Step]] | None = None
 
     def warm_up(self) -> None:
         """Run every kernel once, so that none is compiled or loaded when the first sample arrives."""
@@ -81,12 +81,9 @@ class Engine:
             are_others_read: returns whether anybody reads other messages than compensations; if not, none are made.
         """
         processed = Processed({}, [], [])
-        next_sample = self._next_sample
-        if send is not None and next_sample is not None and (samples := self.intake.pairings[0].pop_one()) is not None:
-            self._next_sample = None
-            observed = {0: next_sample(samples)}
-            self._note(observed, processed)
-            self._add_others(observed, processed, are_others_read)
+        if send is not None and (prepared := self._observe_prepared()) is not None:
+            self._note(prepared, processed)
+            self._add_others(prepared, processed, are_others_read)
             return processed
         for group in self._groups():
             observed = self._all_axes.observe(group)
@@ -98,16 +95,35 @@ class Engine:
             self._add_others(observed, processed, are_others_read)
         return processed
 
-    def prepare(self, send: Send) -> None:
-        """Have everything in place for the next sample of a single axis, so that its compensation goes out sooner.
+    def prepare(self, send: Callable[[int, Sequence[float]], None]) -> None:
+        """Have everything in place for the next sample of all axes, so that its compensation goes out sooner.
 
         Args:
-            send: takes the compensation of that sample if it comes alone; nobody else gets it from ``process``.
+            send: takes its stamp [ns] and the compensation of each axis [N], where one sample of every axis comes alone
+                and all have one stamp; then nobody else gets them from ``process``.
         """
-        if len(self.observers) == 1:
-            self.intake.pairings[0].prepare()
-            if self._next_sample is None:
-                self._next_sample = prepare_next(self.observers[0], send)
+        for pairing in self.intake.pairings:
+            pairing.prepare()
+        if self._prepared is None and not self._all_axes.is_coupled:
+            steps = [prepare_next(observer) for observer in self.observers]
+            if all(step is not None for step in steps):
+                self._prepared = send, [step for step in steps if step is not None]
+
+    def _observe_prepared(self) -> dict[int, Observed] | None:
+        """Observe the sample that was prepared for and send its compensation; None where something else has come."""
+        pairings = self.intake.pairings
+        if self._prepared is None or (stamp_ns := pairings[0].alone_ns) is None:
+            return None
+        for pairing in pairings[1:]:
+            if pairing.alone_ns != stamp_ns:
+                return None
+        (send, steps), self._prepared = self._prepared, None
+        observed, forces = {}, []
+        for number, step in enumerate(steps):
+            observed[number] = found = step(pairings[number].pop_alone())
+            forces.append(found.arrays.compensation.item())
+        send(stamp_ns, forces)
+        return observed
 
     def _send_together(self, observed: dict[int, Observed], send: Callable[[OutgoingBlock], None]) -> bool:
         """Send the compensations of axes with equal stamps; return whether they have equal stamps."""
@@ -176,7 +192,7 @@ class Engine:
             settings: settings that differ in ``compensation`` only.
         """
         self.settings = settings
-        self._next_sample = None
+        self._prepared = None
         for observer, axis in zip(self.observers, settings.axes, strict=True):
             observer.compensator.configure(axis.compensation)
         self.horizons.configure(settings)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -227,10 +228,10 @@ class ObserverNode(ManagedNode):
             time.sleep(self._pause)
         self._idle_since = time.monotonic()
 
-    def _send_one(self, stamp_ns: int, force: float) -> None:
-        """Publish the compensation of one sample of the only axis, and note whether it comes too late."""
+    def _send_one(self, stamp_ns: int, forces: Sequence[float]) -> None:
+        """Publish the compensation of one sample of all axes [N], and note whether it comes too late."""
         if self._outlets is not None:
-            self._outlets.send_force(stamp_ns, (force,))
+            self._outlets.send_forces(stamp_ns, forces)
         age = time.time_ns() - stamp_ns
         self._is_late = self._oldest_ns < age < _OWN_CLOCK_NS
         if self._is_late:

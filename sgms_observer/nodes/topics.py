@@ -254,14 +254,14 @@ class Outlets:
     Attributes:
         topics: the estimates.
         commands: the commands of controllers.
-        send_force: publishes the compensation of all axes: stamp [ns], force of each [N].
+        send_forces: publishes the compensation of all axes: stamp [ns], force of each [N].
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node = node
         self.topics = JointStateTopics(node, JOINT_STATE_TOPICS)
         self.commands = CommandTopic(node, settings)
-        self.send_force = self.topics.sender(COMPENSATION, [axis.name for axis in settings.axes])
+        self.send_forces = self.topics.sender(COMPENSATION, [axis.name for axis in settings.axes])
         self._horizons = node.create_publisher(JointTrajectory, HORIZON, HORIZON_QOS)
         self._readers_of_horizons = Readers(self._horizons)
 

@@ -1,4 +1,4 @@
-"""The next sample of one axis, with everything in place before it comes: kernels, arrays, receiver of the compensation.
+"""The next sample of one axis, with everything in place before it comes: settings, kernels, arrays.
 
 Between two samples at 1 kHz the processor's caches fill with other work. Each object that Python looks at then costs a
 fetch from memory, and to look at many took longer than the kernels compute. So all that can be looked up is looked up
@@ -18,18 +18,16 @@ from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.block_arrays import BlockArrays, Observed
 from sgms_observer.observer.samples import Samples
 
-Send = Callable[[int, float], None]
-"""Takes the stamp of a sample [ns] and its compensation [N]."""
+Step = Callable[[Samples], Observed]
 
 
-def prepare_next(observer: AxisObserver, send: Send) -> Callable[[Samples], Observed] | None:
-    """Return ``observer.observe`` for one sample, which gives the compensation away before anything else.
+def prepare_next(observer: AxisObserver) -> Step | None:
+    """Return ``observer.observe`` for one sample, to be called once, under the present settings.
 
-    Its numbers are those of ``observe``, to the last bit. It holds for one sample, under the present settings.
+    Its numbers are those of ``observe``, to the last bit.
 
     Args:
         observer: of the axis.
-        send: takes the compensation.
 
     Returns:
         None where more than the four kernels is needed: effects, or a deadline.
@@ -39,9 +37,7 @@ def prepare_next(observer: AxisObserver, send: Send) -> Callable[[Samples], Obse
         return None
     arrays, compensator = observer.make_arrays(1), observer.compensator
     fills = observer.differentiator.fill, compensator.fill_ahead, observer.estimator.fill, compensator.fill
-    return partial(
-        _observe, *fills, send, time.perf_counter, np.copyto, arrays, arrays.motion.table, arrays.results.table
-    )
+    return partial(_observe, *fills, time.perf_counter, np.copyto, arrays, arrays.motion.table, arrays.results.table)
 
 
 def _observe(
@@ -49,7 +45,6 @@ def _observe(
     fill_ahead: Callable[..., None],
     fill_results: Callable[..., None],
     fill_compensation: Callable[..., None],
-    send: Send,
     now: Callable[[], float],
     copy: Callable[..., Any],
     arrays: BlockArrays,
@@ -65,6 +60,4 @@ def _observe(
     copy(effort, filtered_effort)
     fill_results(motion, effort, no_factor, results)
     fill_compensation(motion, results, ahead, no_force, no_factor, compensation)
-    seconds = now() - start
-    send(samples.stamp_ns.item(), compensation.item())
-    return Observed(samples.stamp_ns, arrays, seconds)
+    return Observed(samples.stamp_ns, arrays, now() - start)

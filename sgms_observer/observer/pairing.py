@@ -194,18 +194,26 @@ class Pairing:
         return samples if self._scales is None else samples.in_si(self._scales)
 
     def prepare(self) -> None:
-        """Make the next sample for ``pop_one`` before it comes."""
+        """Make the next sample for ``pop_alone`` before it comes."""
         first = self._first
         if self._prepared is None or self._prepared[0] != first:
             self._prepared = first, self._view(first, first + 1)
 
-    def pop_one(self) -> Samples | None:
-        """Return what ``pop`` would, if that is one sample and ``prepare`` came after the one before; else None."""
+    @property
+    def alone_ns(self) -> int | None:
+        """Return the stamp [ns] of the sample that ``prepare`` was called for, if it is complete and alone."""
         first, prepared = self._first, self._prepared
         if prepared is None or prepared[0] != first or self._next != first + 1 or self.ready:
             return None
-        self._first = first + 1
-        return prepared[1] if self._scales is None else prepared[1].in_si(self._scales)
+        return prepared[1].stamp_ns.item()
+
+    def pop_alone(self) -> Samples:
+        """Return what ``pop`` would, where ``alone_ns`` is not None."""
+        if self._prepared is None:
+            raise ValueError("no sample was prepared; call prepare() before it comes")
+        self._first += 1
+        samples = self._prepared[1]
+        return samples if self._scales is None else samples.in_si(self._scales)
 
     @property
     def has_samples(self) -> bool:

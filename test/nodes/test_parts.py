@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from dataclasses import asdict, replace
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -286,6 +287,7 @@ def test_a_sample_that_was_prepared_for_gives_the_bits_of_a_block(effects: dict[
     position, effort = 1.0e-4 * np.sin(40.0 * seconds), np.sign(np.cos(40.0 * seconds))
     live, whole = Engine(settings), Engine(settings)
     sent: list[tuple[int, float]] = []
+    is_read = cycle([True, False])
 
     def send(block: OutgoingBlock) -> None:
         sent.extend(zip(block.stamp_ns.tolist(), block.values["effort"][:, 0].tolist(), strict=True))
@@ -301,8 +303,8 @@ def test_a_sample_that_was_prepared_for_gives_the_bits_of_a_block(effects: dict[
             if i != lost:
                 engine.intake.pairings[0].push_effort(SECOND + i * 1_000_000, float(effort[i]))
         if i % 7:  # else the next one comes along
-            live.process(send, lambda: i % 2 == 0)
-            live.prepare(lambda stamp, force: sent.append((stamp, force)))
+            live.process(send, lambda: next(is_read))
+            live.prepare(lambda stamp, forces: sent.append((stamp, *forces)))
     live.process(send)
     blocks += whole.process().blocks
     wanted = [block for block in blocks if block.topic == COMPENSATION]
