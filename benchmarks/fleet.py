@@ -25,8 +25,7 @@ from dask.distributed import Client, LocalCluster
 
 from sgms_observer.bags.source import BagReader
 from sgms_observer.cli.main import main as sgms
-from sgms_observer.fleet.job_processes import run_jobs
-from sgms_observer.fleet.jobs import DiagnoseJob, Outcome, ReplayJob, run_job
+from sgms_observer.fleet.jobs import DiagnoseJob, Outcome, ReplayJob, run_job, run_jobs
 
 SEEDS = 4  # different recordings; the others are these again
 KILLED_AT = 0.25  # share of the jobs that are done when a worker is killed

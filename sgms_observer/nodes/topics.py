@@ -19,8 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from sgms_observer.bags.cdr import JointStateEncoder
-from sgms_observer.bags.cdr_bytes import HEADER
+from sgms_observer.bags.cdr import HEADER, JointStateEncoder
 from sgms_observer.bags.rows import BY_ARRAYS, encode_joint_states
 from sgms_observer.compensation.safety import safe_output
 from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, JOINT_STATE_TOPICS, OTHER_TOPICS, OutgoingBlock
