@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from sgms_observer.bags.cdr import HEADER, JointStateEncoder
+from sgms_observer.bags.cdr import JointStateEncoder, effort_template
 from sgms_observer.bags.rows import BY_ARRAYS, encode_joint_states
 from sgms_observer.compensation.safety import safe_output
 from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, JOINT_STATE_TOPICS, OTHER_TOPICS, OutgoingBlock
@@ -152,10 +152,7 @@ class JointStateTopics:
             topic: relative name.
             names: entries of ``name``.
         """
-        encoder = JointStateEncoder(names, ("effort",))
-        head, middle = encoder.template[:HEADER], encoder.template[HEADER + 8 : encoder.starts[0]]
-        pack = struct.Struct(f"<{len(head)}siI{len(middle)}s{len(names)}d").pack
-        return partial(_send, self._publishers[topic].publish, pack, head, middle)
+        return partial(_send, self._publishers[topic].publish, *effort_template(names))
 
     def wait_acknowledged(self) -> None:
         """Wait until what was sent has arrived, for ``LAST_WORDS`` at most: a publisher that is gone sends nothing."""

@@ -116,8 +116,7 @@ class Pairing:
         self.effort = Stream()
         self.reference = Stream(is_awaited=False)
         self.ready: deque[Samples] = deque()
-        self._first = self._next = 0
-        self._prepared: tuple[int, Samples] | None = None
+        self._first = self._next = self._alone_at = 0
         self._allocate()
 
     def push_position(self, stamp_ns: int, position: float) -> None:
@@ -195,25 +194,21 @@ class Pairing:
 
     def prepare(self) -> None:
         """Make the next sample for ``pop_alone`` before it comes."""
-        first = self._first
-        if self._prepared is None or self._prepared[0] != first:
-            self._prepared = first, self._view(first, first + 1)
+        if self._alone_at != self._first:
+            self._alone_at, self._alone = self._first, self._view(self._first, self._first + 1)
 
     @property
     def alone_ns(self) -> int | None:
         """Return the stamp [ns] of the sample that ``prepare`` was called for, if it is complete and alone."""
-        first, prepared = self._first, self._prepared
-        if prepared is None or prepared[0] != first or self._next != first + 1 or self.ready:
+        first = self._first
+        if self._alone_at != first or self._next != first + 1 or self.ready:
             return None
-        return prepared[1].stamp_ns.item()
+        return self._alone.stamp_ns.item()
 
     def pop_alone(self) -> Samples:
         """Return what ``pop`` would, where ``alone_ns`` is not None."""
-        if self._prepared is None:
-            raise ValueError("no sample was prepared; call prepare() before it comes")
         self._first += 1
-        samples = self._prepared[1]
-        return samples if self._scales is None else samples.in_si(self._scales)
+        return self._alone if self._scales is None else self._alone.in_si(self._scales)
 
     @property
     def has_samples(self) -> bool:
@@ -254,10 +249,11 @@ class Pairing:
 
     def _allocate(self) -> None:
         """Allocate new arrays; returned blocks are views of the old ones."""
-        self._prepared = None
         self._stamps = np.empty(_ROWS, np.int64)
         self._values = np.empty((4, _ROWS))
         self._first = self._next = 0
+        self._alone_at = 0
+        self._alone = self._view(0, 1)
 
     def _drop(self, stamp_ns: int, stream: Stream) -> None:
         if stamp_ns == stream.last_ns:
