@@ -77,13 +77,13 @@ class RecordingEstimates:
         strengths, errors = self.values[:, column] - default, self.errors[:, column]
         if errors[0] <= 0.0:
             return math.inf
-        own = abs(float(strengths[0])) / float(errors[0])
+        z_score_of_fit = abs(float(strengths[0])) / float(errors[0])
         shows = np.isfinite(errors) & (errors > 0.0) & (abs(strengths[0]) >= least * errors)
         shows[0] = False
         if not shows.any():
-            return own
+            return z_score_of_fit
         weights = 1.0 / errors[shows] ** 2
-        return min(own, float(np.sign(strengths[0]) * (weights @ strengths[shows]) / np.sqrt(weights.sum())))
+        return min(z_score_of_fit, float(np.sign(strengths[0]) * (weights @ strengths[shows]) / np.sqrt(weights.sum())))
 
 
 def series_length(motion: Motion, noise: Noise) -> int:
