@@ -23,8 +23,7 @@ from dask.distributed import LocalCluster
 
 from sgms_observer.bags.source import BagReader
 from sgms_observer.cli.main import main as sgms
-from sgms_observer.fleet.job_processes import run_jobs
-from sgms_observer.fleet.jobs import DiagnoseJob, Outcome, ReplayJob, run_job
+from sgms_observer.fleet.jobs import DiagnoseJob, Outcome, ReplayJob, run_job, run_jobs
 
 SECONDS = 10.0  # of each recording
 SEEDS = 4  # different recordings; the others are these again

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bench.process import seconds_used
-from sgms_observer.bench.scene import RATE, write_config
+from sgms_observer.bench.process import RATE, seconds_used, write_config
 
 RATES = (1_000, 2_000, RATE)
 """Samples per second of the live runs [Hz]."""

@@ -35,6 +35,7 @@ from sgms_observer.compensation.feedforward_kernel import (
     VERDICT,
     ActuatorPath,
     compensate_block,
+    fade,
 )
 from sgms_observer.compensation.motion_ahead import (
     AHEAD_WIDTH,
@@ -42,7 +43,6 @@ from sgms_observer.compensation.motion_ahead import (
     MEMORY_SIZE,
     look_ahead_block,
 )
-from sgms_observer.compensation.trust import fade
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.estimators.block import FRICTION_STD, RESULT_SIZE, STATUS
 from sgms_observer.estimators.layout import (
@@ -52,7 +52,7 @@ from sgms_observer.estimators.layout import (
     ParameterArrays,
 )
 from sgms_observer.filters.motion import ELAPSED, LEAD, PRESENT_VELOCITY
-from sgms_observer.settings.observer import CompensationSettings
+from sgms_observer.settings.axis import CompensationSettings
 from sgms_observer.status import Status
 
 _GOOD = (Status.RUNNING, Status.FALLBACK_NOT_CONVERGED, Status.FALLBACK_DEADLINE)

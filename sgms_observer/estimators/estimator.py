@@ -26,8 +26,7 @@ from sgms_observer.estimators.layout import (
 )
 from sgms_observer.estimators.memory import EKF_NEXT, STARTED, Memory, Sizes, Tuning, allocate, forget, views
 from sgms_observer.filters.motion import Motion
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import EstimatorSettings
+from sgms_observer.settings.axis import EstimatorSettings, FrictionSettings
 
 _MAX_ITERATIONS = 60
 _CONVERGED = 1e-9

@@ -12,7 +12,7 @@ from sgms_observer.filters import layout, lowpass, polynomial, tracking
 from sgms_observer.filters.kernel import filter_block
 from sgms_observer.filters.layout import Floats
 from sgms_observer.filters.motion import Motion, row_width
-from sgms_observer.settings.observer import FilterSettings
+from sgms_observer.settings.axis import FilterSettings
 
 _KINDS = {"lowpass": layout.LOWPASS, "savgol": layout.SAVGOL, "kalman": layout.KALMAN}
 _PULSE = 1.0e-3  # of the step that counts as a jump

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from sgms_observer.bags.cdr_bytes import Buffer
+from sgms_observer.bags.cdr import Buffer
 from sgms_observer.bags.trajectory_cdr import decode_trajectory, encode_trajectory
 from sgms_observer.compensation.horizon import MIN_STEP, Horizon, KnownMotion
 from sgms_observer.errors import DataError

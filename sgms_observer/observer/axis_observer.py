@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.compensation.feedforward import Compensator
+from sgms_observer.compensation.feedforward_kernel import standstill_velocity
 from sgms_observer.compensation.horizon import Horizon, KnownMotion, grid_of
 from sgms_observer.compensation.motion_ahead import AHEAD_ACCELERATION, AHEAD_POSITION, AHEAD_VELOCITY
-from sgms_observer.compensation.trust import standstill_velocity
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.estimators.estimator import Estimator, Results
 from sgms_observer.estimators.interval import stribeck_level

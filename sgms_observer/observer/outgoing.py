@@ -187,16 +187,11 @@ class Outgoing:
             return block
         first = -self._sample_counts[axis] % self._every
         self._sample_counts[axis] += len(block.stamp_ns)
-        return select_rows(block, slice(first, None, self._every)) if first < len(block.stamp_ns) else None
+        return _select_rows(block, slice(first, None, self._every)) if first < len(block.stamp_ns) else None
 
 
-def select_rows(block: Estimates, rows: slice | NDArray[np.bool_]) -> Estimates:
-    """Return some rows of a block of estimates.
-
-    Args:
-        block: the estimates.
-        rows: which of them.
-    """
+def _select_rows(block: Estimates, rows: slice | NDArray[np.bool_]) -> Estimates:
+    """Return some rows of a block of estimates."""
     return Estimates(**{field.name: getattr(block, field.name)[rows] for field in fields(Estimates)})
 
 
@@ -225,8 +220,8 @@ def _by_stamps(estimates: Mapping[int, Estimates]) -> list[tuple[tuple[int, ...]
     shared = [np.isin(block.stamp_ns, common) for block in blocks]
     groups = []
     if common.size:
-        groups.append((axes, [select_rows(block, mask) for block, mask in zip(blocks, shared, strict=True)]))
+        groups.append((axes, [_select_rows(block, mask) for block, mask in zip(blocks, shared, strict=True)]))
     for axis, block, mask in zip(axes, blocks, shared, strict=True):
         if not mask.all():
-            groups.append(((axis,), [select_rows(block, ~mask)]))
+            groups.append(((axis,), [_select_rows(block, ~mask)]))
     return groups

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from sgms_observer.report.demonstration_result import Half, axis_result, headline, late_warnings, result_of
+from sgms_observer.report.demonstration import Half, axis_result, headline, late_warnings, result_of
 from sgms_observer.settings.units import Units
 
 
