@@ -30,6 +30,7 @@ REFUSING = Path("/proc/sgms")
 ROOT = Path(__file__).resolve().parents[2]
 LIMITED = """
 import resource, signal, sys
+sys.dont_write_bytecode = True  # Python itself would keep bytecode that was cut off
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 size = int(sys.argv.pop(1))
 if size:
