@@ -99,7 +99,7 @@ def _imports(module: str) -> frozenset[str]:
 
 @cache
 def _sources(module: str) -> tuple[Path, ...]:
-    """Return the source files of a module and of every module of ours that it imports, directly or not."""
+    """Return the files of the module and of all that it imports, in a fixed order."""
     seen: set[str] = set()
     waiting = [module]
     while waiting:
@@ -107,7 +107,7 @@ def _sources(module: str) -> tuple[Path, ...]:
         if name not in seen:
             seen.add(name)
             waiting.extend(_imports(name))
-    return tuple(path for path in map(_file_of, sorted(seen)) if path)
+    return tuple(path for path in map(_file_of, sorted(seen)) if path is not None)
 
 
 @cache
@@ -146,16 +146,15 @@ def can_keep() -> bool:
 
 
 def _mark(name: str, module: str) -> Path:
-    """Return the file that says that a part's kernels are in the cache: of these source files, numba and processor.
+    """Return the file that says that a part's kernels are in the cache: of this source, numba, Python and processor.
 
-    numba keeps the kernels of each copy of a file apart, by its path, and older versions by its time too.
+    numba keeps the kernels of each copy of the source apart, and forgets those of a file that was written again.
     """
     from llvmlite import binding
 
-    made_by = [numba.__version__, sys.version, binding.get_host_cpu_name(), os.environ["NUMBA_OPT"]]  # type: ignore[attr-defined]
-    made_by += [f"{path} {path.stat().st_mtime_ns}" for path in _sources(module)]
-    digest = hashlib.sha256(" ".join(made_by).encode()).hexdigest()[:16]
-    return cache_folder() / _key_of(module) / f"{name}-{digest}.complete"
+    written = [(str(path), path.stat().st_mtime_ns) for path in _sources(module)]
+    made_by = f"{numba.__version__} {sys.version} {binding.get_host_cpu_name()} {os.environ['NUMBA_OPT']} {written}"  # type: ignore[attr-defined]
+    return cache_folder() / _key_of(module) / f"{name}-{hashlib.sha256(made_by.encode()).hexdigest()[:16]}.complete"
 
 
 def is_complete(name: str, module: str) -> bool:
