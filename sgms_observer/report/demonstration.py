@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from sgms_observer.bags.reader import BagSamples
 from sgms_observer.errors import DataError
 from sgms_observer.observer.axis_observer import AxisObserver
-from sgms_observer.report.demonstration_result import Half, axis_result, change, headline, late_warnings, result_of
+from sgms_observer.report.demonstration_result import (
+    Half,
+    axis_result,
+    change,
+    headline,
+    late_warnings,
+    missing_warnings,
+    result_of,
+)
 from sgms_observer.report.lateness import RECOVERY, Lateness
 from sgms_observer.report.page import Page, Section, Table, write_page
 from sgms_observer.report.recorded import SETTLE, recorded_lateness, signal_of
@@ -73,6 +81,8 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
         with_it = _half(run, way, switched + SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
         lines += _lines(axis, without, with_it, same, compared)
+        expected = 1.0 + run.time[-1] / (settings.publish_every * settings.sample_period)
+        warnings += missing_warnings(axis.name, len(run.time) / expected)
         warnings += late_warnings(axis.name, without, with_it, axis.units)
         verdicts.append(headline(axis.name, without, with_it, axis.units))
         results[axis.name] = axis_result(without, with_it, same, compared)

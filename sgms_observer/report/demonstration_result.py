@@ -9,6 +9,8 @@ from typing import Any
 from sgms_observer.settings.units import Units
 
 SCHEMA = 1
+LEAST_RECORDED = 0.95
+"""Share of the samples that have an estimate, below which the figures do not stand for the whole run."""
 
 
 @dataclass(frozen=True)
@@ -123,4 +125,19 @@ def late_warnings(axis: str, without: Half, with_it: Half, units: Units) -> list
     return [
         f"Warning: axis {axis}: the largest tracking error with compensation, {peak}, follows a compensation that came"
         " late. End other programs and run the demonstration again."
+    ]
+
+
+def missing_warnings(axis: str, share: float) -> list[str]:
+    """Return a warning where many samples have no estimate: nothing is known of what happened then.
+
+    Args:
+        axis: its name.
+        share: of the samples of the run that have an estimate [-].
+    """
+    if share >= LEAST_RECORDED:
+        return []
+    return [
+        f"Warning: axis {axis}: only {100.0 * share:.0f} % of the samples have an estimate; the figures are about those"
+        " alone. End other programs and run the demonstration again."
     ]
