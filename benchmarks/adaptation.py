@@ -27,10 +27,18 @@ from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates
 from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, sheet
-from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings
-from sgms_observer.settings.stage import ControllerSettings, EncoderSettings, ReferenceSettings, StageSettings
+from sgms_observer.settings.axis import (
+    AxisSettings,
+    CompensationSettings,
+    ControllerSettings,
+    EffectSettings,
+    EncoderSettings,
+    EstimatorSettings,
+    FrictionSettings,
+    ReferenceSettings,
+    Settings,
+    StageSettings,
+)
 from sim_plant.closed_loop import ClosedLoop
 from sim_plant.record import StageRecord
 from sim_plant.table import SimulatedTable

@@ -26,10 +26,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from compensation_peers import CoulombViscous, DisturbanceObserver, LuGre, Peer
 
 from sgms_observer.observer.axis_observer import AxisObserver
-from sgms_observer.settings.axis import AxisSettings, Settings
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import CompensationSettings
-from sgms_observer.settings.stage import ControllerSettings, EncoderSettings, ReferenceSettings, StageSettings
+from sgms_observer.settings.axis import (
+    AxisSettings,
+    CompensationSettings,
+    ControllerSettings,
+    EncoderSettings,
+    FrictionSettings,
+    ReferenceSettings,
+    Settings,
+    StageSettings,
+)
 from sim_plant.record import StageRecord, join_records
 from sim_plant.table import SimulatedTable
 

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from scipy import signal
 
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.axis import FrictionSettings
 
 
 class Peer(Protocol):

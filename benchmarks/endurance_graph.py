@@ -10,7 +10,7 @@ import numpy as np
 from endurance_memory import Memory
 
 from sgms_observer.bench.problem import AMPLITUDE, FREQUENCY, PERIOD, make_problem
-from sgms_observer.bench.scene import write_config
+from sgms_observer.bench.process import write_config
 from sgms_observer.cli.progress import Progress
 from sgms_observer.nodes.conductor import Conductor, prepare_graph
 from sgms_observer.observer.axis_observer import AxisObserver

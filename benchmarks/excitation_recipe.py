@@ -12,8 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.excitation.limits import ExcitationLimits
-from sgms_observer.excitation.track import Track
+from sgms_observer.excitation.limits import ExcitationLimits, Track
 from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]

@@ -18,8 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sgms_observer.export.c_target import c_files, with_ekf
-from sgms_observer.export.vector import vector_samples
+from sgms_observer.export.c_target import c_files, vector_samples, with_ekf
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.axis import AxisSettings

@@ -15,10 +15,14 @@ import numpy as np
 
 from sgms_observer.filters.differentiator import Differentiator
 from sgms_observer.observer.samples import Floats
-from sgms_observer.settings.axis import AxisSettings
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import FilterSettings
-from sgms_observer.settings.stage import ControllerSettings, ReferenceSettings, StageSettings
+from sgms_observer.settings.axis import (
+    AxisSettings,
+    ControllerSettings,
+    FilterSettings,
+    FrictionSettings,
+    ReferenceSettings,
+    StageSettings,
+)
 from sim_plant.record import StageRecord
 from sim_plant.stage import SimulatedStage
 

@@ -27,9 +27,16 @@ from sgms_observer.excitation.reference import design_excitation
 from sgms_observer.identification.identify import Identification, IdentifyOptions, force_error, identify
 from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RHO, V_S, VISCOUS, Parameters
 from sgms_observer.offline.recording import Recording, recordings_from_samples
-from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.stage import ControllerSettings, EncoderSettings, ReferenceSettings, StageSettings
+from sgms_observer.settings.axis import (
+    AxisSettings,
+    ControllerSettings,
+    EffectSettings,
+    EncoderSettings,
+    FrictionSettings,
+    ReferenceSettings,
+    Settings,
+    StageSettings,
+)
 from sim_plant.reference_file import write_reference_file
 from sim_plant.table import SimulatedTable
 

@@ -43,8 +43,8 @@ from sgms_observer.nodes.transport import claim_domain
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.offline.recording import Recording, join_samples, read_recordings, recordings_from_samples
+from sgms_observer.report.drawing import Line, Panel, time_plot
 from sgms_observer.report.page import Page, Plot, Section, render_page
-from sgms_observer.report.time_plot import Line, Panel, time_plot
 from sgms_observer.settings.load import load_settings
 
 Floats = NDArray[np.float64]

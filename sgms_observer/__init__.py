@@ -13,8 +13,7 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "settings.load": ("load_settings", "settings_from_tree"),
     "settings.write": ("write_settings",),
-    "settings.axis": ("AxisSettings", "Settings"),
-    "settings.friction": ("FrictionSettings",),
+    "settings.axis": ("AxisSettings", "FrictionSettings", "Settings"),
     "observer.samples": ("Estimates", "Samples"),
     "observer.axis_observer": ("AxisObserver",),
     "observer.all_axes": ("AllAxes",),

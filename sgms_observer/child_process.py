@@ -17,12 +17,7 @@ _SIGNAL_AT_PARENTS_DEATH = 1  # PR_SET_PDEATHSIG of Linux
 
 
 def child_command(module: str, arguments: Sequence[str] = ()) -> list[str]:
-    """Return the command line of a module that ends with this process.
-
-    Args:
-        module: full name.
-        arguments: its command line.
-    """
+    """Return the command line of a module that ends with this process."""
     return [sys.executable, "-m", "sgms_observer.child_process", str(os.getpid()), module, *arguments]
 
 

@@ -31,11 +31,7 @@ class SentenceParser(argparse.ArgumentParser):
     """An argument parser that answers a wrong command line with one sentence."""
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong and where to read more, and exit with code 2.
-
-        Args:
-            message: what is wrong.
-        """
+        """Say what is wrong and where to read more, and exit with code 2."""
         self.exit(EXIT_USAGE, f"{self.prog}: {message}; see '{self.prog} --help'\n")
 
 
@@ -69,9 +65,6 @@ def json_value(value: Any) -> Any:
 
 def leave_if_working(code: int) -> int:
     """End the process at once where a thread is still compiling, which nothing else can stop.
-
-    Args:
-        code: the exit code.
 
     Returns:
         The same code, if there is no such thread.

@@ -58,9 +58,6 @@ def write_bytes(content: bytes, path: str | Path) -> None:
 def try_folder(folder: str | Path) -> None:
     """See whether a folder can be made and written into: before long work, not after it. It is not left there empty.
 
-    Args:
-        folder: where results will go.
-
     Raises:
         RecordingError: it cannot be made or refuses files; one sentence.
     """

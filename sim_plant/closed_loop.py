@@ -63,7 +63,7 @@ class ClosedLoop:
                 count, partial(_answer, self._observers[i], rows), self._compensation[i]
             )
             records.append(record)
-            estimates.append(join_estimates(rows))
+            estimates.append(_join_estimates(rows))
         return tuple(records), tuple(estimates)
 
     def _step_together(self, count: int) -> tuple[tuple[StageRecord, ...], tuple[Estimates, ...]]:
@@ -77,7 +77,7 @@ class ClosedLoop:
             estimate_rows.append(estimates)
         return (
             tuple(join_records(rows) for rows in zip(*record_rows, strict=True)),
-            tuple(join_estimates(rows) for rows in zip(*estimate_rows, strict=True)),
+            tuple(_join_estimates(rows) for rows in zip(*estimate_rows, strict=True)),
         )
 
     def _observe(self, records: Sequence[StageRecord]) -> tuple[Estimates, ...]:
@@ -94,12 +94,8 @@ def _answer(observe: ObserverStep, rows: list[Estimates], samples: Samples) -> f
     return float(estimates.compensation[-1])
 
 
-def join_estimates(blocks: Sequence[Estimates]) -> Estimates:
-    """Return consecutive blocks of estimates as one.
-
-    Args:
-        blocks: at least one block, in the order of time.
-    """
+def _join_estimates(blocks: Sequence[Estimates]) -> Estimates:
+    """Return consecutive blocks of estimates, at least one, as one."""
     if len(blocks) == 1:
         return blocks[0]
     return Estimates(

@@ -22,9 +22,8 @@ from pathlib import Path
 import yaml
 from plan import AMOUNTS, FIRST_SEED, Case, cases, twin
 
-from sim_plant.blind.case import case_name, make_case, paths_of
+from sim_plant.blind.case import case_name, make_case, open_seal, paths_of
 from sim_plant.blind.score import CaseScore, read_result, score_case
-from sim_plant.blind.seal import open_seal
 from sim_plant.blind.table import confusion_picture, confusion_text, figures, per_effect_text, table_text
 
 MAIN_DURATION = 30.0  # s

@@ -13,7 +13,7 @@ from typing import Any
 from plant_cases import NOTHING, SECOND, SECOND_OUTSIDE, SECOND_SHARE, Case
 
 from sgms_observer.settings.axis import AxisSettings
-from sim_plant.blind.seal import seal
+from sim_plant.blind.case import seal
 from sim_plant.plants.effects import KINDS
 from sim_plant.plants.machine import draw_plant
 from sim_plant.plants.owner import write_yaml

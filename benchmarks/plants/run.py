@@ -35,7 +35,7 @@ from plant_files import Files, files_of, make_case  # noqa: E402
 from plant_score import Score, score  # noqa: E402
 from plant_table import effects_text, table_text  # noqa: E402
 
-from sim_plant.blind.seal import open_seal  # noqa: E402
+from sim_plant.blind.case import open_seal  # noqa: E402
 from sim_plant.plants.machine import PLANTS  # noqa: E402
 
 Diagnose = Callable[[Files], dict[str, Any]]

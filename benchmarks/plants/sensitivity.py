@@ -27,7 +27,7 @@ from scipy import stats  # noqa: E402
 
 from sgms_observer.diagnosis.criteria import Criteria  # noqa: E402
 from sgms_observer.effects.catalogue import names as catalogue_names  # noqa: E402
-from sim_plant.blind.seal import open_seal  # noqa: E402
+from sim_plant.blind.case import open_seal  # noqa: E402
 
 CRITERION_OF = {
     "z-score on data not fitted to": "min_z_score",

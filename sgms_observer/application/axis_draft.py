@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sgms_observer.application.axis_facts import AxisFacts
+from sgms_observer.application.bag_info import MAX_UNEXPLAINED, uses_of
 from sgms_observer.application.force_balance import ForceBalance
-from sgms_observer.application.recording_use import MAX_UNEXPLAINED, uses_of
 from sgms_observer.effects import catalogue
 from sgms_observer.settings.units import REVOLUTE, Units
 

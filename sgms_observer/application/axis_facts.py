@@ -12,7 +12,7 @@ from scipy import signal
 
 from sgms_observer.application.force_balance import ForceBalance, fit_force_balance
 from sgms_observer.bags.reader import read_samples
-from sgms_observer.bags.survey import TopicSurvey
+from sgms_observer.bags.source import TopicSurvey
 from sgms_observer.errors import DataError
 from sgms_observer.offline.encoder import encoder_step
 from sgms_observer.offline.recording import Recordings, join_samples, recordings_from_samples

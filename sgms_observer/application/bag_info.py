@@ -9,12 +9,173 @@ from pathlib import Path
 from typing import Any
 
 from sgms_observer.application.axis_facts import AxisFacts, read_axis_facts
-from sgms_observer.application.recording_use import Use, doubts_about, losses_in, uses_of
-from sgms_observer.bags.source import BagReader, find_inputs, missing_topic
-from sgms_observer.bags.survey import TopicSurvey, survey_bag
-from sgms_observer.errors import RecordingError
+from sgms_observer.bags.source import BagReader, TopicSurvey, find_inputs, missing_topic, survey_bag
+from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.settings.axis import AxisSettings
-from sgms_observer.settings.units import PRISMATIC, Units
+from sgms_observer.settings.units import PRISMATIC, REVOLUTE, Units
+
+MIN_STEPS = 50.0
+"""Range over encoder step: below it neither speed nor presliding is resolved."""
+MIN_REVERSALS = 2
+"""Both directions must be entered and left once, or offset, gravity and friction are one number."""
+MIN_REVERSALS_TO_DIAGNOSE = 4
+"""A diagnosis learns on some blocks and judges on others, and each needs a motion both ways."""
+MAX_UNEXPLAINED = 0.9
+"""Share of the effort: where mass and friction explain less than a tenth, it does not belong to the motion."""
+MAX_MISSING = 0.5
+"""Share of samples without effort: above it one of two is lost."""
+_MAX_RANGE = {PRISMATIC: 20.0, REVOLUTE: 100.0}  # m, rad: a long gantry, sixteen turns
+_MAX_SPEED = {PRISMATIC: 20.0, REVOLUTE: 2000.0}  # m/s, rad/s: a fast linear motor, a spindle of 19,000 rev/min
+_MAX_MASS = {PRISMATIC: 1.0e5, REVOLUTE: 1.0e5}  # kg, kg m^2
+_MIN_MASS = {PRISMATIC: 1.0e-3, REVOLUTE: 1.0e-7}
+
+
+@dataclass(frozen=True)
+class Use:
+    """Whether a recording serves a purpose.
+
+    Attributes:
+        purpose: identify, diagnose or replay.
+        is_possible: it does.
+        reason: why not; empty if it does.
+    """
+
+    purpose: str
+    is_possible: bool
+    reason: str
+
+
+def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
+    """Return what the recording of an axis can be used for."""
+    identify = _reason_against_identification(facts)
+    diagnose = identify
+    if not diagnose and facts.reversals < MIN_REVERSALS_TO_DIAGNOSE:
+        diagnose = (
+            f"the motion reverses {facts.reversals} times; diagnosis compares blocks that hold both directions"
+            " and needs"
+            f" {MIN_REVERSALS_TO_DIAGNOSE} at least: record a longer motion to and fro, or give"
+            " several recordings"
+        )
+    replay = "" if facts.missing_efforts < 1.0 else "no sample has an effort: record control_effort"
+    reasons = {"identify": identify, "diagnose": diagnose, "replay": replay}
+    return tuple(Use(purpose, not reason, reason) for purpose, reason in reasons.items())
+
+
+def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
+    """Return a sentence for each sign and unit that looks wrong.
+
+    Args:
+        facts: what the recording shows.
+        joint_type: prismatic or revolute; None if it is not known.
+    """
+    found = []
+    units = Units(joint_type or PRISMATIC)
+    stroke, speed = facts.stroke, facts.peak_speed
+    unit = units.position if joint_type else "m or rad"
+    largest = _MAX_RANGE[joint_type or PRISMATIC]
+    fastest = _MAX_SPEED[joint_type or REVOLUTE]
+    if stroke > largest or speed > fastest:
+        found.append(
+            f"{facts.name}: the position spans {stroke:.4g} {unit} at up to {speed:.4g} per second, more than a stage"
+            " moves; if it is in degrees set position_scale: 0.01745329252, if in millimetres 0.001"
+        )
+    balance = facts.balance
+    if balance is not None and balance.sign < 0:
+        found.append(
+            f"{facts.name}: the effort is counted against the motion (friction takes"
+            f" {balance.dissipation:.3g} +- {balance.dissipation_error:.2g} W away); set effort_scale: -1"
+        )
+    elif balance is not None and balance.is_significant("mass"):
+        mass = balance.value("mass")
+        smallest, heaviest = _MIN_MASS[joint_type or REVOLUTE], _MAX_MASS[joint_type or PRISMATIC]
+        if mass < 0.0:
+            found.append(
+                f"{facts.name}: the effort grows against the acceleration (mass {mass:.3g} {units.mass}) but with the"
+                " speed; check that effort and position belong to the same axis and side of the gear"
+            )
+        elif not smallest <= mass <= heaviest:
+            found.append(
+                f"{facts.name}: the effort would move {mass:.3g}"
+                f" {units.mass if joint_type else 'kg or kg m^2'}; check the"
+                " units of effort and position, and set effort_scale or position_scale"
+            )
+    return tuple(found)
+
+
+def losses_in(facts: AxisFacts) -> tuple[str, ...]:
+    """Return a sentence for each kind of samples that the recording lost."""
+    found = []
+    if 0.0 < facts.missing_efforts < 1.0:
+        found.append(
+            f"{facts.name}: {100.0 * facts.missing_efforts:.3g} % of the samples have no effort with the same stamp;"
+            " record control_effort at the rate of position"
+        )
+    if facts.gaps:
+        found.append(
+            f"{facts.name}: {facts.gaps} pauses lack samples, the longest {facts.longest_gap:.3g} s; record"
+            " with a longer"
+            " queue or on a less busy machine"
+        )
+    if facts.duplicate_stamps or facts.backward_stamps:
+        found.append(
+            f"{facts.name}: {facts.duplicate_stamps} stamps repeat the one before and {facts.backward_stamps}"
+            " step back;"
+            " these samples are not used: stamp each sample when it is taken"
+        )
+    return tuple(found)
+
+
+def _reason_against_identification(facts: AxisFacts) -> str:
+    """Return why an identification would not succeed; empty if it may."""
+    balance = facts.balance
+    if facts.missing_efforts > MAX_MISSING:
+        return (
+            f"{100.0 * facts.missing_efforts:.3g} % of the samples have no effort: record control_effort at"
+            " the rate of position"
+        )
+    if facts.fault:
+        return facts.fault
+    if math.isfinite(facts.effort_rms) and facts.effort_range[0] == facts.effort_range[1]:
+        return f"the effort is always {facts.effort_rms:.4g}: record the effort that the actuator applies"
+    if facts.stroke <= 0.0:
+        return "the position never changes: record a motion"
+    if facts.encoder_step > 0.0 and facts.stroke < MIN_STEPS * facts.encoder_step:
+        return (
+            f"the motion spans {facts.stroke / facts.encoder_step:.3g} steps of the encoder, and {MIN_STEPS:g}"
+            " are needed to"
+            " see speed and presliding: move further, or use a finer encoder"
+        )
+    if facts.reversals < MIN_REVERSALS:
+        return (
+            f"the motion reverses {facts.reversals} times, and {MIN_REVERSALS} are needed to tell friction"
+            " from a constant"
+            " force: record a motion to and fro"
+        )
+    if balance is None:
+        return "the motion does not tell mass, friction and offset apart: vary speed and direction"
+    if balance.sign < 0:
+        return "the effort is counted against the motion: reverse the sign of effort_scale in the parameter file"
+    if balance.unexplained > MAX_UNEXPLAINED:
+        return (
+            f"a moving mass with friction leaves {100.0 * balance.unexplained:.3g} % of the effort unexplained below"
+            f" {balance.corner:.3g} Hz: check that effort and position belong to the same axis, and their units"
+        )
+    return ""
+
+
+def refuse_learnt_from(bags: Sequence[str], holdout: Sequence[str]) -> None:
+    """Refuse a held-out bag that is learnt from as well.
+
+    Raises:
+        ConfigurationError: a bag is both.
+    """
+    known = {Path(bag).resolve() for bag in bags}
+    for bag in holdout:
+        if Path(bag).resolve() in known:
+            raise ConfigurationError(
+                [f"--holdout {bag} is also a recording to learn from; it cannot judge: leave it out of one of both"]
+            )
+
 
 NOTHING = "nothing"
 

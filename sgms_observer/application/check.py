@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from sgms_observer.application.axis_facts import AxisFacts, read_axis_facts
-from sgms_observer.application.recording_use import doubts_about, losses_in, uses_of
-from sgms_observer.bags.source import BagReader, find_inputs, missing_topic
-from sgms_observer.bags.survey import survey_bag
+from sgms_observer.application.bag_info import doubts_about, losses_in, uses_of
+from sgms_observer.bags.source import BagReader, find_inputs, missing_topic, survey_bag
 from sgms_observer.errors import RecordingError
 from sgms_observer.settings.axis import AxisSettings, Settings
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sgms_observer.bags.bag_folder import refuse_existing_bag
 from sgms_observer.bags.conversion import Table, choose_window, parse_map, read_table, split_table, write_table
-from sgms_observer.bags.replacement import refuse_existing_bag
 
 REST = "_rest"
 """What the name of the second bag ends with."""

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
 from threadpoolctl import threadpool_limits
 
-from sgms_observer.application.predicted_tracking import predict_tracking
-from sgms_observer.application.recording_use import refuse_learnt_from
-from sgms_observer.bags.replacement import refuse_own_recording
+from sgms_observer.application.bag_info import refuse_learnt_from
+from sgms_observer.bags.bag_folder import refuse_own_recording
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.compensation_check import CompensationCheck, can_look_ahead, check_compensation
+from sgms_observer.diagnosis.compensation_check import SKIPPED, CompensationCheck, can_look_ahead, check_compensation
 from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evidence import improvement
+from sgms_observer.diagnosis.motion import EDGE_TIME, HELD_LAG, motion_of
 from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
 from sgms_observer.diagnosis.result import write_augmented, write_result
 from sgms_observer.diagnosis.traces import traces_of
-from sgms_observer.diagnosis.tracking import PredictedTracking
+from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
 from sgms_observer.diagnosis.workflow import diagnose
+from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recording, read_recordings
 from sgms_observer.report.page import write_page
@@ -30,6 +35,95 @@ from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.units import Units
 from sgms_observer.whole_file import try_folder
+from sim_plant.record import StageRecord
+from sim_plant.reference_file import through_points
+from sim_plant.stage import SimulatedStage
+
+Floats = NDArray[np.float64]
+
+MAX_SAMPLES = 200_000
+MAX_SECONDS = 60.0
+"""Samples and time [s] that are simulated, the last ones of the recording: some seconds of computing."""
+HOLD = 1.5
+"""Time from a sample to the middle of the interval in which its compensation acts, in samples."""
+SUBSTEPS = 1
+"""Integration steps per 0.1 ms: the errors differ from those with ten by less than a thousandth."""
+
+
+def predict_tracking(
+    record: Recording, given: AxisSettings, augmented: AxisSettings, band: float
+) -> PredictedTracking | None:
+    """Return the tracking errors that the augmented model promises; None where the simulated loop does not stay finite.
+
+    The stage has the mass, friction and effects of ``augmented``, the controller of ``given`` and the encoder of the
+    recording. Along a reference the compensation is a feedforward: it is computed from the run without it.
+
+    Args:
+        record: gives the motion, the rate and the encoder.
+        given: settings as they were given.
+        augmented: the same with what was found.
+        band: a measured motion is followed below a multiple of this frequency [Hz].
+    """
+    count = min(len(record), MAX_SAMPLES, round(MAX_SECONDS / record.period))
+    part = record.part(len(record) - count, len(record))
+    reference = part.whole_reference
+    path = _smooth(part, band) if reference is None else reference
+    truth = _truth(part, given, augmented)
+    moves = truth.stage.reference
+    times = np.asarray(part.period * np.arange(count), dtype=np.float64)
+    followed = through_points(
+        times, path, "cubic", velocity=moves.velocity, acceleration=moves.acceleration, jerk=moves.jerk
+    )
+    counted = slice(round(SKIPPED / part.period), count - round(EDGE_TIME / part.period))
+    plain = SimulatedStage(truth, part.period, reference=followed).step(count)
+    runs = [plain]
+    if not np.all(np.isfinite(plain.position)):
+        return None
+    for axis in (given, augmented):
+        feedforward = _compensation(axis, truth, plain, part.period)
+        runs.append(SimulatedStage(truth, part.period, reference=followed).step(count, feedforward))
+    errors = [(run.position - run.reference_position)[counted] for run in runs]
+    if not all(np.all(np.isfinite(error)) for error in errors):
+        return None
+    recorded = None
+    if reference is not None:
+        errors.append((part.position - reference)[counted])
+        recorded = TrackingError.of(errors[-1])
+    without, given_error, augmented_error = (TrackingError.of(error) for error in errors[:3])
+    return PredictedTracking(
+        without, given_error, augmented_error, recorded, part.duration, times[counted], tuple(errors)
+    )
+
+
+def _smooth(record: Recording, band: float) -> Floats:
+    """Return the measured motion without its noise [m]."""
+    return np.asarray(signal.sosfiltfilt(motion_of(record, HELD_LAG, band).smoothing, record.position))
+
+
+def _truth(record: Recording, given: AxisSettings, augmented: AxisSettings) -> AxisSettings:
+    """Return the axis whose stage is the augmented one."""
+    noise = math.sqrt(max(record.position_noise**2 - record.encoder_step**2 / 12.0, 0.0))
+    return replace(
+        given,
+        stage_friction=augmented.friction,
+        stage_effects=augmented.effects,
+        stage=replace(
+            given.stage,
+            mass=augmented.mass,
+            substeps=given.stage.substeps if given.stage.actuation_delay else SUBSTEPS,  # a delay is whole steps
+            encoder=replace(given.stage.encoder, resolution=record.encoder_step, noise=noise),
+            accept_compensation=True,
+        ),
+    )
+
+
+def _compensation(axis: AxisSettings, truth: AxisSettings, plain: StageRecord, period: float) -> Floats:
+    """Return the compensation that acts at each sample of a run, one sample after it was computed [N]."""
+    look_ahead = HOLD * period + truth.stage.actuation_delay
+    switched_on = replace(axis.compensation, enabled=True, look_ahead=look_ahead)
+    estimates = AxisObserver(replace(axis, compensation=switched_on), period).step(plain.samples)
+    return np.concatenate(([0.0], np.nan_to_num(estimates.compensation[:-1])))
+
 
 FILES = ("result.json", "augmented.yaml", "report.html", RESIDUAL_LOG)
 """What a diagnosis writes into its folder."""

@@ -79,7 +79,7 @@ def export(config: str | Path, out: str | Path, options: ExportOptions) -> Expor
 
     files, warnings = c_files(settings, axes, options.real)
     if options.target == "ros2_control":
-        from sgms_observer.export.ros2_control_target import controller_files
+        from sgms_observer.export.c_target import controller_files
 
         files = controller_files(axes, files, settings.sample_period)
     for name, text in files.items():

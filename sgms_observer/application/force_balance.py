@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from sgms_observer.identification.uncertainty import least_squares_covariance
+from sgms_observer.identification.confidence import least_squares_covariance
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings

@@ -26,9 +26,9 @@ from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recordings, read_recordings
 from sgms_observer.report.page import render_page
 from sgms_observer.settings.axis import AxisSettings, Settings
-from sgms_observer.settings.comments import comments_in, with_comments
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.write import settings_text
+from sgms_observer.settings.yaml_text import comments_in, with_comments
 from sgms_observer.whole_file import refuse_existing_files, try_folder, write_text
 
 LEAST_SQUARES = "least_squares"

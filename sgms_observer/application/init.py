@@ -1,7 +1,8 @@
-"""A first parameter file, from a template or from a bag."""
+"""A first parameter file, commented, from a template or from a bag."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,17 +11,177 @@ from typing import Any
 
 import yaml
 
-from sgms_observer.application.axis_draft import AxisDraft, recorded_draft, template_draft
+from sgms_observer.application.axis_draft import FRACTIONS, AxisDraft, recorded_draft, template_draft
 from sgms_observer.application.axis_facts import read_axis_facts
-from sgms_observer.application.bag_info import find_position_topic
-from sgms_observer.application.parameter_template import template_text
-from sgms_observer.application.recording_use import doubts_about, losses_in
-from sgms_observer.bags.survey import survey_bag
+from sgms_observer.application.bag_info import doubts_about, find_position_topic, losses_in
+from sgms_observer.bags.source import survey_bag
 from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.load import settings_from_tree
-from sgms_observer.settings.units import PRISMATIC
+from sgms_observer.settings.units import PRISMATIC, Units
 from sgms_observer.whole_file import refuse_existing_files, write_text
+
+FIRST_LIMIT_SHARE = 1.5
+"""First limit of the compensation over the static force: room for friction that is identified too low, and no more."""
+_COLUMN = 61  # where the comments start, as in config/table.yaml
+
+_HEAD = """\
+# {head}
+# What this file leaves out has the default of docs/parameters.md. The same file serves the nodes and the command line:
+#   ros2 run sgms_observer observer_node --config FILE
+#   sgms identify BAG --config FILE --out identified.yaml
+"""
+
+
+def _template_text(drafts: Sequence[AxisDraft], head: str) -> str:
+    """Return the text of a parameter file with first values of each axis; ``head`` says where they come from."""
+    period = drafts[0].period
+    names = ", ".join(f'"{draft.name}"' for draft in drafts)
+    lines = [
+        ("/**:", "for every node; /observer_node: for that one only"),
+        ("  ros__parameters:", ""),
+        (f"    axes: [{names}]", "as in `name` of the messages; quotes, because ROS reads a bare y as true"),
+        (f"    sample_period: {number(period)}", f"s, from one position to the next: {1.0 / period:.6g} Hz"),
+        ("    autostart: true", "false: wait for a lifecycle manager to configure and activate"),
+    ]
+    for draft in drafts:
+        lines += [("", ""), *_axis(draft)]
+    return _HEAD.format(head=head) + "\n".join(_line(*line) for line in lines) + "\n"
+
+
+def number(value: float) -> str:
+    """Return a number as YAML reads it as one, with six digits."""
+    text = f"{value:.6g}"
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        return f"{mantissa if '.' in mantissa else mantissa + '.0'}e{int(exponent)}"
+    return text if "." in text else text + ".0"
+
+
+def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
+    """Return the lines of one axis with their comments."""
+    units = Units(draft.joint_type)
+    force, length = units.effort, units.position
+    scales = "from the topics' and bags' units to"
+    body = "moment of inertia that the actuator feels" if units.is_revolute else "all that moves with this axis"
+    stiffness = ", ".join(map(number, draft.element_stiffness))
+    zeros = ", ".join(["0.0"] * len(FRACTIONS))
+    amplitude = 0.25 * draft.stroke
+    frequency = min(draft.speed / (4.0 * math.pi * amplitude), 0.02 / draft.period)
+    return [
+        (f'    "{draft.name}":', ""),
+        (f"      joint_type: {draft.joint_type}", "prismatic: slides (m, N, kg); revolute: turns (rad, N m, kg m^2)"),
+        (f"      position_scale: {number(draft.position_scale)}", f"{scales} {length}; 0.01745329252 for degrees"),
+        (
+            f"      effort_scale: {number(draft.effort_scale)}",
+            f"{scales} {force}; negative where it counts against the motion",
+        ),
+        (f"      mass: {number(draft.mass)}", _said(draft, "mass", f"{units.mass}, {body}")),
+        ("      friction:", ""),
+        ("        model: sgms", "sgms: smooth, for the estimator; gms: with frictional lag"),
+        ("        reset: rate_independent", "right at every speed; paper: eq. 7 as printed, too stiff in creep"),
+        (f"        element_stiffness: [{stiffness}]", f"{units.stiffness}, kappa: slopes of the presliding hysteresis"),
+        (
+            f"        element_fraction: [{', '.join(map(str, FRACTIONS))}]",
+            "nu: share of each element in the sliding force; sums to 1",
+        ),
+        (f"        element_damping: [{zeros}]", f"{units.damping}, sigma: micro-viscous damping; zero unless measured"),
+        (
+            f"        viscous_coefficient: {number(draft.viscous)}",
+            _said(draft, "viscous", f"{units.damping}: slope of the friction at high speed"),
+        ),
+        (f"        static_force: {number(draft.static)}", f"{force}, f_S: friction where sliding begins"),
+        (
+            f"        coulomb_force: {number(draft.coulomb)}",
+            _said(draft, "coulomb", f"{force}, f_C: friction at speed without the viscous part"),
+        ),
+        (
+            f"        stribeck_velocity: {number(draft.stribeck_velocity)}",
+            f"{units.velocity}, v_s: speed at which static has fallen towards Coulomb",
+        ),
+        (
+            f"        attraction_rate: {number(draft.attraction_rate)}",
+            f"{units.of('N/s')}, C: frictional lag, of the gms model only",
+        ),
+        ("", ""),
+        *_effects(draft),
+        ("", ""),
+        ("      filter:", "velocity and acceleration from the position"),
+        ("        kind: savgol", "savgol: known delay; lowpass: the paper's; kalman: noisy encoders"),
+        (f"        window: {number(draft.window)}", "s: longer is smoother and later (the delay is half of it)"),
+        ("        degree: 3", "of the polynomial over the window"),
+        (f"        position_noise: {number(draft.noise)}", f"{length}, standard deviation of the encoder's noise"),
+        ("        effort_is_held: true", "the drive holds each effort until the next one"),
+        (
+            f"        maximum_gap: {number(draft.pause(0.02))}",
+            "s: after a longer pause filters and estimator start anew",
+        ),
+        (
+            f"        jump_speed: {number(max(10.0, 10.0 * draft.speed))}",
+            f"{units.velocity}: a larger change from one sample to the next is a jump",
+        ),
+        ("", ""),
+        ("      estimator:", ""),
+        ("        kind: mhe", "mhe: moving horizon; ekf: extended Kalman filter, cheaper"),
+        (f"        correction_every: {draft.correction_every}", "samples from one correction to the next"),
+        ("        horizon: 4", "corrections that the window looks back on"),
+        (
+            f"        measurement_std: {number(draft.residual)}",
+            f"{force}: how far effort minus inertia strays from the friction",
+        ),
+        ("        parameters: []", "[kappa] to follow the stiffness on line; [] to hold the values above"),
+        ("", ""),
+        ("      compensation:", "feedforward on friction_compensation"),
+        ("        enabled: false", "switch on after a look at friction_estimate and friction_std"),
+        ("        gain: 0.9", "share of the predicted friction; 1 leaves no margin against overshoot"),
+        (f"        limit: {number(FIRST_LIMIT_SHARE * draft.static)}", f"{force}, never more than this"),
+        (f"        slew_limit: {number(5.0e3 * draft.coulomb)}", f"{units.of('N/s')}, never faster than this"),
+        (
+            "        standstill_velocity: 0.0",
+            f"{units.velocity} that noise may give to an axis at rest; 0: derived from position_noise",
+        ),
+        (f"        fade_std: {number(0.25 * draft.coulomb)}", f"{force} of uncertainty at which it has faded to zero"),
+        (f"        timeout: {number(draft.pause(0.05))}", "s without good samples until it goes to zero"),
+        ("", ""),
+        ("      stage:", "for stage_node and `sgms simulate` only: the simulated axis"),
+        ("        controller:", ""),
+        (f"          bandwidth: {number(min(100.0, 0.05 / draft.period))}", "Hz of the position loop"),
+        (f"          effort_limit: {number(draft.effort)}", f"{force} the actuator can give"),
+        ("        reference:", ""),
+        ("          kind: sine", "sine, multi_sine, point_to_point, file or topic"),
+        (f"          amplitude: {number(amplitude)}", length),
+        (f"          frequency: {number(frequency)}", "Hz"),
+        ("        encoder:", ""),
+        (f"          resolution: {number(draft.step)}", _said(draft, "step", f"{length} per count")),
+        ("        seed: 1", "of every random number of this axis"),
+    ]
+
+
+def _effects(draft: AxisDraft) -> list[tuple[str, str]]:
+    """Return the lines of the effects that a recording shows, or of none."""
+    units = Units(draft.joint_type)
+    said = {
+        "gravity": f"{units.effort} at the horizontal, and the angle from hanging down at position zero",
+        "offset": units.effort,
+    }
+    lines = [
+        ("      effects:", "what else acts on the axis; `sgms diagnose` finds and adds it"),
+        (f"        names: [{', '.join(draft.effects)}]", "of docs/catalogue.md"),
+    ]
+    for name, values in draft.effects.items():
+        content = ", ".join(f"{key}: {number(value)}" for key, value in values.items())
+        lines.append((f"        {name}: {{{content}}}", f"{said[name]}; from the bag"))
+    return lines
+
+
+def _said(draft: AxisDraft, key: str, text: str) -> str:
+    """Return a comment with where the value comes from."""
+    return f"{text}; {draft.remarks[key]}" if key in draft.remarks else text
+
+
+def _line(text: str, comment: str) -> str:
+    return f"{text:<{_COLUMN - 1}} # {comment}" if comment else text
+
 
 _AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 
@@ -110,7 +271,7 @@ def init(
         raise ConfigurationError(
             [f"the joint {odd[0]} cannot name a group of parameters; record or convert it as letters, digits, _ and -"]
         )
-    text = template_text(drafts, head)
+    text = _template_text(drafts, head)
     settings_from_tree(yaml.load(text, Loader=yaml.SafeLoader), out)
     write_text(text, out)
     return Initialised(out, tuple(drafts), tuple(found))

@@ -1,18 +1,26 @@
 """Kernels compiled ahead, in processes of their own: whoever needs them then loads them from the cache.
 
 A process that compiles answers nobody meanwhile, and keeps the compiler's memory and threads for as long as it lives.
+``python -m sgms_observer.application.kernels NAME`` is such a process: it compiles one part and prints a dot for each
+function, so that whoever started it knows how far it is.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from sgms_observer import jit
 from sgms_observer.child_process import child_command, child_environment
+from sgms_observer.settings.axis import Settings
+from sgms_observer.settings.load import settings_from_tree
 
 
 @dataclass(frozen=True)
@@ -45,6 +53,7 @@ OF_STAGE = ("stage",)
 _SOONEST = 3.0  # s after which a first estimate of the time that is left is worth telling
 _ALMOST = 0.95  # share of a part that is told at most while it is not finished
 _WATCH = 0.1  # s
+_SAMPLES = 200  # of the run that calls every kernel of a part
 
 
 def missing_parts(names: Sequence[str] = tuple(PARTS)) -> tuple[str, ...]:
@@ -122,7 +131,7 @@ class Compilation:
         elif not self.failure:
             self.failure = (
                 f"the kernels of {name} could not be compiled ahead (exit code {code});"
-                f" run python -m sgms_observer.application.kernel_part {name} to see why"
+                f" run python -m sgms_observer.application.kernels {name} to see why"
             )
 
 
@@ -152,7 +161,7 @@ def compile_ahead(names: Sequence[str] = tuple(PARTS), show: Callable[[float], N
 def _started(name: str) -> subprocess.Popen[bytes]:
     """Return the process that compiles a part; it ends with this one, and what it says can be read without waiting."""
     process = subprocess.Popen(
-        child_command("sgms_observer.application.kernel_part", [name]),
+        child_command("sgms_observer.application.kernels", [name]),
         stdin=subprocess.DEVNULL,
         bufsize=0,
         stdout=subprocess.PIPE,
@@ -162,3 +171,61 @@ def _started(name: str) -> subprocess.Popen[bytes]:
     if process.stdout is not None:
         os.set_blocking(process.stdout.fileno(), False)
     return process
+
+
+def _settings() -> Settings:
+    """Return one axis with an effect; kernels take sizes and choices as data, so these serve every configuration."""
+    axis = {"mass": 10.0, "effects": {"names": ["offset"], "offset": {"force": 0.1}}}
+    return settings_from_tree({"axes": ["x"], "x": axis})
+
+
+def _estimator(settings: Settings) -> None:
+    from sgms_observer.estimators.estimator import Estimator
+    from sgms_observer.filters.motion import known_motion
+
+    axis, zeros = settings.axes[0], np.zeros(_SAMPLES)
+    motion = known_motion(np.full(_SAMPLES, settings.sample_period), zeros, zeros)
+    Estimator(axis.estimator, axis.friction, axis.mass).step(motion, zeros, np.ones(_SAMPLES))
+
+
+def _filter(settings: Settings) -> None:
+    from sgms_observer.filters.differentiator import Differentiator
+
+    stamps = np.arange(_SAMPLES, dtype=np.int64) * round(settings.sample_period * 1e9)
+    differentiator = Differentiator(settings.axes[0].filter, settings.sample_period)
+    differentiator.step(stamps, np.zeros(_SAMPLES), np.zeros(_SAMPLES))
+
+
+def _stage(settings: Settings) -> None:
+    from sim_plant.table import SimulatedTable
+
+    SimulatedTable(settings).step(2)
+
+
+def _observer(settings: Settings) -> None:
+    from sgms_observer.bags.rows import warm_up_encoding
+    from sgms_observer.observer.axis_observer import AxisObserver
+    from sgms_observer.observer.trial import run_all_kernels
+
+    warm_up_encoding()
+    run_all_kernels(AxisObserver(settings.axes[0], settings.sample_period))
+
+
+_WORK: dict[str, Callable[[Settings], None]] = {
+    "estimator": _estimator,
+    "filter": _filter,
+    "stage": _stage,
+    "observer": _observer,
+}
+
+
+def main() -> int:
+    """Compile the part that is named on the command line."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # a compiler's callback may swallow an exception
+    jit.tell_each_compilation(lambda: print(".", end="", flush=True))
+    _WORK[sys.argv[1]](_settings())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.observer.outgoing import Outgoing
     from sgms_observer.observer.samples import Estimates, Samples
-    from sgms_observer.report.replay_view import AxisView
+    from sgms_observer.report.replayed import AxisView
     from sgms_observer.settings.axis import Settings
 
 Given = TypeVar("Given")
@@ -91,8 +91,8 @@ def replay_bag(
     """
     from dataclasses import replace
 
+    from sgms_observer.bags.bag_folder import refuse_existing_bag, refuse_own_recording
     from sgms_observer.bags.reader import BagSamples
-    from sgms_observer.bags.replacement import refuse_existing_bag, refuse_own_recording
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.settings.load import load_settings
 
@@ -107,7 +107,7 @@ def replay_bag(
     tallies = {axis.name: Tally(axis.units.effort) for axis in settings.axes}
     views: tuple[AxisView, ...] = ()
     if has_report:
-        from sgms_observer.report.replay_view import AxisView
+        from sgms_observer.report.replayed import AxisView
 
         expected = (last - first) * 1e-9 / settings.sample_period
         views = tuple(AxisView(axis, first, expected) for axis in settings.axes)
@@ -135,10 +135,9 @@ def write_report(done: Replayed, bag: str, config: str, out: str) -> str:
     """Write the page about a replay into the folder of its bag and return its path."""
     from pathlib import Path
 
-    from sgms_observer.bags.replacement import REPORT
+    from sgms_observer.bags.bag_folder import REPORT
     from sgms_observer.report.page import render_page
-    from sgms_observer.report.replay_view import recorded_outputs
-    from sgms_observer.report.replayed import replay_page
+    from sgms_observer.report.replayed import recorded_outputs, replay_page
     from sgms_observer.whole_file import write_text
 
     period = done.settings.sample_period

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.byte_loops import read_rows
 from sgms_observer.bags.cdr import JointStateLayout
-from sgms_observer.bags.rows import HALF, LOWER, SECOND, STAMP_PLACE
+from sgms_observer.bags.rows import HALF, LOWER, SECOND, STAMP_PLACE, read_rows
 from sgms_observer.errors import DataError
 from sgms_observer.jit import HAS_NUMBA
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sgms_observer.bags.cdr_bytes import Buffer, Cursor, append_string, append_uint32, begin_message
+from sgms_observer.bags.cdr import Buffer, Cursor, append_string, append_uint32, begin_message
 from sgms_observer.observer.outgoing import ParameterReport
 
 OK, WARN, ERROR = range(3)  # stale is what an aggregator says of a node that reports nothing

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.bags.blocks import MessageBlock, gather, join_blocks
-from sgms_observer.bags.byte_loops import find_messages
 from sgms_observer.bags.compression import unpack
-from sgms_observer.bags.mcap_records import MAGIC, MESSAGE_HEAD, RECORD_HEAD, Op, find_records, read_text
+from sgms_observer.bags.mcap_records import MAGIC, MESSAGE_HEAD, RECORD_HEAD, Op, find_messages, find_records, read_text
 from sgms_observer.errors import RecordingError
 from sgms_observer.jit import HAS_NUMBA
 

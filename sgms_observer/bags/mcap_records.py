@@ -12,6 +12,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.bags.rows import word
 from sgms_observer.jit import HAS_NUMBA, njit
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -136,3 +137,44 @@ def _find_in_python(data: bytes) -> tuple[NDArray[np.uint8], NDArray[np.int64], 
         at += 9 + content
     table = np.array(found, np.int64).reshape(-1, 3)
     return table[:, 0].astype(np.uint8), table[:, 1].copy(), table[:, 2].copy(), at
+
+
+@njit
+def find_messages(
+    data: NDArray[np.uint8],
+    index_of: NDArray[np.int64],
+    topic: NDArray[np.int64],
+    log_ns: NDArray[np.int64],
+    start: NDArray[np.int64],
+    length: NDArray[np.int64],
+) -> int:
+    """Find the messages of some channels among MCAP records; only called where numba is.
+
+    Args:
+        data: content of a chunk, or a piece of a file; starts with a record.
+        index_of: number of each channel's topic, negative for those that are not wanted, shape (2**16,).
+        topic: number of each message's topic, written; this and the others as long as there may be messages.
+        log_ns: when each message was recorded [ns], written.
+        start: first byte of each message, written.
+        length: bytes of each message, written.
+
+    Returns:
+        How many messages were found.
+    """
+    size = data.shape[0]
+    at = 0
+    count = 0
+    while at + 9 <= size:
+        content = np.int64(word(data, at + 1))
+        if content < 0 or content > size - at - 9:
+            break
+        if data[at] == 5 and content >= 22:
+            number = index_of[np.int64(data[at + 9]) | np.int64(data[at + 10]) << 8]
+            if number >= 0:
+                topic[count] = number
+                log_ns[count] = np.int64(word(data, at + 15))
+                start[count] = at + 31
+                length[count] = content - 22
+                count += 1
+        at += 9 + int(content)
+    return count

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.bags.bag_folder import dump_metadata, dump_qos
 from sgms_observer.bags.mcap_records import MAGIC, MESSAGE_HEAD, RECORD_HEAD, Op, record, text, text_map
-from sgms_observer.bags.message_types import MessageType
-from sgms_observer.bags.metadata import dump_qos
-from sgms_observer.bags.rows import MessageRows
+from sgms_observer.bags.message_types import JOINT_STATE, MessageType, describe_type
+from sgms_observer.bags.rows import MessageRows, joint_state_rows
+from sgms_observer.errors import RecordingError
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -239,3 +241,58 @@ class McapWriter:
         index = struct.pack("<QQQQI", first, last, chunk_start, chunk_end - chunk_start, len(offsets)) + offsets
         index += struct.pack("<Q", self._offset - chunk_end) + text("") + struct.pack("<QQ", len(content), len(content))
         self._summary[Op.CHUNK_INDEX].append(index)
+
+
+@dataclass(frozen=True)
+class JointStates:
+    """Messages of one topic.
+
+    Attributes:
+        topic: full name.
+        stamp_ns: sample times [ns], shape (n,).
+        names: k entries of each message.
+        fields: ``position`` [m or rad], ``velocity`` [per s] and ``effort`` [N or N m], as far as there are any, shape
+            (n, k).
+    """
+
+    topic: str
+    stamp_ns: NDArray[np.int64]
+    names: Sequence[str]
+    fields: dict[str, NDArray[np.float64]]
+
+
+def write_mcap(topics: Sequence[JointStates], path: Path) -> None:
+    """Write a file; one of that name is replaced.
+
+    Args:
+        topics: what it holds.
+        path: the file.
+
+    Raises:
+        RecordingError: it cannot be written; one sentence.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    kind = describe_type(JOINT_STATE)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.unlink(missing_ok=True)
+        writer = McapWriter(partial)
+        try:
+            for states in topics:
+                channel = writer.add_topic(states.topic, kind)
+                if states.stamp_ns.size:
+                    rows = joint_state_rows(states.stamp_ns, states.names, states.fields)
+                    writer.write_rows(channel, states.stamp_ns, rows)
+            stamps = np.concatenate([states.stamp_ns for states in topics])
+            counts = {states.topic: (kind, states.stamp_ns.size) for states in topics}
+            writer.close(dump_metadata("mcap", path.name, int(stamps.min()), int(stamps.max()), counts))
+        except BaseException:
+            writer.abort()
+            raise
+        os.replace(partial, path)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise RecordingError(f"{path} cannot be written: {reason}; make room or choose another folder") from None
+    finally:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)

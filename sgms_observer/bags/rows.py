@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.byte_loops import write_rows
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.errors import DataError
-from sgms_observer.jit import HAS_NUMBA
+from sgms_observer.jit import HAS_NUMBA, njit
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -79,7 +78,7 @@ class MessageRows:
             start: first byte of each message in it, shape (n,).
         """
         if HAS_NUMBA:
-            write_rows(self.template, self.places, self.numbers, data, start)
+            _write_rows(self.template, self.places, self.numbers, data, start)
         elif len(self):
             anywhere = np.lib.stride_tricks.sliding_window_view(data, self.size, writeable=True)
             anywhere[start] = self.to_bytes()
@@ -88,7 +87,7 @@ class MessageRows:
         """Return one message per row, shape (n, size)."""
         rows = np.empty((len(self), self.size), np.uint8)
         if HAS_NUMBA:
-            write_rows(self.template, self.places, self.numbers, rows.reshape(-1), np.arange(len(self)) * self.size)
+            _write_rows(self.template, self.places, self.numbers, rows.reshape(-1), np.arange(len(self)) * self.size)
             return rows
         rows[:] = self.template
         for place, values in zip(self.places.tolist(), self.numbers, strict=True):
@@ -150,3 +149,87 @@ def joint_state_rows(
         numbers[len(places) : len(places) + len(names)].view(np.float64)[:] = values.T
         places += range(start, start + 8 * len(names), 8)
     return MessageRows(np.frombuffer(encoder.template, np.uint8), np.array(places, np.int64), numbers)
+
+
+# Compiled: one pass and no copies where numpy needs several. Only called where numba is.
+
+
+@njit
+def word(data: Bytes, at: int) -> np.uint64:
+    """Return eight bytes as a little-endian number.
+
+    Args:
+        data: bytes that hold it.
+        at: the first of them.
+    """
+    value = np.uint64(data[at])
+    for i in range(1, 8):
+        value |= np.uint64(data[at + i]) << np.uint64(8 * i)
+    return value
+
+
+@njit
+def read_rows(
+    data: Bytes,
+    start: Ints,
+    length: Ints,
+    template: Bytes,
+    mask: Bytes,
+    places: Ints,
+    found: NDArray[np.bool_],
+    out: Words,
+) -> int:
+    """Read numbers from every message that has a layout.
+
+    Args:
+        data: bytes that hold the messages.
+        start: first byte of each message, shape (n,).
+        length: bytes of each message, shape (n,).
+        template: a message of the layout.
+        mask: 255 where a message must agree with the template, shape of ``template``.
+        places: first byte of each number of eight bytes in a message, shape (m,).
+        found: whether each message has the layout, shape (n,), written.
+        out: the numbers' bits, one message that has the layout per column from the left, shape (m, n), written.
+
+    Returns:
+        How many messages have the layout.
+    """
+    size = template.shape[0]
+    count = 0
+    for k in range(start.shape[0]):
+        at = start[k]
+        agrees = length[k] >= size and at + size <= data.shape[0]
+        if agrees:
+            message = data[at : at + size]
+            differs = np.uint8(0)
+            for i in range(size):
+                differs |= (message[i] ^ template[i]) & mask[i]
+            agrees = differs == 0
+        found[k] = agrees
+        if agrees:
+            for j in range(places.shape[0]):
+                out[j, count] = word(data, at + places[j])
+            count += 1
+    return count
+
+
+@njit
+def _write_rows(template: Bytes, places: Ints, numbers: Words, data: Bytes, start: Ints) -> None:
+    """Write messages that differ in some numbers only.
+
+    Args:
+        template: a message.
+        places: first byte of each number of eight bytes in a message, shape (m,).
+        numbers: their bits, shape (m, n).
+        data: the buffer, written.
+        start: first byte of each message in the buffer, shape (n,).
+    """
+    size = template.shape[0]
+    for k in range(start.shape[0]):
+        at = start[k]
+        data[at : at + size] = template
+        for j in range(places.shape[0]):
+            value = numbers[j, k]
+            place = at + places[j]
+            for i in range(8):
+                data[place + i] = np.uint8(value >> np.uint64(8 * i) & np.uint64(255))

@@ -51,7 +51,7 @@ class Dialect:
         if _DATE.fullmatch(field):
             origin = _moment(field)
             return lambda text: (_moment(text.strip().strip('"')) - origin).total_seconds()
-        return seconds_of_day if _TIME_OF_DAY.fullmatch(field) else None
+        return _seconds_of_day if _TIME_OF_DAY.fullmatch(field) else None
 
     def is_time_of_day(self, column: int) -> bool:
         """Return whether a column holds times such as 13:45:02.5, which start anew at midnight.
@@ -122,15 +122,8 @@ def number(field: str, has_decimal_comma: bool) -> float:
     return float(text.replace(",", ".") if has_decimal_comma else text)
 
 
-def seconds_of_day(text: str) -> float:
-    """Return the seconds since midnight.
-
-    Args:
-        text: such as 13:45:02.5.
-
-    Raises:
-        ValueError: it is no time of day.
-    """
+def _seconds_of_day(text: str) -> float:
+    """Return the seconds since midnight of a text such as 13:45:02.5; ValueError where it is no time of day."""
     found = _TIME_OF_DAY.fullmatch(text.strip().strip('"'))
     if found is None:
         raise ValueError(f"could not convert string {text!r} to a time of day")

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.cdr_bytes import Buffer, Cursor, aligned, append_string, append_uint32, begin_message
+from sgms_observer.bags.cdr import Buffer, Cursor, aligned, append_string, append_uint32, begin_message
 from sgms_observer.errors import DataError
 
 Floats = NDArray[np.float64]

@@ -16,12 +16,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sgms_observer.bags.bag_folder import METADATA, STORAGES, dump_metadata, refuse_existing_bag, take_place
 from sgms_observer.bags.mcap_writer import McapWriter
 from sgms_observer.bags.message_types import JOINT_STATE, MessageType, describe_type
-from sgms_observer.bags.metadata import METADATA, STORAGES, dump_metadata
-from sgms_observer.bags.replacement import refuse_existing_bag, take_place
 from sgms_observer.bags.rows import MessageRows, joint_state_rows
-from sgms_observer.bags.sqlite_writer import SqliteWriter
+from sgms_observer.bags.sqlite_storage import SqliteWriter
 from sgms_observer.errors import DataError, RecordingError
 
 PARTIAL = ".partial"  # a recording, worth keeping if it is interrupted

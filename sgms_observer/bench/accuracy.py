@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sgms_observer.bench import stages
-from sgms_observer.bench.problem import Floats, Problem
+from sgms_observer.bench.problem import Floats, Problem, improve
 from sgms_observer.estimators.descent import IMPROVED
 from sgms_observer.estimators.memory import COUNT, TOLERANCE, views
 from sgms_observer.estimators.reference import WindowProgramme
@@ -46,7 +45,7 @@ def converged(flat: Floats) -> Floats:
     copy = flat.copy()
     copy[TOLERANCE] = _CONVERGED
     for _ in range(_MAX_ITERATIONS):
-        if stages.improve(copy) != IMPROVED:
+        if improve(copy) != IMPROVED:
             break
     return copy
 
@@ -69,7 +68,7 @@ def accuracy(problem: Problem, iterations: int, ipopt_every: int = 0) -> Accurac
             if solution.is_converged:
                 differences.append(abs(float(solution.forces[-1].sum()) - exact))
         for _ in range(iterations):
-            if stages.improve(estimator.flat) != IMPROVED:
+            if improve(estimator.flat) != IMPROVED:
                 break
         if is_full:
             errors.append(abs(newest_force(estimator.flat) - exact))

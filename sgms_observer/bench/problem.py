@@ -1,4 +1,4 @@
-"""The estimation problem that is timed: a stage in sinusoidal motion, its noisy effort, and window after window."""
+"""The estimation problem that is timed, window after window, and the stages of one correction as calls of their own."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bench import stages
-from sgms_observer.estimators.block import restart
+from sgms_observer.estimators import memory as at
+from sgms_observer.estimators.block import advance, restart, start_interval
+from sgms_observer.estimators.descent import iterate
 from sgms_observer.estimators.estimator import Estimator
+from sgms_observer.estimators.fields import vector
+from sgms_observer.estimators.mhe import append_interval, slide_window, store_newest
 from sgms_observer.filters.motion import known_motion
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import EstimatorSettings
+from sgms_observer.jit import njit_bare
+from sgms_observer.settings.axis import EstimatorSettings, FrictionSettings
 
 Floats = NDArray[np.float64]
 
@@ -96,10 +99,10 @@ class Problem:
         flat = estimator.flat
         for k in range(self.intervals):
             for i in range(k * PER_INTERVAL, (k + 1) * PER_INTERVAL):
-                stages.predict(flat, self.velocity[i], PERIOD)
-            stages.take_in(flat, self.effort[i], self.velocity[i], self.acceleration[i])
+                predict(flat, self.velocity[i], PERIOD)
+            take_in(flat, self.effort[i], self.velocity[i], self.acceleration[i])
             yield i, k >= self.run_in
-            stages.finish(flat)
+            finish(flat)
 
 
 def make_problem(n_z: int = 4, horizon: int = 4, windows: int = WINDOWS, seed: int = SEED) -> Problem:
@@ -138,3 +141,57 @@ def make_problem(n_z: int = 4, horizon: int = 4, windows: int = WINDOWS, seed: i
         element_damping=truth.element_damping,
     )
     return Problem(velocity, acceleration, effort, softer, horizon)
+
+
+@njit_bare
+def predict(flat: Floats, velocity: float, period: float) -> None:
+    """Predict one sample ahead (eq. 11a), with its derivatives.
+
+    Args:
+        flat: the estimator's memory; overwritten.
+        velocity: velocity over the step [m/s].
+        period: the step [s].
+    """
+    advance(flat, velocity, period, 1.0)
+
+
+@njit_bare
+def take_in(flat: Floats, effort: float, velocity: float, acceleration: float) -> None:
+    """Slide a full window (arrival cost) and append the running interval with its measurement.
+
+    Args:
+        flat: the estimator's memory; overwritten.
+        effort: measured effort [N].
+        velocity: velocity there [m/s].
+        acceleration: acceleration there [m/s^2].
+    """
+    record = vector(flat, at.RECORD)
+    record[at.EFFORT], record[at.VELOCITY], record[at.ACCELERATION] = effort, velocity, acceleration
+    record[at.FACTOR], record[at.IS_USED] = 1.0, 1.0
+    if flat[at.COUNT] >= flat[at.HORIZON]:
+        slide_window(flat)
+    append_interval(flat)
+
+
+@njit_bare
+def improve(flat: Floats) -> int:
+    """One real-time iteration on the window as it stands: solve, step with a search along it, relinearise.
+
+    Args:
+        flat: the estimator's memory; overwritten.
+
+    Returns:
+        As ``descent.iterate``.
+    """
+    return iterate(flat)
+
+
+@njit_bare
+def finish(flat: Floats) -> None:
+    """Take the window's newest node as the estimate and begin the next interval there.
+
+    Args:
+        flat: the estimator's memory; overwritten.
+    """
+    store_newest(flat)
+    start_interval(flat)

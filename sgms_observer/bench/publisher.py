@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bench.problem import AMPLITUDE, FREQUENCY, PERIOD, make_problem
-from sgms_observer.bench.scene import axis_names
+from sgms_observer.bench.process import axis_names
 from sgms_observer.nodes.topics import SAMPLE_QOS
 from sgms_observer.nodes.transport import prepare_transport
 

@@ -16,11 +16,7 @@ _STAMP = slice(4, 12)  # seconds and nanoseconds in a message that begins with a
 
 
 def relay(topic: str) -> None:
-    """Send the effort's message on as soon as the position of the same stamp is there too, or the other way round.
-
-    Args:
-        topic: where to.
-    """
+    """Send the effort's message on as soon as the position of the same stamp is there too, or the other way round."""
     prepare_transport()
     rclpy.init(args=[])
     node = rclpy.create_node("bench_relay")

@@ -7,8 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from sgms_observer.bench.process import TELL_PEAK, Usage, run_python
-from sgms_observer.bench.scene import write_config
+from sgms_observer.bench.process import TELL_PEAK, Usage, run_python, write_config
 
 _SGMS = (
     "-c",

@@ -10,8 +10,7 @@ from time import perf_counter
 
 import numpy as np
 
-from sgms_observer.bench import stages
-from sgms_observer.bench.problem import PER_INTERVAL, PERIOD, Problem, make_problem
+from sgms_observer.bench.problem import PER_INTERVAL, PERIOD, Problem, finish, improve, make_problem, predict, take_in
 
 _GROWTH_WINDOWS = 150
 
@@ -80,14 +79,14 @@ def _pass(problem: Problem) -> tuple[list[float], list[float], list[float]]:
         for k in range(problem.intervals):
             for i in range(k * PER_INTERVAL, (k + 1) * PER_INTERVAL):
                 start = perf_counter()
-                stages.predict(flat, velocity[i], PERIOD)
+                predict(flat, velocity[i], PERIOD)
                 predictions.append(perf_counter() - start)
             start = perf_counter()
-            stages.take_in(flat, effort[i], velocity[i], acceleration[i])
+            take_in(flat, effort[i], velocity[i], acceleration[i])
             middle = perf_counter()
-            stages.improve(flat)
+            improve(flat)
             end = perf_counter()
-            stages.finish(flat)
+            finish(flat)
             if k >= problem.run_in:
                 iterations.append(end - middle)
                 corrections.append(end - start)

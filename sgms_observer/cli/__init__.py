@@ -1,1 +1,1 @@
-"""The command line ``sgms``: one module for each command, found by ``registry``."""
+"""The command line ``sgms``: one module for each command, found by ``main``."""

@@ -26,7 +26,7 @@ _HORIZONS = (2, 4, 8, 16, 32, 64, 128)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("--json", metavar="FILE", help="write every figure to this file")
     parser.add_argument("--out", metavar="DIR", help="folder of the pictures")
     parser.add_argument(
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.whole_file import refuse_existing_files, try_folder

@@ -12,7 +12,7 @@ HELP = "check a parameter file, and whether it fits a recording; print all fault
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("config", metavar="YAML", help="parameter file")
     parser.add_argument("bag", nargs="?", metavar="BAG", help="recording to compare it with (default: none)")
     add_bag_options(parser, "all axes of the file")
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     from sgms_observer.application.check import Checked, check
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.settings.load import load_settings

@@ -21,7 +21,7 @@ HELP = "lead a machine to its compensation: check, excite, record, identify, dia
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file to start from")
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="folder of all files; a rerun goes on where the last one ended"
@@ -44,10 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job, as ``registry.Command``; code 3 where the result must not be used as it is."""
-    from sgms_observer.application.commission.ledger import Ledger
+    """Do the job, as ``main.Command``; code 3 where the result must not be used as it is."""
     from sgms_observer.application.commission.run import commission
-    from sgms_observer.application.commission.session import Plan, Request, Session
+    from sgms_observer.application.commission.session import Ledger, Plan, Request, Session
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.whole_file import try_folder

@@ -11,12 +11,12 @@ HELP = "compile the numerical kernels now, so that no node or command waits for 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     add_output_options(parser, has_result=False)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     from sgms_observer import jit
     from sgms_observer.application.kernels import compile_ahead, missing_parts
     from sgms_observer.cli.progress import Progress

@@ -34,12 +34,12 @@ complete -o default -F _sgms sgms
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("shell", choices=_SHELLS, help="the shell that will read the script")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     if args.shell == "zsh":
         print("autoload -U +X bashcompinit && bashcompinit")
     print(_script(), end="")

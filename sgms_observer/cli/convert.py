@@ -12,7 +12,7 @@ HELP = "turn a log (text or MAT) into a bag that replay, identify and diagnose r
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument(
         "file", metavar="FILE", type=Path, help="the log: .mat (up to version 7), anything else is a table of text"
     )
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     from sgms_observer.application.convert import ConvertOptions, convert
 
     options = ConvertOptions(args.rate, args.start, args.end, args.split, args.axis, args.storage, args.overwrite)

@@ -31,7 +31,7 @@ _RECORDED = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder of the results (default: out/demo)")
     parser.add_argument(
         "--duration", type=float, default=20.0, metavar="S", help="time on the graph [s], half of it compensated"
@@ -42,8 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job, as ``registry.Command``."""
-    from sgms_observer.bags.replacement import REPORT, refuse_existing_bag
+    """Do the job, as ``main.Command``."""
+    from sgms_observer.bags.bag_folder import REPORT, refuse_existing_bag
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.settings.load import load_settings
     from sgms_observer.shipped import shipped_file

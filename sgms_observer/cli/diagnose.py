@@ -26,7 +26,7 @@ HELP = "find the effects that the model lacks, name them, add them to the model,
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("bags", nargs="+", metavar="BAG", help="recordings with position and control_effort")
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file with the model as it is now")
     parser.add_argument(
@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int | Outcome:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     from sgms_observer.application.diagnose import FILES, DiagnoseRequest, diagnose_bags
     from sgms_observer.cli.progress import Progress
     from sgms_observer.effects.catalogue import effect

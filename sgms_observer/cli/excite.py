@@ -24,7 +24,7 @@ HELP = "design the motion that shows most of what is asked for, within the machi
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file with rough values of the axis")
     parser.add_argument(
         "--out", metavar="CSV", help="file to write: time [s], position [m; rad], velocity [m/s; rad/s]"
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.excitation.limits import limits_of
     from sgms_observer.excitation.reference import DURATION, design_excitation

@@ -12,7 +12,7 @@ HELP = "write observer and compensation as C (or a ros2_control controller), or 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("config", metavar="YAML", help="parameter file")
     parser.add_argument(
         "--target",
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     from sgms_observer.application.export import ExportOptions, export
 
     options = ExportOptions(args.target, tuple(args.axis or ()), args.real, args.fmi, args.overwrite)

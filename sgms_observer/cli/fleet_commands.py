@@ -16,7 +16,7 @@ from sgms_observer.cli.progress import Progress
 from sgms_observer.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from sgms_observer.fleet.job_processes import Job
+    from sgms_observer.fleet.jobs import Job
 
 
 def add_fleet_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,7 +89,7 @@ def diagnose_each(args: argparse.Namespace) -> int:
 
 def _do(label: str, title: str, jobs: Sequence[Job], args: argparse.Namespace, out: Path) -> int:
     """Run the jobs, write the summary and say what is in it."""
-    from sgms_observer.fleet.job_processes import run_jobs
+    from sgms_observer.fleet.jobs import run_jobs
     from sgms_observer.fleet.summary import verdict, write_summary
     from sgms_observer.settings.load import load_settings
 

@@ -18,7 +18,7 @@ HELP = "identify mass, friction, offset and delay from recordings, with interval
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("bags", nargs="+", metavar="BAG", help="recordings with position and control_effort")
     parser.add_argument("--config", required=True, metavar="START", help="parameter file to start from")
     parser.add_argument("--out", required=True, metavar="YAML", help="parameter file to write; report.html beside it")
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job, as ``registry.Command``; code 3 where a model must not be used as it is."""
+    """Do the job, as ``main.Command``; code 3 where a model must not be used as it is."""
     from sgms_observer.application.identify import IdentifyJob, identify_bags
 
     job = IdentifyJob(

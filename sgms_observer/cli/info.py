@@ -12,7 +12,7 @@ HELP = "show what a bag holds (topics, joints, rates, gaps, encoder step, signs)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("bag", metavar="BAG", help="the recording")
     parser.add_argument(
         "--joint-type",
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     from sgms_observer.application.bag_info import inspect_bag
 
     info = inspect_bag(args.bag, topics_from(args.topic), args.axis, args.joint_type)

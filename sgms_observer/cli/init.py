@@ -12,7 +12,7 @@ HELP = "write a commented parameter file: a template, or with rates, resolution,
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("bag", nargs="?", metavar="BAG", help="recording to take values from (default: none)")
     parser.add_argument("--out", required=True, metavar="YAML", help="parameter file to write")
     parser.add_argument(
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     from sgms_observer.application.init import InitOptions, init
     from sgms_observer.settings.units import Units
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib
 import json
 import os
 import signal
 import sys
 from collections.abc import Sequence
+from typing import Protocol, cast
 
 from sgms_observer import __version__
-from sgms_observer.cli import registry
 from sgms_observer.cli.progress import Progress
 from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import noted_interrupts
@@ -26,13 +27,44 @@ from sgms_observer.outcome import (
     json_value,
 )
 
+# In the order in which a user meets them.
+COMMANDS = (
+    "demo", "simulate", "replay", "play", "record", "convert", "info", "check", "init", "identify", "diagnose",
+    "paper", "excite", "commission", "export", "bench", "completion", "compile",
+)  # fmt: skip
+
+
+class Command(Protocol):
+    """What a command module offers."""
+
+    HELP: str
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the command's arguments."""
+
+    def run(self, args: argparse.Namespace) -> int | Outcome:
+        """Do the job.
+
+        Returns:
+            The exit code, 0 only on success, alone or with the result that ``--json`` prints.
+        """
+
+
+def load_command(name: str) -> Command:
+    """Return the module of one command.
+
+    Args:
+        name: one of ``COMMANDS``.
+    """
+    return cast(Command, importlib.import_module(f"sgms_observer.cli.{name}"))
+
 
 class _CommandList(argparse.HelpFormatter):
     """Help whose column of commands is as wide as the longest of them."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog)
-        self._action_max_length = max(map(len, registry.COMMANDS)) + 2 * self._indent_increment
+        self._action_max_length = max(map(len, COMMANDS)) + 2 * self._indent_increment
 
 
 def build_parser(wanted: str | None) -> SentenceParser:
@@ -48,10 +80,10 @@ def build_parser(wanted: str | None) -> SentenceParser:
     )
     parser.add_argument("--version", action="version", version=f"sgms {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name in registry.COMMANDS:
+    for name in COMMANDS:
         if wanted is not None and name != wanted:
             continue
-        command = registry.load(name)
+        command = load_command(name)
         own = commands.add_parser(name, help=command.HELP, description=command.HELP)
         command.add_arguments(own)
     return parser
@@ -73,10 +105,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(given: list[str], interrupts: Sequence[int]) -> int:
     """Find the command, run it, and return the exit code."""
-    wanted = given[0] if given and given[0] in registry.COMMANDS else None
+    wanted = given[0] if given and given[0] in COMMANDS else None
     try:
         args = build_parser(wanted).parse_args(given)
-        return _finish(registry.load(args.command), args)
+        return _finish(load_command(args.command), args)
     except KeyboardInterrupt:
         return _interrupted(interrupts)
     except BrokenPipeError:
@@ -97,7 +129,7 @@ def _run(given: list[str], interrupts: Sequence[int]) -> int:
         )
 
 
-def _finish(command: registry.Command, args: argparse.Namespace) -> int:
+def _finish(command: Command, args: argparse.Namespace) -> int:
     """Run the command, silence what it prints if the user asked for that, and print its result as JSON if asked for."""
     has_json = getattr(args, "json", False) is True
     is_silent = has_json or getattr(args, "quiet", False)

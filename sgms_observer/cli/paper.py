@@ -13,7 +13,7 @@ HELP = "make the paper's Table II and Figures 2, 3, 5-7 again, and the package's
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="folder for report.html, table2, beyond and the figures"
     )
@@ -26,11 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     from sgms_observer.cli.progress import Progress
     from sgms_observer.paper.best_configuration import beyond, beyond_markdown, runs_beyond
-    from sgms_observer.paper.figures_estimation import figure_five, figures_six_and_seven
-    from sgms_observer.paper.figures_friction import figure_three, figure_two
+    from sgms_observer.paper.figures import figure_five, figure_three, figure_two, figures_six_and_seven
     from sgms_observer.paper.report import paper_page
     from sgms_observer.paper.table import runs_of_table, table_markdown, table_two
     from sgms_observer.report.page import write_page

@@ -24,7 +24,7 @@ _LONGEST_DRAIN = 1.0  # s
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument(
         "topics", metavar="TOPIC", nargs="*", help="topics to record (default: all inputs and outputs of the observer)"
     )
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     require_ros()
     import rclpy
     from rclpy.executors import ExternalShutdownException

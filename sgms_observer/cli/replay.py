@@ -19,7 +19,7 @@ HELP = "run the observer over a recorded bag and write its estimates into anothe
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("bags", nargs="+", metavar="BAG", help="recorded bag with position and control_effort")
     parser.add_argument("--config", required=True, metavar="F", help="parameter file (YAML)")
     parser.add_argument(
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int | Outcome:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     from sgms_observer.application.replay import replay_bag, write_report
     from sgms_observer.cli.progress import Progress
 

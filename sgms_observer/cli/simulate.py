@@ -13,7 +13,7 @@ HELP = "run the simulated stage of a parameter file, faster than real time, into
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments, as ``registry.Command``."""
+    """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("--config", required=True, metavar="F", help="parameter file (YAML): the axes and their stage")
     parser.add_argument("--out", required=True, metavar="BAG", help="folder of the new bag")
     parser.add_argument(
@@ -33,9 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Do the job, as ``registry.Command``."""
+    """Do the job, as ``main.Command``."""
     from sgms_observer.application.simulate import Simulation, simulate
-    from sgms_observer.bags.replacement import refuse_existing_bag
+    from sgms_observer.bags.bag_folder import refuse_existing_bag
     from sgms_observer.cli.progress import Progress
     from sgms_observer.settings.load import load_settings
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.compensation.preview import advance_elements
+from sgms_observer.compensation.motion_ahead import advance_elements
 from sgms_observer.compensation.safety import safe_output
 from sgms_observer.effects.kernels import needed_command
 from sgms_observer.estimators.layout import (

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from sgms_observer.jit import njit
-from sgms_observer.settings.observer import CompensationSettings
+from sgms_observer.settings.axis import CompensationSettings
 
 
 @njit

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from sgms_observer.compensation.trust import standstill_velocity
+from sgms_observer.compensation.feedforward_kernel import standstill_velocity
 from sgms_observer.diagnosis.evidence import blocks_of
 from sgms_observer.diagnosis.motion import HELD_LAG, PLAY_HALF_WIDTH, Motion, delayed, motion_of, play_operator
 from sgms_observer.observer.axis_observer import AxisObserver

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sgms_observer.friction.gms import gms_step
 from sgms_observer.friction.sgms import sgms_step
 from sgms_observer.jit import njit
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.axis import FrictionSettings
 
 Floats = NDArray[np.float64]
 

@@ -18,13 +18,12 @@ from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place
 from sgms_observer.formulas import vectorised
-from sgms_observer.settings.axis import AxisSettings, EffectSettings
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.axis import AxisSettings, EffectSettings, FrictionSettings
 
 Floats = NDArray[np.float64]
 
 stribeck_level = vectorised("friction").stribeck_level
-asymmetric_coulomb = vectorised("effects_level").asymmetric_coulomb
+asymmetric_coulomb = vectorised("effects").asymmetric_coulomb
 ASYMMETRIC_COULOMB = "asymmetric_coulomb"
 """The effect with a separate sliding force for each direction, which is chosen by the displacement within a step."""
 NEED_SLIDING_FORCE = ("frictional_lag", "backlash")

@@ -13,7 +13,20 @@ from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.traces import Trace
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
-from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, TRUTH, sheet
+from sgms_observer.report.drawing import (
+    BACKWARD,
+    ESTIMATE,
+    FORWARD,
+    MEASURED,
+    REFERENCE,
+    TRUTH,
+    Line,
+    Panel,
+    one_after_another,
+    sheet,
+    time_plot,
+    with_holes,
+)
 from sgms_observer.report.friction_pictures import (
     hysteresis,
     measured_against_modelled,
@@ -22,7 +35,6 @@ from sgms_observer.report.friction_pictures import (
     stribeck_points,
 )
 from sgms_observer.report.page import Picture, Plot
-from sgms_observer.report.time_plot import Line, Panel, one_after_another, time_plot, with_holes
 from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]

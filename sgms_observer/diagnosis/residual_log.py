@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sgms_observer.bags.mcap_file import JointStates, write_mcap
+from sgms_observer.bags.mcap_writer import JointStates, write_mcap
 from sgms_observer.diagnosis.traces import Trace
 
 RESIDUAL_LOG = "residual.mcap"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from sgms_observer.effects.effect import Effect, EffectParameter, Place
-from sgms_observer.formulas import effects_force as formula
+from sgms_observer.formulas import effects as formula
 
 _PHASE = EffectParameter("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, "angle at position (or time) zero")
 

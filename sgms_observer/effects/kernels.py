@@ -16,7 +16,7 @@ from sgms_observer.effects.switch import (
     position_correction,
     position_effect,
 )
-from sgms_observer.formulas import effects_path
+from sgms_observer.formulas import effects
 from sgms_observer.jit import njit
 
 KIND = {entry.name: number for number, entry in enumerate(BUILT_IN)}
@@ -24,7 +24,7 @@ DELAY = next(KIND[entry.name] for entry in BUILT_IN if entry.is_delay)
 FIRST_USER_KIND = 100
 MINIMUM_LEVEL_FACTOR = 0.01
 
-delayed: Any = njit(effects_path.actuator_delay)
+delayed: Any = njit(effects.actuator_delay)
 
 
 @njit

@@ -178,20 +178,12 @@ class LearntMap:
         return np.reshape(np.array(self.values), [len(grid) for grid in self.grids])
 
     def force(self, path: MotionPath) -> Floats:
-        """Return the map's force along a path that starts at rest [N], shape (n,).
-
-        Args:
-            path: the motion.
-        """
+        """Return the map's force along a path that starts at rest [N], shape (n,)."""
         forces: Floats = self.scale * (self.basis(path) @ np.array(self.values))
         return forces
 
     def basis(self, path: MotionPath) -> sparse.csr_matrix:
-        """Return the matrix that gives the force along a path from the values, without the scale [-], shape (n, k).
-
-        Args:
-            path: the motion.
-        """
+        """Return the matrix that gives the force along a path from the values, without the scale [-], shape (n, k)."""
         q, v, a, t = path.columns()
         count, size = len(q), len(self.values)
         first, step = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from sgms_observer.effects.effect import Effect, EffectParameter, Place
-from sgms_observer.formulas import effects_level as formula
+from sgms_observer.formulas import effects as formula
 
 
 def _share(description: str, minimum: float = -0.95, maximum: float = 3.0) -> EffectParameter:

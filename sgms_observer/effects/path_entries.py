@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from sgms_observer.effects.effect import Effect, EffectParameter, Place
-from sgms_observer.formulas import effects_path as formula
+from sgms_observer.formulas import effects as formula
 
 PATH_EFFECTS = (
     Effect(

@@ -25,11 +25,7 @@ FRICTION, FRICTION_STD, INNOVATION, INNOVATION_STD, STATUS, RESULT_SIZE = range(
 
 @njit_bare
 def start_interval(flat: Floats) -> None:
-    """Begin a new interval at the newest corrected estimate.
-
-    Args:
-        flat: the estimator's memory.
-    """
+    """Begin a new interval at the newest corrected estimate."""
     x_hat, now, now_a, now_b = (
         vector(flat, at.X_HAT), vector(flat, at.NOW), vector(flat, at.NOW_A), matrix(flat, at.NOW_B),
     )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +28,7 @@ from sgms_observer.estimators.layout import (
 )
 from sgms_observer.estimators.memory import EKF_NEXT, STARTED, Memory, Sizes, Tuning, allocate, forget, views
 from sgms_observer.filters.motion import Motion
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import EstimatorSettings
+from sgms_observer.settings.axis import EstimatorSettings, FrictionSettings
 
 _MAX_ITERATIONS = 60
 _CONVERGED = 1e-9
@@ -103,6 +104,9 @@ class Estimator:
         friction: checked friction settings.
         mass: moving mass [kg].
         offset: known constant force [N].
+
+    Attributes:
+        fill: does ``step`` with ``Motion.table`` as its first argument, into the table of ``make_room``, its last.
     """
 
     def __init__(
@@ -135,6 +139,7 @@ class Estimator:
         initial = np.concatenate([(settings.initial_std * share) ** 2, relative**2])
         self.flat = allocate(self.sizes, self.tuning, (*self.model, *self.parameters, process, initial))
         self._width = RESULT_SIZE + 3 * self.sizes.n_z + 2 * self.sizes.n_p
+        self.fill: Callable[..., None] = partial(estimate_block, self.flat)
 
     @property
     def process(self) -> Floats:
@@ -175,6 +180,14 @@ class Estimator:
         Returns:
             Estimates, one row per sample.
         """
-        table = np.empty((len(motion.table), self._width))
-        estimate_block(self.flat, motion.table, effort, factor, table)
-        return Results(table, self.sizes.n_z, self.sizes.n_p)
+        results = self.make_room(len(motion.table))
+        self.fill(motion.table, effort, factor, results.table)
+        return results
+
+    def make_room(self, count: int) -> Results:
+        """Return results for ``fill``.
+
+        Args:
+            count: number of samples.
+        """
+        return Results(np.empty((count, self._width)), self.sizes.n_z, self.sizes.n_p)

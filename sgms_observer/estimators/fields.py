@@ -75,12 +75,7 @@ def _in_kernels(lengths: tuple[int, ...]) -> Callable[[Kernel], Kernel]:
 
 @_in_kernels((1,))
 def vector(flat: Floats, field: int) -> Floats:
-    """Return a field of one dimension.
-
-    Args:
-        flat: the estimator's whole memory.
-        field: its number.
-    """
+    """Return a field of one dimension."""
     place = HEADER + PLACE * field
     start = int(flat[place])
     return flat[start : start + int(flat[place + 1])]
@@ -96,13 +91,7 @@ def matrix(flat: Floats, field: int) -> Floats:
 
 @_in_kernels((2, 3))
 def layer(flat: Floats, field: int, number: int) -> Floats:
-    """Return one matrix of a field of three dimensions.
-
-    Args:
-        flat: the estimator's whole memory.
-        field: the field's number.
-        number: which matrix.
-    """
+    """Return one matrix of a field of three dimensions."""
     place = HEADER + PLACE * field
     rows, columns = int(flat[place + 2]), int(flat[place + 3])
     start = int(flat[place]) + number * rows * columns

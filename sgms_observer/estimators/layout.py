@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.jit import njit_bare
-from sgms_observer.settings.friction import MODELS, FrictionSettings
-from sgms_observer.settings.observer import ESTIMABLE, EstimatorSettings
+from sgms_observer.settings.axis import ESTIMABLE, MODELS, EstimatorSettings, FrictionSettings
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -232,11 +232,7 @@ def allocate(sizes: Sizes, tuning: Tuning, fixed: Sequence[Floats]) -> Floats:
 
 
 def views(flat: Floats) -> Memory:
-    """Return the views into a memory, for Python; kernels look up the fields that they use.
-
-    Args:
-        flat: the estimator's whole memory.
-    """
+    """Return the views into a memory, for Python; kernels look up the fields that they use."""
     sizes = Sizes(*(int(size) for size in flat[: INTERVAL + 1]))
     found = []
     for field, shape in enumerate(_shapes(sizes)):
@@ -246,10 +242,6 @@ def views(flat: Floats) -> Memory:
 
 
 def forget(flat: Floats) -> None:
-    """Empty a memory; sizes, tuning and the model as it was given stay.
-
-    Args:
-        flat: the estimator's whole memory.
-    """
+    """Empty a memory; sizes, tuning and the model as it was given stay."""
     flat[COUNT:HEADER] = 0.0
     flat[int(flat[HEADER + PLACE * X_HAT]) :] = 0.0

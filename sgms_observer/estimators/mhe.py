@@ -110,11 +110,7 @@ def append_interval(flat: Floats) -> None:
 
 @njit_bare
 def store_newest(flat: Floats) -> None:
-    """Copy the newest node's estimate and its filtered covariance to x_hat, covariance and slip.
-
-    Args:
-        flat: the estimator's memory.
-    """
+    """Copy the newest node's estimate and its filtered covariance to x_hat, covariance and slip."""
     forces, p, x_hat = matrix(flat, at.FORCES), vector(flat, at.P), vector(flat, at.X_HAT)
     n_z, count = forces.shape[1], int(flat[at.COUNT])
     copy_vector(forces[count], x_hat[:n_z])

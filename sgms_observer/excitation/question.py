@@ -85,23 +85,14 @@ class Question:
         return Question(IDENTIFY in wanted, tuple(effects), everything)
 
     def rivals(self, name: str) -> tuple[str, ...]:
-        """Return the effects that an effect has to be told from: the others asked for, or all that look like it.
-
-        Args:
-            name: the effect.
-        """
+        """Return the effects that an effect has to be told from: the others asked for, or all that look like it."""
         if not self.is_everything and len(self.effects) > 1:
             return tuple(other for other in self.effects if other != name)
         return tuple(other for other in effect(name).confusable_with if other not in NO_REFERENCE_SHOWS)
 
 
 def is_possible(name: str, axis: AxisSettings) -> bool:
-    """Return whether an effect is one of its own on this type of joint.
-
-    Args:
-        name: the effect.
-        axis: settings.
-    """
+    """Return whether an effect is one of its own on this type of joint."""
     return name != "gravity" or axis.units.is_revolute
 
 
@@ -192,9 +183,5 @@ def _shape_value(
 
 
 def over_time(name: str) -> bool:
-    """Return whether an effect grows with the time or the way since the start, whatever the motion is like.
-
-    Args:
-        name: the effect.
-    """
+    """Return whether an effect grows with the time or the way since the start, whatever the motion is like."""
     return name in _OVER_TIME and is_built_in(name)

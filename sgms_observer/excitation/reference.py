@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.excitation.design import Choice, Design, spread_evenly
 from sgms_observer.excitation.goals import Goals, goals_of
-from sgms_observer.excitation.limits import ExcitationLimits
+from sgms_observer.excitation.limits import ExcitationLimits, Track
 from sgms_observer.excitation.question import Question
 from sgms_observer.excitation.segments import Place, Segment, library, velocity_of
-from sgms_observer.excitation.track import Track
 from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.excitation.limits import ExcitationLimits
-from sgms_observer.excitation.track import TooLongError, Track
+from sgms_observer.excitation.limits import ExcitationLimits, TooLongError, Track
 from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]

@@ -21,9 +21,8 @@ from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place
 from sgms_observer.formulas import vectorised
 from sgms_observer.identification.prepared import MOTION_OVER_BALANCE
-from sgms_observer.identification.simulation import ElementShape, friction_and_slopes
-from sgms_observer.settings.axis import AxisSettings, EffectSettings
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.identification.problem import ElementShape, friction_and_slopes
+from sgms_observer.settings.axis import AxisSettings, EffectSettings, FrictionSettings
 
 Floats = NDArray[np.float64]
 

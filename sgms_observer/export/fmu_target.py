@@ -19,19 +19,65 @@ import numpy as np
 
 from sgms_observer import __version__
 from sgms_observer.effects.compiled import SCRATCH
+from sgms_observer.effects.kernels import measured_position
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.export.axis_program import Memory, constant_text, user_value
 from sgms_observer.export.fmu_variables import Variable, base_exponents, stage_variables
 from sgms_observer.export.lines import wrapped
-from sgms_observer.export.pieces import body_text, fill, functions_text, struct_text
 from sgms_observer.export.program import snake, source_of
-from sgms_observer.export.stage_tick import ENDS, stage_tick
-from sgms_observer.export.translator import Translator
+from sgms_observer.export.translator import Translator, body_text, fill, functions_text, struct_text
 from sgms_observer.export.values import INT, LONG, REAL, Array, Struct, Value, number
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.whole_file import write_bytes
-from sim_plant.kernel import RECORDED
+from sim_plant.kernel import RECORDED, quantised, run_samples
 from sim_plant.stage import SimulatedStage
+
+MEASURED, FRICTION, EFFECT = range(3)
+ENDS = 3
+
+
+def stage_tick(
+    constants: Any,
+    friction: Any,
+    effects: Any,
+    user: Any,
+    gains: Any,
+    memory: Any,
+    tick: int,
+    tick_plan: Any,
+    sample_plan: Any,
+    effort: Any,
+    other: Any,
+    recorded: Any,
+    element_force: Any,
+    ends: Any,
+) -> None:
+    """Move the stage by one tick of its controller.
+
+    Args:
+        constants, friction, effects, user, gains, memory: as for ``run_samples``, with one tick per sample.
+        tick: number of ticks since the start.
+        tick_plan: reference and encoder noise of the tick, shape (4, 1).
+        sample_plan: noise of the recorded effort and disturbance [N], shape (2, 1).
+        effort: added to the controller's effort [N], shape (1,).
+        other: velocity [m/s] and acceleration [m/s^2] of the other axis.
+        recorded, element_force: written: what was at the tick's start.
+        ends: written: measured position [m], friction [N] and force of the effects [N] at its end, shape (ENDS,).
+    """
+    run_samples(
+        constants, friction, effects, user, gains, memory, tick, 0, tick_plan, sample_plan, effort, other, recorded,
+        element_force,
+    )  # fmt: skip
+    position = memory.motion[0]
+    if effects.kinds.shape[0] > 0:
+        position = measured_position(effects.kinds, effects.p_at, effects.parameters, position)
+    ends[MEASURED] = quantised(position, constants.resolution)
+    total = friction.viscous * memory.motion[1] + memory.motion[3]
+    for i in range(memory.force.shape[0]):
+        total += memory.force[i]
+    ends[FRICTION] = total
+    ends[EFFECT] = memory.motion[4]
+
 
 _PREFIX = "stage"
 _FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
@@ -54,14 +100,8 @@ def _struct(memory: Memory, instance: Any, fixed: Sequence[str] = ()) -> Struct:
     return Struct(f"{snake(type(instance).__name__)}_struct", tuple(fields), bound)
 
 
-def stage_source(settings: Settings, axis: AxisSettings, fmi: int) -> tuple[str, list[Variable], float]:
-    """Return the C source of the FMU, its real variables, and the time between two ticks [s].
-
-    Args:
-        settings: of the YAML.
-        axis: the axis.
-        fmi: 2 or 3.
-    """
+def _stage_source(settings: Settings, axis: AxisSettings, fmi: int) -> tuple[str, list[Variable], float]:
+    """Return the C source of the FMU of FMI version ``fmi``, its real variables, and the time between two ticks [s]."""
     stage = SimulatedStage(axis, settings.sample_period)
     parts = stage.parts
     constants = parts.constants._replace(ticks_per_sample=1)
@@ -151,7 +191,7 @@ def write_fmu(settings: Settings, axis: AxisSettings, fmi: int, path: Path) -> t
     """
     model = f"sgms_{''.join(letter if letter.isalnum() else '_' for letter in axis.name)}"
     axis = replace(axis, stage=replace(axis.stage, force_noise=0.0, disturbance_noise=0.0))
-    source, variables, tick = stage_source(settings, axis, fmi)
+    source, variables, tick = _stage_source(settings, axis, fmi)
     token = source.split('#define STAGE_TOKEN "', 1)[1].split('"', 1)[0]
     units = {item.unit: base_exponents(item.unit) for item in variables if item.unit}
     units.setdefault("s", base_exponents("s"))

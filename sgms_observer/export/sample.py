@@ -65,7 +65,7 @@ def observe_sample(
     """Take one sample: filter, effects, estimator, look-ahead and compensation, in this order.
 
     Args:
-        filter_config, filter_state: of the filter (``filters.layout``).
+        filter_config, filter_state: of the filter (``filters.motion``).
         motion: the filter's row, shape (1, width).
         kinds, p_at, s_at, effect_parameters, user: the effects (``effects.kernels``).
         effect_state, effect_state_ahead: states of the effects now and where the compensation acts.

@@ -3,15 +3,125 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from sgms_observer import __version__
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.export.calls import MATH
+from sgms_observer.export.expressions import MATH
 from sgms_observer.export.lines import Statement, print_block, walk, without_unused, wrapped
-from sgms_observer.export.program import Function, Parameter, Program, Source
+from sgms_observer.export.program import Function, Parameter, Program, Source, constant_lines
 from sgms_observer.export.statements import Statements, assigned_in
 from sgms_observer.export.values import ATOM, REAL, Array, Record, Scalar, Struct, Type, Value
+
+_ENVIRONMENT = Environment(
+    loader=FileSystemLoader(Path(__file__).with_name("templates")),
+    undefined=StrictUndefined,
+    keep_trailing_newline=True,
+    trim_blocks=False,
+)
+
+HELPERS = {
+    "floor_divide": """/* Quotient rounded down, as in Python. */
+static int64_t floor_divide(int64_t a, int64_t b)
+{
+    return a / b - (a % b != 0 && (a % b < 0) != (b < 0) ? 1 : 0);
+}
+""",
+    "floor_remainder": """/* Remainder with the sign of the divisor, as in Python. */
+static int64_t floor_remainder(int64_t a, int64_t b)
+{
+    const int64_t rest = a % b;
+    return rest != 0 && (rest < 0) != (b < 0) ? rest + b : rest;
+}
+""",
+    "real_min": """/* The smaller number; the first one where either is not a number. */
+static real real_min(real a, real b)
+{
+    return b < a ? b : a;
+}
+""",
+    "real_max": """/* The larger number; the first one where either is not a number. */
+static real real_max(real a, real b)
+{
+    return b > a ? b : a;
+}
+""",
+    "int_min": """/* The smaller number. */
+static int int_min(int a, int b)
+{
+    return b < a ? b : a;
+}
+""",
+    "int_max": """/* The larger number. */
+static int int_max(int a, int b)
+{
+    return b > a ? b : a;
+}
+""",
+}
+
+
+def is_used(name: str, text: str) -> bool:
+    """Return whether a text has a name in it."""
+    return re.search(rf"\b{name}\b", text) is not None
+
+
+def functions_text(program: Program, calls: Sequence[str]) -> str:
+    """Return the translated functions that the calls need, each before those that call it."""
+    needed = "\n".join(calls)
+    kept: list[str] = []
+    for function in reversed(list(program.functions.values())):
+        if is_used(function.name, needed):
+            kept.append(function.text)
+            needed += function.text
+    return "\n".join(reversed(kept))
+
+
+def body_text(program: Program, functions: str, constants: Sequence[str], wanted: str) -> str:
+    """Return everything between the top of the file and its interface.
+
+    Args:
+        program: after the translation.
+        functions: from ``functions_text``.
+        constants: definitions of constant arrays.
+        wanted: text that names the constant arrays to keep.
+    """
+    helpers = [text for name, text in HELPERS.items() if is_used(name, functions)]
+    macros = [
+        f"#define real_{name} REAL_FUNCTION({name})" for name in sorted(MATH) if is_used(f"real_{name}", functions)
+    ]
+    named = {name: value for name, value in program.constants.items() if is_used(name, functions)}
+    structs = [struct_text(item) for item in program.structs.values() if is_used(item.name, functions)]
+    tables = [text for text in constants if is_used(text.split("[")[0].split()[-1], wanted)]
+    parts = ["\n".join(macros), "\n".join(constant_lines(named, program.float_values)), *tables, *structs, *helpers]
+    return "\n\n".join(part for part in parts if part) + "\n\n" + functions
+
+
+def struct_text(struct: Struct) -> str:
+    """Return the definition of a structure."""
+    lines = []
+    for name, kind in struct.fields:
+        if isinstance(kind, Array):
+            lines.append(f"    {kind.item.c} {name}[{max(kind.size, 1)}];")
+        else:
+            lines.append(f"    {kind.c if isinstance(kind, Scalar) else kind.name} {name};")
+    return "typedef struct {\n" + "\n".join(lines) + f"\n}} {struct.name};"
+
+
+def fill(template: str, **values: Any) -> str:
+    """Return a template with its values.
+
+    Args:
+        template: name of the file below ``templates`` without ``.j2``.
+        values: what it asks for.
+    """
+    return _ENVIRONMENT.get_template(f"{template}.j2").render(version=__version__, **values)
+
 
 C_NAMES = set(MATH) | {"sgms_init", "sgms_step", "sgms_reset", "sgms_enable", "main", "abs", "signal", "index"}
 """Names that a function of this program must not have."""

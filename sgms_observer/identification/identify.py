@@ -11,17 +11,17 @@ from sgms_observer.errors import DataError
 from sgms_observer.identification.confidence import Confidence
 from sgms_observer.identification.effect_terms import NO_EFFECTS, EffectTerms, reason_fixed
 from sgms_observer.identification.prepared import MIN_PERIODS, prepare_all
-from sgms_observer.identification.problem import Parameters, residual_and_jacobian
-from sgms_observer.identification.refinement import needs_negative_delay, refine
+from sgms_observer.identification.problem import ElementShape, Parameters, residual_and_jacobian
 from sgms_observer.identification.selection import (
     Rows,
     by_deflection,
     choose_count,
     fit_each_count,
+    needs_negative_delay,
+    refine,
     rows_to_use,
     validation_squares,
 )
-from sgms_observer.identification.simulation import ElementShape
 from sgms_observer.identification.start_values import Start, linear_start
 from sgms_observer.offline.band import Band, choose_band
 from sgms_observer.offline.recording import Recording

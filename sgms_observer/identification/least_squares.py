@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from sgms_observer.errors import DataError
-from sgms_observer.identification.uncertainty import least_squares_covariance
+from sgms_observer.identification.confidence import least_squares_covariance
 from sgms_observer.offline.recording import Recording
 
 Floats = NDArray[np.float64]

@@ -14,6 +14,7 @@ from sgms_observer.identification.answer import Answer
 from sgms_observer.identification.identify import MAX_UNEXPLAINED
 from sgms_observer.identification.table import Row
 from sgms_observer.identification.trace import Trace, Traces, unexplained_share
+from sgms_observer.report.drawing import Line, Panel, one_after_another, time_plot, with_holes
 from sgms_observer.report.friction_pictures import (
     SLOWEST,
     hysteresis,
@@ -22,7 +23,6 @@ from sgms_observer.report.friction_pictures import (
     residual_over_position,
 )
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Plot, Section, Table
-from sgms_observer.report.time_plot import Line, Panel, one_after_another, time_plot, with_holes
 from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]

@@ -20,10 +20,10 @@ from sgms_observer.identification.problem import (
     RHO,
     V_S,
     VISCOUS,
+    ElementShape,
     Parameters,
     residual_and_jacobian,
 )
-from sgms_observer.identification.simulation import ElementShape
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]

@@ -18,9 +18,8 @@ from sgms_observer.errors import DataError
 from sgms_observer.identification.effect_terms import GRAVITY, EffectTerms, EffectVector, effect_terms
 from sgms_observer.identification.linear_effects import LinearEffects, linear_effects
 from sgms_observer.identification.prepared import Prepared, prepare_all
-from sgms_observer.identification.problem import ELEMENTS, Parameters
+from sgms_observer.identification.problem import ELEMENTS, ElementShape, Parameters, unit_elements
 from sgms_observer.identification.search import Scales, scales_of
-from sgms_observer.identification.simulation import ElementShape, unit_elements
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 

@@ -12,8 +12,16 @@ from sgms_observer.formulas import vectorised
 from sgms_observer.identification.identify import Identification, long_enough
 from sgms_observer.identification.least_squares import SYMMETRIC, InverseModelFit, regression
 from sgms_observer.identification.prepared import Prepared, prepare_all
-from sgms_observer.identification.problem import DELAY, MASS, OFFSET, RHO, V_S, VISCOUS, residual_and_jacobian
-from sgms_observer.identification.simulation import ElementShape
+from sgms_observer.identification.problem import (
+    DELAY,
+    MASS,
+    OFFSET,
+    RHO,
+    V_S,
+    VISCOUS,
+    ElementShape,
+    residual_and_jacobian,
+)
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 

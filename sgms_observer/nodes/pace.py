@@ -1,6 +1,15 @@
-"""How many samples are due: computed from the elapsed time, never one per tick. No ROS in here."""
+"""When samples and compensations are due: by the elapsed time, whatever the network's jitter. No ROS in here."""
 
 from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.compensation.horizon import Horizon
 
 LONGEST_CATCH_UP = 0.5
 """A clock that leaps further than this [s] was stopped, set or asleep: the samples in between are given up."""
@@ -71,3 +80,133 @@ class Pace:
         """Let the next sample be due now."""
         self._start_ns = now_ns
         self._done = 0
+
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_LONG_AGO = -(2**62)  # ns
+_KEPT_HORIZONS = 100
+
+
+class DueForces:
+    """The compensation of one axis as the stage applies it.
+
+    A horizon gives a value for every time that it reaches, so a late one changes nothing while the one before it
+    reaches. The newest one that has begun counts. Where none reaches, single values count: a message of sample time s
+    predicts the friction at s + ``lead``, and is in time if it is there by then.
+
+    What comes later, or is held because nothing follows, counts less from sample to sample: nothing after ``timeout``.
+    It counts nothing at all where it may push the wrong way: when the set-point has turned round since the time it was
+    made for, or when it acts against the motion. What comes again after that comes within ``timeout`` too.
+
+    A stamp from before the first sample, or from the future, belongs to another clock: such a message counts as if it
+    were made for the time at which it comes.
+
+    Args:
+        lead: time from a message's stamp to its application [s].
+        timeout: for how long a message that is late counts [s].
+        sample_period: time between two samples [s].
+        ahead: time from a sample to the middle of what is applied at it [s]; horizons are read there.
+    """
+
+    def __init__(self, lead: float, timeout: float, sample_period: float, ahead: float = 0.0) -> None:
+        self._lead_ns = round(lead * 1e9)
+        self._timeout_ns = round(timeout * 1e9)
+        self._grace_ns = round(1.5 * sample_period * 1e9)
+        self._ahead_ns = round(ahead * 1e9)
+        self._waiting: deque[tuple[int, float]] = deque(maxlen=100_000)
+        self._horizons: deque[Horizon] = deque(maxlen=_KEPT_HORIZONS)
+        self._horizon: Horizon | None = None
+        self._force = 0.0
+        self._due_ns = _LONG_AGO
+        self._direction = 0
+        self._latest_ns = self._turned_ns = _LONG_AGO
+        self._share = 1.0
+        self._first_ns: int | None = None
+        self._lock = threading.Lock()  # messages come in one thread, the stage steps in another
+
+    def put(self, stamp_ns: int, force: float, now_ns: int) -> None:
+        """Take in a single value.
+
+        Args:
+            stamp_ns: its stamp [ns].
+            force: compensation [N]; ignored unless finite.
+            now_ns: the stage's clock [ns].
+        """
+        if not math.isfinite(force):
+            return
+        due = stamp_ns + self._lead_ns
+        if self._first_ns is None or not self._first_ns <= stamp_ns <= now_ns + self._timeout_ns:
+            due = now_ns
+        with self._lock:
+            while self._waiting and self._waiting[-1][0] > due:
+                self._waiting.pop()  # an older clock's messages, or a node that was started anew
+            self._waiting.append((due, force))
+
+    def put_horizon(self, horizon: Horizon) -> None:
+        """Take in a horizon.
+
+        Args:
+            horizon: the compensation of the time to come; ignored unless all of it is finite and in order.
+        """
+        if len(horizon.time_ns) and np.isfinite(horizon.effort).all() and (np.diff(horizon.time_ns) > 0).all():
+            with self._lock:
+                self._horizons.append(horizon)
+
+    def at(self, stamps: Ints, direction: int = 0) -> Floats:
+        """Return the force at each sample [N].
+
+        Args:
+            stamps: sample times [ns], shape (n,), not before those of the last call.
+            direction: sign of the set-point's velocity; 0 at rest or where it is not known.
+        """
+        if self._first_ns is None and len(stamps):
+            self._first_ns = int(stamps[0])
+        forces = np.zeros(len(stamps))
+        if direction * self._direction < 0:
+            self._turned_ns = self._latest_ns
+        self._direction = direction or self._direction
+        with self._lock:
+            for k, stamp in enumerate(stamps.tolist()):
+                forces[k] = self._single(stamp)
+                value = self._from_horizon(stamp + self._ahead_ns)
+                if value is not None:
+                    forces[k], self._share = value, 1.0
+                self._latest_ns = stamp
+        return forces
+
+    def _from_horizon(self, time_ns: int) -> float | None:
+        """Return the value of the newest horizon that has begun [N]; None where it reaches no further."""
+        while self._horizons and int(self._horizons[0].time_ns[0]) <= time_ns:
+            found = self._horizons.popleft()
+            if self._horizon is None or found.time_ns[0] >= self._horizon.time_ns[0] or self._is_over(time_ns):
+                self._horizon = found
+        if self._horizon is None or self._is_over(time_ns):
+            return None
+        times = self._horizon.time_ns
+        place = int(np.searchsorted(times, time_ns, side="right"))
+        begin, end = self._horizon.effort[place - 1], self._horizon.effort[min(place, len(times) - 1)]
+        if place == len(times):
+            return float(begin)
+        return float(begin + (end - begin) * ((time_ns - times[place - 1]) / (times[place] - times[place - 1])))
+
+    def _is_over(self, time_ns: int) -> bool:
+        """Return whether the horizon in use ends before this time."""
+        return self._horizon is not None and int(self._horizon.time_ns[-1]) < time_ns
+
+    def _single(self, stamp: int) -> float:
+        """Return what the single values give [N], and move on by one sample."""
+        while self._waiting and self._waiting[0][0] <= stamp:
+            self._due_ns, self._force = self._waiting.popleft()
+        elapsed = min(max(0, stamp - self._latest_ns), self._timeout_ns)
+        step = elapsed / self._timeout_ns if self._latest_ns > _LONG_AGO else 0.0
+        age = stamp - self._due_ns
+        if age <= self._grace_ns or self._due_ns == _LONG_AGO:
+            wanted = 1.0
+        elif self._force * self._direction < 0.0 or self._turned_ns > self._due_ns:
+            wanted = self._share = 0.0
+        else:
+            wanted = max(0.0, 1.0 - age / self._timeout_ns)
+        self._share += min(max(wanted - self._share, -step), step)
+        return self._share * self._force

@@ -13,9 +13,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.axis import Settings
+from sgms_observer.settings.axis import CompensationSettings, Settings
 from sgms_observer.settings.load import settings_from_tree
-from sgms_observer.settings.observer import CompensationSettings
 from sgms_observer.settings.parameter_file import overlaid, parameter_tree
 from sgms_observer.settings.parameters import ParameterDeclaration, declare_all, tree_from_parameters
 

@@ -69,14 +69,8 @@ def axis_entry(
     return DiagnosticStatus(level, f"{name}: axis {axis}", sentence, axis, tuple(values.items()))
 
 
-def axis_sentences(entry: DiagnosticStatus, statistics: AxisStatistics, new: PairingCounts) -> list[str]:
-    """Return everything that is to be said of an axis in the log, each sentence once.
-
-    Args:
-        entry: what diagnostics say of the axis.
-        statistics: what the estimator said since the last report.
-        new: what became of the axis's messages since the last report.
-    """
+def _axis_sentences(entry: DiagnosticStatus, statistics: AxisStatistics, new: PairingCounts) -> list[str]:
+    """Return everything that is to be said of an axis in the log, each sentence once."""
     troubles = [status.sentence for status in sorted(statistics.seen) if _LEVELS.get(status, WARN) != OK]
     troubles += [HIGH_NIS] if statistics.nis > MAX_NIS else []
     told = [entry.message] if entry.level != OK else []
@@ -175,6 +169,6 @@ class Report:
             grown = self._growth.take(axis, pairing.counts)
             entry = axis_entry(name, axis, statistics, pairing.counts, grown, seconds)
             entries.append(entry)
-            sentences += [f"axis {axis}: {sentence}" for sentence in axis_sentences(entry, statistics, grown)]
+            sentences += [f"axis {axis}: {sentence}" for sentence in _axis_sentences(entry, statistics, grown)]
             statistics.start_anew()
         return entries, sentences

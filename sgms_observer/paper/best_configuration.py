@@ -17,14 +17,15 @@ from sgms_observer.paper.conditions import (
     ROWS,
     SAMPLE_PERIOD,
     SINE_PERIOD,
+    Estimate,
     Step,
+    estimate,
     estimator_friction,
     fewer,
     nrmse,
     simulate,
 )
-from sgms_observer.paper.estimate import Estimate, estimate
-from sgms_observer.settings.observer import EstimatorSettings, FilterSettings
+from sgms_observer.settings.axis import EstimatorSettings, FilterSettings
 from sim_plant.record import StageRecord
 
 PERIODS = 11  # the last one follows ten periods of learning

@@ -20,15 +20,14 @@ from sgms_observer.paper.conditions import (
     ROWS,
     Stage,
     Step,
+    estimate,
     estimator_friction,
     estimator_settings,
     fewer,
     nrmse,
     simulate,
 )
-from sgms_observer.paper.estimate import estimate
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import FilterSettings
+from sgms_observer.settings.axis import FilterSettings, FrictionSettings
 
 PERIOD = 2  # the first one holds the start from rest
 

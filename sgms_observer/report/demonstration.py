@@ -16,22 +16,147 @@ from numpy.typing import NDArray
 from sgms_observer.bags.reader import BagSamples
 from sgms_observer.errors import DataError
 from sgms_observer.observer.axis_observer import AxisObserver
-from sgms_observer.report.demonstration_result import (
-    Half,
-    axis_result,
-    change,
-    headline,
-    late_warnings,
-    missing_warnings,
-    result_of,
-)
-from sgms_observer.report.lateness import RECOVERY, Lateness
 from sgms_observer.report.page import Page, Section, Table, write_page
-from sgms_observer.report.recorded import SETTLE, recorded_lateness, signal_of
+from sgms_observer.report.recorded import RECOVERY, SETTLE, Lateness, recorded_lateness, signal_of
 from sgms_observer.report.run_pictures import Run, run_pictures, tracking_picture
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.units import Units
 from sgms_observer.whole_file import write_text
+
+SCHEMA = 1
+LEAST_RECORDED = 0.95
+"""Share of the samples that have an estimate, below which the figures do not stand for the whole run."""
+
+
+@dataclass(frozen=True)
+class Half:
+    """Errors over one half of the run.
+
+    Attributes:
+        samples: how many there are.
+        friction_rms: rms of estimated minus true friction [N].
+        friction_share: the same as a share of the true friction's range.
+        coverage: share of the samples whose truth lies within two standard deviations.
+        tracking_rms: rms of true position minus set-point [m].
+        tracking_peak: the largest of it [m].
+        late_share: share of the samples whose compensation came after the time it was made for; NaN if not known.
+        clear_rms: rms of the tracking error apart from those, and from what followed them [m].
+        clear_peak: the largest of it [m].
+    """
+
+    samples: int
+    friction_rms: float
+    friction_share: float
+    coverage: float
+    tracking_rms: float
+    tracking_peak: float
+    late_share: float
+    clear_rms: float
+    clear_peak: float
+
+
+def axis_result(without: Half, with_it: Half, same: int, compared: int) -> dict[str, Any]:
+    """Return one axis of result.json: friction errors without compensation, tracking errors in SI units.
+
+    Args:
+        without: errors of the half without compensation.
+        with_it: errors of the half with it.
+        same: live estimates that the replay gave again to the last bit.
+        compared: live estimates.
+    """
+    return {
+        "friction_rms": without.friction_rms,
+        "friction_nrmse": without.friction_share,
+        "tracking": {
+            "rms_before": without.tracking_rms,
+            "rms_after": with_it.tracking_rms,
+            "peak_before": without.tracking_peak,
+            "peak_after": with_it.tracking_peak,
+        },
+        "late_share": None if math.isnan(with_it.late_share) else with_it.late_share,
+        "replay_equal": same,
+        "replay_total": compared,
+    }
+
+
+def result_of(axes: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return the content of result.json.
+
+    Args:
+        axes: name to ``axis_result``.
+    """
+    return {"schema": SCHEMA, "axes": axes}
+
+
+def change(before: float, after: float) -> str:
+    """Return how an error changed, in words."""
+    if before > 0.0 and round(after / before, 1) == 1.0:
+        return "about the same"
+    if after <= before:
+        return f"{before / after:.1f}x smaller" if after > 0.0 else "gone"
+    return f"{after / before:.1f}x larger" if before > 0.0 else "new"
+
+
+def headline(axis: str, without: Half, with_it: Half, units: Units) -> str:
+    """Return the outcome in one sentence: friction error, rms and peak of the tracking error, and late messages.
+
+    Args:
+        axis: its name.
+        without: errors of the half without compensation.
+        with_it: errors of the half with it.
+        units: of the axis.
+    """
+    largest = max(without.tracking_peak, with_it.tracking_peak)
+    sizes = [
+        f"{word} {change(before, after)}"
+        f" ({units.readable(before, largest=largest)} to {units.readable(after, largest=largest)})"
+        for word, before, after in (
+            ("rms", without.tracking_rms, with_it.tracking_rms),
+            ("peak", without.tracking_peak, with_it.tracking_peak),
+        )
+    ]
+    if math.isnan(with_it.late_share):
+        late = "the recording does not tell which messages came late"
+    else:
+        late = f"{100.0 * with_it.late_share:.3g} % of the compensation messages came late"
+    return (
+        f"axis {axis}: friction estimated to {100.0 * without.friction_share:.2f} % of its range; tracking error with"
+        f" compensation: {', '.join(sizes)}; {late}"
+    )
+
+
+def missing_warnings(axis: str, share: float) -> list[str]:
+    """Return a warning where many samples have no estimate: nothing is known of what happened then.
+
+    Args:
+        axis: its name.
+        share: of the samples of the run that have an estimate [-].
+    """
+    if share >= LEAST_RECORDED:
+        return []
+    return [
+        f"Warning: axis {axis}: only {100.0 * share:.0f} % of the samples have an estimate; the figures are about those"
+        " alone. End other programs and run the demonstration again."
+    ]
+
+
+def late_warnings(axis: str, without: Half, with_it: Half, units: Units) -> list[str]:
+    """Return a warning where compensations that came late decide how large the tracking error gets.
+
+    Args:
+        axis: its name.
+        without: errors of the half without compensation.
+        with_it: errors of the half with it.
+        units: of the axis.
+    """
+    if not with_it.late_share > 0.0 or with_it.clear_peak >= with_it.tracking_peak:
+        return []
+    peak = units.readable(with_it.tracking_peak, largest=max(without.tracking_peak, with_it.tracking_peak))
+    return [
+        f"Warning: axis {axis}: the largest tracking error with compensation, {peak}, follows a compensation that came"
+        " late. End other programs and run the demonstration again."
+    ]
+
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -15,7 +15,6 @@ from typing import Any
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import SAVE_FILE, Settings
 from sgms_observer.settings.load import repeated_faults, settings_from_tree
-from sgms_observer.settings.normal_form import given_parameters, normal_parameters
 from sgms_observer.settings.parameter_file import (
     expanded,
     is_for_node,
@@ -24,6 +23,7 @@ from sgms_observer.settings.parameter_file import (
     parameter_tree,
     read_document,
 )
+from sgms_observer.settings.write import given_parameters, normal_parameters
 from sgms_observer.settings.yaml_text import parse
 
 _FILE, _PARAMETER, _REMAP = ("--params-file",), ("-p", "--param"), ("-r", "--remap")

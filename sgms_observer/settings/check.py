@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
-from collections.abc import Collection, Mapping
+import reprlib
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -17,8 +19,66 @@ from sgms_observer.settings.declaration import (
     declared_sections,
     declared_settings,
 )
-from sgms_observer.settings.faults import Faults, alternatives, closest, shown
 from sgms_observer.settings.units import PRISMATIC
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
+_SHORT.maxlevel = 3
+
+
+class Faults:
+    """Sentences in the order in which they were found, and the parameters that they are about."""
+
+    def __init__(self) -> None:
+        self.sentences: list[str] = []
+        self._paths: set[str] = set()
+
+    def add(self, path: str, sentence: str) -> None:
+        """Note one fault.
+
+        Args:
+            path: the parameter's full name, ``x.friction.static_force``.
+            sentence: parameter, value, rule, remedy.
+        """
+        self._paths.add(path)
+        self.sentences.append(sentence)
+
+    def has(self, *paths: str) -> bool:
+        """Return whether any of these parameters is already known to be wrong."""
+        return not self._paths.isdisjoint(paths)
+
+
+def shown(value: Any) -> str:
+    """Return a value as it would stand in the YAML, shortened if it is long."""
+    if value is None:
+        return "(nothing)"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return f"{value:.12g}"
+    if isinstance(value, Mapping):
+        return "(a group of settings)"
+    if isinstance(value, (list, tuple)):
+        inside = ", ".join("[...]" if isinstance(entry, (list, tuple)) else shown(entry) for entry in value[:6])
+        return f"[{inside}{', ...' if len(value) > 6 else ''}]"
+    try:
+        return _SHORT.repr(value).replace("\n", " ")
+    except ValueError:  # Python refuses to write out integers of thousands of digits
+        return "(a number of thousands of digits)"
+
+
+def alternatives(words: Iterable[str]) -> str:
+    """Return ``a, b or c``."""
+    listed = list(words)
+    return listed[0] if len(listed) == 1 else f"{', '.join(listed[:-1])} or {listed[-1]}"
+
+
+def closest(word: str, words: Iterable[str]) -> str | None:
+    """Return the word that was most likely meant, or None."""
+    known = {entry.lower(): entry for entry in words}
+    found = difflib.get_close_matches(word[:80].lower(), known, n=1, cutoff=0.6)
+    return known[found[0]] if found else None
+
 
 Group = TypeVar("Group")
 
@@ -83,7 +143,7 @@ def _example(declared: Declared) -> str:
     return f"{default:.1f}" if float(default).is_integer() else shown(float(default))
 
 
-def range_rule(value: float, declared: Declared) -> str | None:
+def _range_rule(value: float, declared: Declared) -> str | None:
     """Return the rule that a number breaks and its remedy, or None."""
     if declared.is_nonzero and value == 0.0:
         return "must not be 0; write 1.0 for no scaling"
@@ -96,16 +156,8 @@ def range_rule(value: float, declared: Declared) -> str | None:
     return None
 
 
-def checked_entry(path: str, declared: Declared, raw: Any, where: str, faults: Faults) -> Any:
-    """Return one entry as its declared type, or note the fault and return None.
-
-    Args:
-        path: full name of the parameter.
-        declared: its declaration.
-        raw: as read.
-        where: `` in entry 2`` for an entry of a list, otherwise empty.
-        faults: receives the sentence.
-    """
+def _checked_entry(path: str, declared: Declared, raw: Any, where: str, faults: Faults) -> Any:
+    """Return one entry as its declared type, or note the fault and return None; ``where`` numbers an entry."""
     value = _meant(declared.kind, raw)
     if value is _NOT_MEANT:
         faults.add(path, f"{path} = {shown(raw)}{where} {_expectation(declared)}")
@@ -120,7 +172,7 @@ def checked_entry(path: str, declared: Declared, raw: Any, where: str, faults: F
             faults.add(path, f"{path} = {shown(raw)}{where} must be {alternatives(declared.choices)}; {remedy}")
             return None
         return value
-    rule = None if isinstance(value, bool) else range_rule(value, declared)
+    rule = None if isinstance(value, bool) else _range_rule(value, declared)
     if rule:
         unit = f" {declared.unit}" if declared.unit != "-" else ""
         faults.add(path, f"{path} = {shown(value)}{unit}{where} {rule}")
@@ -143,7 +195,7 @@ def checked_value(path: str, declared: Declared, raw: Any, faults: Faults) -> An
         if raw is None:
             faults.add(path, f"{path} has no value; give one or remove the line")
             return None
-        return checked_entry(path, declared, raw, "", faults)
+        return _checked_entry(path, declared, raw, "", faults)
     if isinstance(raw, Mapping):
         example = "[1.0]" if declared.kind == DOUBLES else "[a]"
         faults.add(path, f"{path} = {shown(raw)} must be a list; write it like {example}")
@@ -152,7 +204,7 @@ def checked_value(path: str, declared: Declared, raw: Any, faults: Faults) -> An
     found = []
     for index, entry in enumerate(entries):
         where = f" in entry {index + 1}" if len(entries) > 1 else ""
-        found.append(checked_entry(path, declared, entry, where, faults))
+        found.append(_checked_entry(path, declared, entry, where, faults))
     return None if any(entry is None for entry in found) else tuple(found)
 
 

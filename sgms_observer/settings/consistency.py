@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from sgms_observer.settings.axis import AxisSettings
-from sgms_observer.settings.faults import Faults, shown
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import EstimatorSettings, FilterSettings
-from sgms_observer.settings.stage import ReferenceSettings, StageSettings
+from sgms_observer.settings.axis import (
+    AxisSettings,
+    EstimatorSettings,
+    FilterSettings,
+    FrictionSettings,
+    ReferenceSettings,
+    StageSettings,
+)
+from sgms_observer.settings.check import Faults, shown
 from sgms_observer.settings.units import Units
 
 #: Largest distance of the sum of the element fractions from one; printed tables round to two or three digits.
@@ -73,15 +77,8 @@ def friction_consistency(
         )
 
 
-def stage_consistency(path: str, stage: StageSettings, period: float, faults: Faults) -> None:
-    """Check the reference and the controller of a simulated stage against the sample period.
-
-    Args:
-        path: full name of the group, ``x.stage``.
-        stage: the values, each right by itself.
-        period: nominal sample period [s].
-        faults: receives the sentences.
-    """
+def _stage_consistency(path: str, stage: StageSettings, period: float, faults: Faults) -> None:
+    """Check reference and controller of a simulated stage, each right by itself, against the sample period [s]."""
     nyquist = 0.5 / period
     bandwidth = stage.controller.bandwidth
     if bandwidth >= nyquist and not faults.has(f"{path}.controller.bandwidth", "sample_period"):
@@ -136,15 +133,8 @@ def is_file(name: str) -> bool:
         return False
 
 
-def filter_consistency(path: str, filter_: FilterSettings, period: float, faults: Faults) -> None:
-    """Check block V against the sample period.
-
-    Args:
-        path: full name of the group, ``x.filter``.
-        filter_: the values, each right by itself.
-        period: nominal sample period [s].
-        faults: receives the sentences.
-    """
+def _filter_consistency(path: str, filter_: FilterSettings, period: float, faults: Faults) -> None:
+    """Check block V, each value right by itself, against the sample period [s]."""
     if faults.has("sample_period"):
         return
     nyquist = 0.5 / period
@@ -178,14 +168,8 @@ def filter_consistency(path: str, filter_: FilterSettings, period: float, faults
         )
 
 
-def estimator_consistency(path: str, estimator: EstimatorSettings, faults: Faults) -> None:
-    """Check the bounds of the estimated parameters.
-
-    Args:
-        path: full name of the group, ``x.estimator``.
-        estimator: the values, each right by itself.
-        faults: receives the sentences.
-    """
+def _estimator_consistency(path: str, estimator: EstimatorSettings, faults: Faults) -> None:
+    """Check the bounds of the estimated parameters."""
     if estimator.parameter_minimum >= 1.0 and not faults.has(f"{path}.parameter_minimum"):
         faults.add(
             f"{path}.parameter_minimum",
@@ -208,9 +192,9 @@ def axis_consistency(axis: AxisSettings, period: float, faults: Faults) -> None:
         period: nominal sample period [s].
         faults: receives the sentences.
     """
-    stage_consistency(f"{axis.name}.stage", axis.stage, period, faults)
-    filter_consistency(f"{axis.name}.filter", axis.filter, period, faults)
-    estimator_consistency(f"{axis.name}.estimator", axis.estimator, faults)
+    _stage_consistency(f"{axis.name}.stage", axis.stage, period, faults)
+    _filter_consistency(f"{axis.name}.filter", axis.filter, period, faults)
+    _estimator_consistency(f"{axis.name}.estimator", axis.estimator, faults)
     path = f"{axis.name}.compensation.timeout"
     if axis.compensation.timeout <= period and not faults.has(path, "sample_period"):
         faults.add(

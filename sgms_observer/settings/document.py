@@ -10,8 +10,8 @@ from pathlib import Path
 
 from sgms_observer.errors import SgmsError
 from sgms_observer.settings.axis import AxisSettings, Settings
+from sgms_observer.settings.check import shown
 from sgms_observer.settings.declaration import Declared, declared_sections, declared_settings
-from sgms_observer.settings.faults import shown
 from sgms_observer.settings.load import AXES
 from sgms_observer.whole_file import write_text
 

@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from sgms_observer.effects.effect import Effect, EffectList, EffectParameter, EffectSettings, flat_values
-from sgms_observer.settings.check import checked_value
+from sgms_observer.settings.check import Faults, alternatives, checked_value, closest, shown
 from sgms_observer.settings.declaration import DOUBLE, DOUBLES, STRINGS, Declared
-from sgms_observer.settings.faults import Faults, alternatives, closest, shown
 from sgms_observer.settings.units import PRISMATIC, Units
 
 #: The catalogue as the settings see it: effect by its name.
@@ -22,13 +21,8 @@ NO_EFFECT = "none"
 NAMES = Declared("names", STRINGS, (), "effects of the catalogue that act on this axis")
 
 
-def declared_parameter(parameter: EffectParameter, joint_type: str = PRISMATIC) -> Declared:
-    """Return an effect's parameter as a setting.
-
-    Args:
-        parameter: entry of the catalogue.
-        joint_type: of the axis that the effect acts on; the unit follows it, and some defaults do.
-    """
+def _declared_parameter(parameter: EffectParameter, joint_type: str = PRISMATIC) -> Declared:
+    """Return an effect's parameter as a setting; unit and some defaults follow the axis's type of joint."""
     is_own = joint_type == PRISMATIC and parameter.prismatic_default is not None
     return Declared(
         parameter.name,
@@ -41,13 +35,8 @@ def declared_parameter(parameter: EffectParameter, joint_type: str = PRISMATIC) 
     )
 
 
-def declared_list(item: EffectList, joint_type: str = PRISMATIC) -> Declared:
-    """Return an effect's list as a setting.
-
-    Args:
-        item: entry of the catalogue.
-        joint_type: of the axis; its unit follows.
-    """
+def _declared_list(item: EffectList, joint_type: str = PRISMATIC) -> Declared:
+    """Return an effect's list as a setting; its unit follows the axis's type of joint."""
     unit = Units(joint_type).of(item.unit)
     if item.choices:
         return Declared(item.name, STRINGS, item.default, item.description, unit, choices=item.choices)
@@ -64,8 +53,8 @@ def declared_values(entry: Effect, joint_type: str = PRISMATIC) -> dict[str, Dec
         joint_type: of the axis; the units follow.
     """
     return {
-        **{parameter.name: declared_parameter(parameter, joint_type) for parameter in entry.parameters},
-        **{item.name: declared_list(item, joint_type) for item in entry.lists},
+        **{parameter.name: _declared_parameter(parameter, joint_type) for parameter in entry.parameters},
+        **{item.name: _declared_list(item, joint_type) for item in entry.lists},
     }
 
 

@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.axis import AxisSettings, Settings
-from sgms_observer.settings.check import checked_value
+from sgms_observer.settings.axis import AxisSettings, FrictionSettings, Settings
+from sgms_observer.settings.check import Faults, checked_value
 from sgms_observer.settings.declaration import Declared, declared_sections, declared_settings
 from sgms_observer.settings.effects import NAMES, Catalogue, CatalogueSource, declared_values
-from sgms_observer.settings.faults import Faults
-from sgms_observer.settings.friction import FrictionSettings
 from sgms_observer.settings.load import AXES, installed_catalogue, usable_axes
 from sgms_observer.settings.parameter_file import expanded
 from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -14,13 +15,52 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from sgms_observer.bags.writer import BagWriter
-from sim_plant.blind import menu, sizing
+from sim_plant.blind import menu
 from sim_plant.blind.hidden_effect import Hidden, Kind, Maker
 from sim_plant.blind.motion import HELD_OUT, PERIOD, Motion, held_out_motion, rich_motion
 from sim_plant.blind.owner import NominalModel, nominal_model, write_owner_file
-from sim_plant.blind.recording import Track, coloured_noise, record
-from sim_plant.blind.seal import seal
+from sim_plant.blind.recording import NotShownError, Track, coloured_noise, measured_size, record, rms_size, sized
 from sim_plant.blind.stage import TrueStage, draw_stage
+
+SEAL_FILE = "seal.txt"
+
+
+def digest(truth: dict[str, Any]) -> str:
+    """Return the salted SHA-256 of a truth (its ``salt`` is one of its entries)."""
+    return hashlib.sha256(json.dumps(truth, sort_keys=True).encode("utf-8")).hexdigest()
+
+
+def seal(truth: dict[str, Any], truth_file: Path, case_folder: Path) -> None:
+    """Write the truth to ``truth_file`` and its digest into ``case_folder``.
+
+    Args:
+        truth: what is hidden; must carry a ``salt``.
+        truth_file: must lie outside of ``case_folder``.
+        case_folder: what the workflow sees.
+
+    Raises:
+        ValueError: when there is no salt, or the truth would lie where the workflow can see it.
+    """
+    if not truth.get("salt"):
+        raise ValueError("a truth without a salt can be guessed from its digest; add an entry 'salt'")
+    if case_folder.resolve() in truth_file.resolve().parents:
+        raise ValueError(f"{truth_file} lies inside the case {case_folder}; put the truth elsewhere")
+    truth_file.parent.mkdir(parents=True, exist_ok=True)
+    truth_file.write_text(json.dumps(truth, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    (case_folder / SEAL_FILE).write_text(digest(truth) + "\n", encoding="utf-8")
+
+
+def open_seal(truth_file: Path, case_folder: Path) -> dict[str, Any]:
+    """Return the truth of a case.
+
+    Raises:
+        ValueError: when the truth is not the one that was sealed.
+    """
+    truth: dict[str, Any] = json.loads(truth_file.read_text(encoding="utf-8"))
+    if digest(truth) != (case_folder / SEAL_FILE).read_text(encoding="utf-8").strip():
+        raise ValueError(f"{truth_file} was changed after {case_folder} was sealed; make the case again")
+    return truth
+
 
 Floats = NDArray[np.float64]
 START_NS = 1_700_000_000_000_000_000
@@ -69,7 +109,7 @@ class Scene:
     truths: dict[str, dict[str, float]]
 
 
-def draw_effect(
+def _draw_effect(
     kind: Kind,
     stage: TrueStage,
     motion: Motion,
@@ -77,16 +117,7 @@ def draw_effect(
     purpose: tuple[int, int],
     run: Callable[[Hidden], Track],
 ) -> Hidden:
-    """Draw an effect that the motion shows, at the size asked for.
-
-    Args:
-        kind: menu entry.
-        stage: what it is hidden in.
-        motion: the main reference.
-        size: share of the Coulomb force; 0 for the stage without it.
-        purpose: seed, and place among the effects of the case.
-        run: records the main motion.
-    """
+    """Draw an effect that the main motion shows, at the size asked for (share of the Coulomb force, or 0)."""
     index = list(menu.KINDS).index(kind.name)
 
     def maker(attempt: int) -> Maker:
@@ -95,9 +126,9 @@ def draw_effect(
     if size == 0.0:
         return without_effect(maker(0)(0.1))
     for attempt in range(DRAWS - 1):
-        with contextlib.suppress(sizing.NotShownError):
-            return sizing.sized(kind, maker(attempt), size, run)
-    return sizing.sized(kind, maker(DRAWS - 1), size, run)
+        with contextlib.suppress(NotShownError):
+            return sized(kind, maker(attempt), size, run)
+    return sized(kind, maker(DRAWS - 1), size, run)
 
 
 def without_effect(hidden: Hidden) -> Hidden:
@@ -123,7 +154,7 @@ def make_scene(seed: int, effect: str, size: float, duration: float = 30.0, mass
     Args:
         seed: everything but the effect follows from it: the same seed with ``nothing`` is the case's twin.
         effect: a name of the menu, two joined by ``+``, or ``nothing``.
-        size: share of the Coulomb force, of each effect (see ``sizing``); 0 for the case's twin with nothing hidden.
+        size: share of the Coulomb force, of each effect (see ``recording.sized``); 0 hides nothing.
         duration: of the main recording [s].
         mass_tolerance: largest relative error of the owner's mass.
     """
@@ -156,7 +187,7 @@ def make_scene(seed: int, effect: str, size: float, duration: float = 30.0, mass
         kind = menu.KINDS[part]
         if 0.0 < size < kind.smallest:
             raise ValueError(f"{part} of {size:g} lies inside the owner's tolerance; use at least {kind.smallest:g}")
-        found.append(draw_effect(kind, found[0].known if found else stage, motions[0], size, (seed, i), main_run))
+        found.append(_draw_effect(kind, found[0].known if found else stage, motions[0], size, (seed, i), main_run))
     hidden = Hidden(stage, stage) if not found else found[0] if len(found) == 1 else menu.together(*found)
     nominal = {"x": nominal_model(hidden.known, chance(seed, 13), mass_tolerance=mass_tolerance)} | nominal
     tracks = []
@@ -238,8 +269,8 @@ def describe(scene: Scene, seed: int, effect: str, size: float) -> dict[str, Any
         "effects": list(menu.names(effect)) if size > 0.0 else [],
         "is_inside": all(menu.KINDS[part].is_inside for part in menu.names(effect)),
         "size": size,
-        "peak": [sizing.measured_size(track, coulomb) for track in tracks],
-        "rms": [sizing.rms_size(track, coulomb) for track in tracks],
+        "peak": [measured_size(track, coulomb) for track in tracks],
+        "rms": [rms_size(track, coulomb) for track in tracks],
         "effort_rms": [float(np.sqrt(np.mean(track.effort**2))) for track in tracks],
         "kinds": [motion.kind for motion in scene.motions],
         "parameters": scene.truths,

@@ -1,13 +1,15 @@
-"""Hidden forces of position, velocity and time, drawn in shapes the catalogue does not have."""
+"""Hidden forces and hidden changes of the friction, in shapes the catalogue does not have."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
 
 from sim_plant.blind import slots as s
 from sim_plant.blind.hidden_effect import Around, Floats, Hidden, Kind, Maker
-from sim_plant.blind.motion import Motion
+from sim_plant.blind.motion import PERIOD, Motion
 from sim_plant.blind.stage import TrueStage
 
 
@@ -154,7 +156,7 @@ def mass_error(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
     return make
 
 
-KINDS = (
+FORCE_KINDS = (
     Kind("cogging", cogging),
     Kind("spring", spring),
     Kind("offset", offset, is_direct=True),
@@ -165,4 +167,151 @@ KINDS = (
     Kind("periodic_disturbance", periodic_disturbance),
     Kind("cross_axis_coupling", cross_axis_coupling, needs_other_axis=True),
     Kind("mass_error", mass_error, is_direct=True, smallest=0.1),
+)
+
+
+TRIANGLE_FUNDAMENTAL = 0.9092  # of asin(0.95 sin) / asin(0.95), by quadrature
+
+
+def position_periodic_friction(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
+    """Balls entering a race: a rounded triangle over position."""
+    pitch, phase = float(np.exp(rng.uniform(np.log(0.006), np.log(0.025)))), rng.uniform(-np.pi, np.pi)
+
+    def make(strength: float) -> Hidden:
+        truth = {"pitch": pitch, "share": TRIANGLE_FUNDAMENTAL * strength}
+        return Hidden(stage, stage, {s.RIPPLE_A: strength, s.RIPPLE_PITCH: pitch, s.RIPPLE_PHASE: phase}, truth=truth)
+
+    return make
+
+
+def position_dependent_friction(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
+    """A tight place with a flat top and steep edges."""
+    place = rng.uniform(-0.5, 0.5) * stage.half_stroke
+    half_width = rng.uniform(0.12, 0.25) * stage.half_stroke
+
+    def make(strength: float) -> Hidden:
+        entries = {
+            s.SPOT_A: strength,
+            s.SPOT_PLACE: place,
+            s.SPOT_HALF_WIDTH: half_width,
+            s.SPOT_EDGE: 0.15 * half_width,
+        }
+        return Hidden(stage, stage, entries, truth={"center": place})
+
+    return make
+
+
+def asymmetric_coulomb(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
+    """Every element slips at another force in the other direction; the strength is half the difference."""
+    side = sign(rng)
+
+    def make(strength: float) -> Hidden:
+        return Hidden(stage, stage, {s.SIDED_COULOMB_A: side * strength}, truth={"share": side * strength})
+
+    return make
+
+
+def stribeck(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
+    """A second fall of friction at five to fifteen times the known speed, with a long tail instead of a bell."""
+    speed, power = stage.knee * rng.uniform(5.0, 15.0), rng.uniform(1.2, 1.8)
+
+    def make(strength: float) -> Hidden:
+        return Hidden(stage, stage, {s.WEAKENING_A: strength, s.WEAKENING_SPEED: speed, s.WEAKENING_POWER: power})
+
+    return make
+
+
+def presliding(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
+    """Soft elements that the owner never saw: part of the level is reached only after 50 to 300 um."""
+    soft = np.sort(np.exp(rng.uniform(np.log(5.0e-5), np.log(3.0e-4), 3)))
+    weights = rng.dirichlet(np.full(3, 4.0))
+
+    def make(strength: float) -> Hidden:
+        shares = np.concatenate((np.array(stage.shares) * (1.0 - strength), strength * weights))
+        reaches = np.concatenate((stage.reaches, soft))
+        truth = {"force": strength * stage.coulomb_force}
+        return Hidden(stage, stage.with_elements(shares, reaches), truth=truth)
+
+    return make
+
+
+def dwell_breakaway(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
+    """A contact that ages with the logarithm of rest and forgets by sliding; the strength is reached after 2 s."""
+    age_time, distance = rng.uniform(0.05, 0.2), float(np.exp(rng.uniform(np.log(2.0e-5), np.log(1.5e-4))))
+
+    def make(strength: float) -> Hidden:
+        return Hidden(stage, stage, {s.AGE_A: strength, s.AGE_TIME: age_time, s.AGE_DISTANCE: distance})
+
+    return make
+
+
+def frictional_lag(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
+    """Sliding friction that lags behind a pronounced Stribeck curve; in half of the cases through slow attraction."""
+    drop, is_attraction = rng.uniform(0.4, 0.7), rng.random() < 0.5
+    knee = stage.knee * 3.0
+    known = replace(
+        stage,
+        model="sgms",
+        static_force=(1.0 + drop) * stage.coulomb_force,
+        knee=knee,
+        attraction=stage.coulomb_force / 2.0e-4,
+    )
+
+    def make(strength: float) -> Hidden:
+        time = 0.3 * strength
+        if is_attraction:
+            true = replace(known, attraction=stage.coulomb_force / time)
+            return Hidden(known, true, {s.LAG_TIME: s.LAG_BY_ATTRACTION}, truth={"attraction_rate": true.attraction})
+        return Hidden(known, known, {s.LAG_TIME: time})
+
+    return make
+
+
+def thermal_drift(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
+    """Warm-up by the friction's own power: first order, but driven by the motion."""
+    side = -1.0 if rng.random() < 0.8 else 1.0
+    time = rng.uniform(5.0, 14.0)
+    power = 1.3 * stage.coulomb_force * float(np.mean(np.abs(motion.velocity)))
+
+    def make(strength: float) -> Hidden:
+        return Hidden(stage, stage, {s.HEAT_A: side * strength, s.HEAT_TIME: time, s.HEAT_POWER: power})
+
+    return make
+
+
+def wear_step(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
+    """Friction that changes linearly over a short stretch of travel and stays."""
+    travel = float(np.sum(np.abs(motion.velocity)) * PERIOD)
+    start, length = rng.uniform(0.2, 0.45) * travel, rng.uniform(0.02, 0.1) * travel
+    side = sign(rng)
+
+    def make(strength: float) -> Hidden:
+        truth = {"share": side * strength, "travel": start + 0.5 * length}
+        return Hidden(
+            stage, stage, {s.WEAR_A: side * strength, s.WEAR_TRAVEL: start, s.WEAR_LENGTH: length}, truth=truth
+        )
+
+    return make
+
+
+def load_dependent_friction(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
+    """Friction that rises a little faster than the carried inertial load."""
+
+    def make(strength: float) -> Hidden:
+        return Hidden(stage, stage, {s.LOAD_A: strength, s.LOAD_ACCELERATION: stage.top_acceleration})
+
+    return make
+
+
+FRICTION_KINDS = (
+    Kind("position_periodic_friction", position_periodic_friction, is_direct=True),
+    Kind("position_dependent_friction", position_dependent_friction, is_direct=True),
+    Kind("asymmetric_coulomb", asymmetric_coulomb, is_direct=True),
+    Kind("stribeck", stribeck, is_direct=True),
+    Kind("presliding", presliding, is_direct=True),
+    Kind("dwell_breakaway", dwell_breakaway, is_direct=True),
+    Kind("frictional_lag", frictional_lag),
+    Kind("thermal_drift", thermal_drift),
+    Kind("wear_step", wear_step, is_direct=True),
+    Kind("load_dependent_friction", load_dependent_friction),
 )

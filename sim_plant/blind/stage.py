@@ -76,11 +76,7 @@ class TrueStage:
 
 
 def draw_stage(rng: Generator) -> TrueStage:
-    """Draw a stage of a believable machine; slow S-GMS owners have a contact without visible lag.
-
-    Args:
-        rng: source of chance.
-    """
+    """Draw a stage of a believable machine; slow S-GMS owners have a contact without visible lag."""
     coulomb = float(np.exp(rng.uniform(np.log(3.0), np.log(14.0))))
     mass = coulomb * float(rng.uniform(0.7, 1.6))
     count = int(rng.integers(10, 13))

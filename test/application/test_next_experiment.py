@@ -11,10 +11,9 @@ import pytest
 from start_file import start_file
 
 from sgms_observer.application.commission import next_experiment as step
-from sgms_observer.application.commission.ledger import DONE, FAILED, Ledger
 from sgms_observer.application.commission.motion import Motion
 from sgms_observer.application.commission.run import STEPS, commission
-from sgms_observer.application.commission.session import LEARN_BAG, Plan, Request, Session
+from sgms_observer.application.commission.session import DONE, FAILED, LEARN_BAG, Ledger, Plan, Request, Session
 from sgms_observer.errors import DataError
 from sgms_observer.settings.axis import AxisSettings
 

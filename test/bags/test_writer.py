@@ -16,8 +16,8 @@ import pytest
 import yaml
 from bag_samples import JOINT_STATE, START, STEP, read_with_rosbags, recorded_messages
 
+from sgms_observer.bags.bag_folder import find_files
 from sgms_observer.bags.message_types import DIAGNOSTICS, describe_type
-from sgms_observer.bags.metadata import find_files
 from sgms_observer.bags.reader import read_joint_states, read_samples
 from sgms_observer.bags.source import BagReader
 from sgms_observer.bags.writer import BagWriter

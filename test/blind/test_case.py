@@ -11,9 +11,8 @@ import yaml
 
 from sgms_observer.jit import HAS_NUMBA
 from sim_plant.blind import make_case
-from sim_plant.blind.case import make_scene
+from sim_plant.blind.case import SEAL_FILE, digest, make_scene, open_seal, seal
 from sim_plant.blind.menu import INSIDE, OUTSIDE
-from sim_plant.blind.seal import SEAL_FILE, digest, open_seal, seal
 
 needs_numba = pytest.mark.skipif(not HAS_NUMBA, reason="millions of steps in plain Python")
 
@@ -39,7 +38,7 @@ def test_case_shows_nothing_of_its_truth(tmp_path: Path) -> None:
 
 @needs_numba
 def test_bags_hold_all_topics(tmp_path: Path) -> None:
-    from sgms_observer.bags.metadata import METADATA
+    from sgms_observer.bags.bag_folder import METADATA
 
     paths = make_case(2, "nothing", 0.0, tmp_path, duration=2.0)
     for bag in (paths.bag, *paths.holdouts):

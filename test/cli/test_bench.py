@@ -12,11 +12,11 @@ import pytest
 
 pytest.importorskip("casadi", reason="CasADi is not installed")
 
-from sgms_observer.bench import stages, timing
+from sgms_observer.bench import timing
 from sgms_observer.bench.accuracy import accuracy, converged, newest_force
 from sgms_observer.bench.live_run import time_live
 from sgms_observer.bench.peers import time_casadi, time_peers
-from sgms_observer.bench.problem import make_problem
+from sgms_observer.bench.problem import improve, make_problem
 from sgms_observer.bench.process import run_python, seconds_used
 from sgms_observer.bench.timing import Timing, slope, time_estimator
 from sgms_observer.cli.main import main
@@ -95,9 +95,9 @@ def test_converging_leaves_the_estimator_as_it_is() -> None:
         before = estimator.flat.copy()
         exact = converged(estimator.flat)
         np.testing.assert_array_equal(estimator.flat, before)
-        stages.improve(exact)
+        improve(exact)
         assert abs(newest_force(converged(exact)) - newest_force(exact)) < 1e-6
-        stages.improve(estimator.flat)
+        improve(estimator.flat)
 
 
 def test_timed_windows_are_full_and_counted() -> None:

@@ -13,7 +13,7 @@ import types
 import pytest
 
 from sgms_observer import interrupts
-from sgms_observer.cli import registry
+from sgms_observer.cli import main as command_line
 from sgms_observer.cli.main import main
 from sgms_observer.interrupts import noted_interrupts, silent_interrupts
 from sgms_observer.outcome import EXIT_INTERRUPTED, EXIT_TERMINATED
@@ -53,7 +53,7 @@ def test_an_error_that_an_interrupt_turned_into_is_none(
         raise ImportError("initialization failed")
 
     command = types.SimpleNamespace(HELP="", add_arguments=lambda parser: None, run=run)
-    monkeypatch.setattr(registry, "load", lambda name: command)
+    monkeypatch.setattr(command_line, "load_command", lambda name: command)
     assert main(["bench"]) == EXIT_INTERRUPTED
     assert capsys.readouterr().err == ""
 
@@ -76,6 +76,6 @@ def test_a_command_that_is_terminated_clears_up(monkeypatch: pytest.MonkeyPatch)
         return 0
 
     command = types.SimpleNamespace(HELP="", add_arguments=lambda parser: None, run=run)
-    monkeypatch.setattr(registry, "load", lambda name: command)
+    monkeypatch.setattr(command_line, "load_command", lambda name: command)
     assert main(["bench"]) == EXIT_TERMINATED
     assert cleared and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL

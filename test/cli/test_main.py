@@ -13,7 +13,7 @@ import pytest
 
 import sgms_observer
 from sgms_observer.cli import main as command_line
-from sgms_observer.cli import registry
+from sgms_observer.cli.main import COMMANDS
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.outcome import SHOW_TRACEBACK
 
@@ -27,7 +27,7 @@ def _sgms(*arguments: str) -> subprocess.CompletedProcess[str]:
 def _run_command(monkeypatch: pytest.MonkeyPatch, action: Callable[[argparse.Namespace], int]) -> int:
     """Run ``sgms demo`` with ``action`` in the place of its job."""
     module = types.SimpleNamespace(HELP="test", add_arguments=lambda parser: None, run=action)
-    monkeypatch.setattr(registry, "load", lambda name: module)
+    monkeypatch.setattr(command_line, "load_command", lambda name: module)
     return command_line.main(["demo"])
 
 
@@ -51,10 +51,10 @@ def test_help_names_every_command_and_imports_nothing_heavy() -> None:
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.endswith("heavy: []\n")
-    assert all(f"    {name} " in result.stdout for name in registry.COMMANDS)
+    assert all(f"    {name} " in result.stdout for name in COMMANDS)
 
 
-@pytest.mark.parametrize("name", registry.COMMANDS)
+@pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_has_help(name: str) -> None:
     result = _sgms(name, "--help")
     assert (result.returncode, result.stderr) == (0, "")
@@ -62,7 +62,7 @@ def test_every_command_has_help(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["no_such_command"], ["--no-such-option"], *[[name, "--no-such"] for name in registry.COMMANDS]]
+    "arguments", [[], ["no_such_command"], ["--no-such-option"], *[[name, "--no-such"] for name in COMMANDS]]
 )
 def test_a_wrong_command_line_is_one_sentence(arguments: list[str]) -> None:
     result = _sgms(*arguments)

@@ -14,7 +14,6 @@ import pytest
 from sgms_observer.bags.conversion import Table, write_table
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.cli import main as command_line
-from sgms_observer.cli import registry
 from sgms_observer.cli.main import main
 from sgms_observer.outcome import EXIT_NOT_USABLE, Outcome, json_value
 
@@ -52,7 +51,7 @@ WITH_BAG = ("replay", "info", "check", "init", "identify")
 
 def actions(name: str) -> dict[str, argparse.Action]:
     """Return the options of a command."""
-    command = registry.load(name)
+    command = command_line.load_command(name)
     assert command is not None
     parser = argparse.ArgumentParser()
     command.add_arguments(parser)
@@ -64,7 +63,7 @@ def test_every_command_that_writes_takes_overwrite(name: str) -> None:
     assert actions(name)["--overwrite"].default is False
 
 
-@pytest.mark.parametrize("name", [name for name in registry.COMMANDS if name != "completion"])
+@pytest.mark.parametrize("name", [name for name in command_line.COMMANDS if name != "completion"])
 def test_every_command_can_be_quiet(name: str) -> None:
     assert "--quiet" in actions(name)
     assert (actions(name).get("--json") is not None) == (name in WITH_RESULT or name == "bench")
@@ -132,7 +131,7 @@ def test_json_is_all_that_is_printed_and_the_code_is_kept(
             print("for people")
             return Outcome(EXIT_NOT_USABLE, {"value": np.float64("nan"), "list": (np.arange(2),)})
 
-    monkeypatch.setattr(registry, "load", lambda name: Command())
+    monkeypatch.setattr(command_line, "load_command", lambda name: Command())
     assert command_line.main(["demo", "--json"]) == 3
     assert json.loads(capsys.readouterr().out) == {"value": None, "list": [[0, 1]]}
     assert command_line.main(["demo", "--quiet"]) == 3

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.compensation.horizon import Horizon, KnownMotion
-from sgms_observer.nodes.due_forces import DueForces
 from sgms_observer.nodes.horizons import BEFORE, EVERY
+from sgms_observer.nodes.pace import DueForces
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sim_plant.table import SimulatedTable

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sgms_observer.compensation.trust import standstill_velocity
+from sgms_observer.compensation.feedforward_kernel import standstill_velocity
 from sgms_observer.filters.differentiator import Differentiator
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
-from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.axis import AxisSettings, FilterSettings
 from sgms_observer.settings.load import load_settings
-from sgms_observer.settings.observer import FilterSettings
 from sim_plant.stage import SimulatedStage
 
 Floats = NDArray[np.float64]

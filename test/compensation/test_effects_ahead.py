@@ -8,10 +8,18 @@ import numpy as np
 import pytest
 
 from sgms_observer.observer.axis_observer import AxisObserver
-from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings
-from sgms_observer.settings.stage import ControllerSettings, EncoderSettings, ReferenceSettings, StageSettings
+from sgms_observer.settings.axis import (
+    AxisSettings,
+    CompensationSettings,
+    ControllerSettings,
+    EffectSettings,
+    EncoderSettings,
+    EstimatorSettings,
+    FrictionSettings,
+    ReferenceSettings,
+    Settings,
+    StageSettings,
+)
 from sim_plant.record import join_records
 from sim_plant.table import SimulatedTable
 

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from sgms_observer.compensation.feedforward import Compensator, Preview
 from sgms_observer.estimators.layout import ModelArrays, ParameterArrays, model_arrays, parameter_arrays
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings
+from sgms_observer.settings.axis import CompensationSettings, EstimatorSettings, FrictionSettings
 from sgms_observer.status import Status
 
 PERIOD = 1e-4

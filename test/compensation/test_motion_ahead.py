@@ -14,8 +14,10 @@ from sgms_observer.compensation.motion_ahead import (
     AHEAD_WIDTH,
     MEMORY_SIZE,
     look_ahead_block,
+    travel_after,
+    turning_times,
+    velocity_after,
 )
-from sgms_observer.compensation.preview import travel_after, turning_times, velocity_after
 from sgms_observer.filters.motion import ELAPSED, LEAD, PRESENT_POSITION, PRESENT_VELOCITY
 
 Floats = NDArray[np.float64]

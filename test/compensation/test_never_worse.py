@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from late_network import Trouble, largest_error
 
-from sgms_observer.nodes.due_forces import DueForces
+from sgms_observer.nodes.pace import DueForces
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.load import load_settings
 

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sgms_observer.compensation.safety import SafetyStage, safe_output
-from sgms_observer.settings.observer import CompensationSettings
+from sgms_observer.settings.axis import CompensationSettings
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
 limits = st.floats(min_value=0.0, max_value=1e6)

@@ -8,7 +8,7 @@ import pytest
 import workflow_case
 from workflow_case import AXIS, record
 
-from sgms_observer.application.recording_use import refuse_learnt_from
+from sgms_observer.application.bag_info import refuse_learnt_from
 from sgms_observer.diagnosis import workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.compensation_check import CompensationCheck

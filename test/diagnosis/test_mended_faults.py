@@ -18,7 +18,7 @@ from sgms_observer.diagnosis.motion import HELD_LAG, delayed, fast_length, motio
 from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.diagnosis.sliding_force import start_logs, total_force_logs
-from sgms_observer.formulas.effects_force import flexible_mode_next
+from sgms_observer.formulas.effects import flexible_mode_next
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 

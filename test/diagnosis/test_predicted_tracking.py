@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sgms_observer.application.predicted_tracking import predict_tracking
+from sgms_observer.application.diagnose import predict_tracking
 from sgms_observer.diagnosis.compensation_check import check_compensation
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import improvement

@@ -11,9 +11,7 @@ from sgms_observer.diagnosis.gap import noise_floors, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.offline.recording import Recording
-from sgms_observer.settings.axis import AxisSettings, EffectSettings
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.stage import EncoderSettings, StageSettings
+from sgms_observer.settings.axis import AxisSettings, EffectSettings, EncoderSettings, FrictionSettings, StageSettings
 
 PERIOD = 1.0e-3
 FRICTION = FrictionSettings(

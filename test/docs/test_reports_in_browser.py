@@ -17,10 +17,8 @@ from looks import check_report
 
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
-from sgms_observer.report.colours import light
-from sgms_observer.report.drawing import sheet
-from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Section, Table, write_page
-from sgms_observer.report.time_plot import Line, Panel, time_plot
+from sgms_observer.report.drawing import Line, Panel, sheet, time_plot
+from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Section, Table, light, write_page
 from sgms_observer.settings.load import load_settings
 
 ROOT = Path(__file__).resolve().parents[2]

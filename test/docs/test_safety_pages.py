@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from sgms_observer.application.commission import compensate, guard
+from sgms_observer.application.commission import compensate, table
 from sgms_observer.application.commission.next_experiment import MOST_EXPERIMENTS
 from sgms_observer.application.commission.run import STEPS
 from sgms_observer.application.commission.session import REPEATS
-from sgms_observer.application.parameter_template import FIRST_LIMIT_SHARE
+from sgms_observer.application.init import FIRST_LIMIT_SHARE
+from sgms_observer.settings.axis import CompensationSettings
 from sgms_observer.settings.load import load_settings
-from sgms_observer.settings.observer import CompensationSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]}
@@ -100,9 +100,9 @@ def test_commission_page_gives_the_bounds_of_its_guard() -> None:
     text = _flat("commission.md")
     for sentence in (
         f"stops arriving for {table_link._SILENCE:g} s",
-        f"leaves the stroke by more than {100 * guard.STROKE_MARGIN:g} %",
-        f"moves more than {guard.SPEED_MARGIN:g} times faster than allowed",
-        f"further than {100 * guard.LARGEST_LAG:g} % of the stroke from its reference",
+        f"leaves the stroke by more than {100 * table.STROKE_MARGIN:g} %",
+        f"moves more than {table.SPEED_MARGIN:g} times faster than allowed",
+        f"further than {100 * table.LARGEST_LAG:g} % of the stroke from its reference",
         f"is played again, {NUMBERS[REPEATS]} times at most",
         f"{NUMBERS[MOST_EXPERIMENTS]} times at most | `recordings/experiment_1`",
         f"beyond {compensate.WORSE_PEAK:g} times the peak without it",

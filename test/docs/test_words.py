@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sgms_observer.cli import registry
+from sgms_observer.cli.main import COMMANDS, load_command, main
 from sgms_observer.observer.outgoing import HORIZON, JOINT_STATE_TOPICS, PARAMETERS
 from sgms_observer.settings.axis import AxisSettings
 
@@ -30,7 +30,7 @@ def _blocks(text: str) -> list[str]:
 
 def _options(name: str) -> set[str]:
     """Return the options of a command."""
-    command = registry.load(name)
+    command = load_command(name)
     assert command is not None
     parser = argparse.ArgumentParser()
     command.add_arguments(parser)
@@ -59,17 +59,15 @@ def test_commands_take_the_options_they_are_shown_with(page: Path) -> None:
     shown = re.findall(r"^(?:ros2 run sgms_observer )?sgms (.+)$", "\n".join(_blocks(TEXTS[page])), re.MULTILINE)
     shown += re.findall(r"`sgms ([^`]+)`", TEXTS[page])
     for words in (line.split() for line in shown if not line.startswith("…")):  # … stands for any command in messages
-        if words[0] in registry.COMMANDS:
+        if words[0] in COMMANDS:
             used = {word.split("=")[0] for word in words[1:] if word.startswith("--")}
             assert used - {"--help", "--version"} <= _options(words[0]), words
         else:
-            assert words[0] in registry.COMMANDS or words[0].startswith("-"), words
+            assert words[0] in COMMANDS or words[0].startswith("-"), words
 
 
-@pytest.mark.parametrize("name", registry.COMMANDS)
+@pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_has_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    from sgms_observer.cli.main import main
-
     with pytest.raises(SystemExit) as left:
         main([name, "--help"])
     assert left.value.code == 0
@@ -81,7 +79,7 @@ def test_every_command_has_help(name: str, capsys: pytest.CaptureFixture[str]) -
 
 def test_commands_page_lists_every_command() -> None:
     table = TEXTS[ROOT / "docs" / "commands.md"].split("\n## ")[0]
-    assert set(re.findall(r"`sgms (\w+)", table)) == set(registry.COMMANDS)
+    assert set(re.findall(r"`sgms (\w+)", table)) == set(COMMANDS)
 
 
 def test_readme_lists_every_topic_of_the_observer() -> None:
@@ -125,7 +123,7 @@ def test_changelog_is_current() -> None:
     text = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
     newest = re.findall(r"^(Forthcoming|\d+\.\d+\.\d+)", text, re.MULTILINE)[0]
     assert newest in ("Forthcoming", sgms_observer.__version__)
-    assert [name for name in registry.COMMANDS if f"sgms {name}" not in text] == []
+    assert [name for name in COMMANDS if f"sgms {name}" not in text] == []
 
 
 def test_no_path_of_a_machine_is_in_the_repository() -> None:

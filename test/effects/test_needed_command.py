@@ -5,7 +5,7 @@ import pytest
 
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.formulas import vectorised
-from sgms_observer.formulas.effects_path import SOFT_SHARE
+from sgms_observer.formulas.effects import SOFT_SHARE
 from sgms_observer.settings.axis import EffectSettings
 
 PERIOD = 1e-3
@@ -49,7 +49,7 @@ def test_an_axis_without_such_effects_commands_the_force_itself() -> None:
 
 
 def test_the_inverse_formulas_are_written_once() -> None:
-    formulas = vectorised("effects_path")
+    formulas = vectorised("effects")
     force = np.linspace(-5.0, 5.0, 77)
     for name in ("actuator_gain", "actuator_saturation", "actuator_dead_zone"):
         expected = getattr(formulas, f"{name}_command")(force, PATH[name])

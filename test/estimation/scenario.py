@@ -8,8 +8,7 @@ import numpy as np
 
 from sgms_observer.estimators.estimator import Estimator, Results
 from sgms_observer.filters.motion import Motion, known_motion
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import EstimatorSettings
+from sgms_observer.settings.axis import EstimatorSettings, FrictionSettings
 
 PERIOD = 1e-4
 MASS = 10.0

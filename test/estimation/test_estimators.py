@@ -10,7 +10,7 @@ from sgms_observer.estimators import block
 from sgms_observer.estimators.estimator import Estimator
 from sgms_observer.estimators.memory import COUNT
 from sgms_observer.filters.motion import Motion, known_motion
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.axis import FrictionSettings
 from sgms_observer.status import Status
 
 NOISE = 0.1

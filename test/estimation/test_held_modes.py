@@ -9,8 +9,7 @@ from sgms_observer.bench.problem import MASS, PERIOD, make_problem
 from sgms_observer.estimators.estimator import Estimator, Results
 from sgms_observer.filters.motion import known_motion
 from sgms_observer.friction.gms import SLIPS, STICKS, gms_branch, gms_step, gms_step_in_branch
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import EstimatorSettings
+from sgms_observer.settings.axis import EstimatorSettings, FrictionSettings
 
 STIFFNESS, FRACTION, LEVEL, RATE = 0.71e6, 0.3, 4.0, 50.0
 LIMIT = FRACTION * LEVEL

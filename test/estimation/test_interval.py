@@ -7,8 +7,7 @@ import pytest
 
 from sgms_observer.estimators.interval import effort_slopes, predict_effort, simulate_interval
 from sgms_observer.estimators.layout import apply_parameters, model_arrays, parameter_arrays
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import ESTIMABLE, EstimatorSettings
+from sgms_observer.settings.axis import ESTIMABLE, EstimatorSettings, FrictionSettings
 
 N_Z = 4
 MODELS = [

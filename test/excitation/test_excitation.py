@@ -15,8 +15,7 @@ from sgms_observer.excitation.limits import CAUTIOUS_LIMITS, ExcitationLimits
 from sgms_observer.excitation.reference import design_excitation
 from sgms_observer.excitation.segments import Place, library
 from sgms_observer.excitation.sensitivity import Sensitivity, contacts
-from sgms_observer.settings.axis import AxisSettings, EffectSettings
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.axis import AxisSettings, EffectSettings, FrictionSettings
 from sgms_observer.settings.units import REVOLUTE
 
 AXIS = AxisSettings(effects=(EffectSettings("offset", (0.2,)),))

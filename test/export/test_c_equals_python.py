@@ -12,10 +12,16 @@ from c_build import COMPILERS, SANITIZED, STRICT, assert_equal, can_sanitize, ex
 
 from sgms_observer.effects.catalogue import BUILT_IN, effect
 from sgms_observer.effects.effect import Effect, EffectParameter, flat_values
-from sgms_observer.settings.axis import AxisSettings, EffectSettings
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.axis import (
+    ESTIMABLE,
+    AxisSettings,
+    CompensationSettings,
+    EffectSettings,
+    EstimatorSettings,
+    FilterSettings,
+    FrictionSettings,
+)
 from sgms_observer.settings.load import load_settings
-from sgms_observer.settings.observer import ESTIMABLE, CompensationSettings, EstimatorSettings, FilterSettings
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 pytestmark = pytest.mark.skipif(None in (shutil.which("gcc"), shutil.which("make")), reason="needs gcc and make")

@@ -15,10 +15,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from sgms_observer.export.c_target import c_files
-from sgms_observer.export.ros2_control_target import PACKAGE, controller_files
-from sgms_observer.settings.axis import AxisSettings, Settings
-from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings
+from sgms_observer.export.c_target import PACKAGE, c_files, controller_files
+from sgms_observer.settings.axis import AxisSettings, CompensationSettings, EstimatorSettings, Settings
 
 AXIS = AxisSettings(estimator=EstimatorSettings(kind="ekf"), compensation=CompensationSettings(enabled=True, gain=1.0))
 

@@ -13,9 +13,15 @@ import pytest
 
 from sgms_observer.export.fmu_target import write_fmu
 from sgms_observer.export.fmu_variables import base_exponents
-from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.stage import EncoderSettings, ReferenceSettings, StageSettings
+from sgms_observer.settings.axis import (
+    AxisSettings,
+    EffectSettings,
+    EncoderSettings,
+    FrictionSettings,
+    ReferenceSettings,
+    Settings,
+    StageSettings,
+)
 from sim_plant.reference import make_reference
 from sim_plant.stage import SimulatedStage
 

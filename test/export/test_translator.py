@@ -18,8 +18,7 @@ from sgms_observer.errors import ConfigurationError
 from sgms_observer.export.program import source_of
 from sgms_observer.export.translator import Translator
 from sgms_observer.export.values import REAL, Array, Value
-from sgms_observer.settings.axis import AxisSettings, EffectSettings
-from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings
+from sgms_observer.settings.axis import AxisSettings, CompensationSettings, EffectSettings, EstimatorSettings
 
 AXIS = AxisSettings(estimator=EstimatorSettings(kind="ekf"), compensation=CompensationSettings(enabled=True))
 SOFT = 1.0e-3

@@ -26,7 +26,7 @@ from sgms_observer.bags.diagnostics_cdr import DiagnosticStatus, decode_diagnost
 from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli import main as command_line
-from sgms_observer.cli import registry
+from sgms_observer.cli.main import COMMANDS
 from sgms_observer.errors import ConfigurationError, SgmsError
 from sgms_observer.settings import load
 from sgms_observer.settings.arguments import read_arguments
@@ -229,11 +229,11 @@ def column_maps(folder: Path) -> Iterator[Case]:
 def command_lines(folder: Path) -> Iterator[Case]:
     """Command lines of ``sgms``; the commands themselves do nothing here."""
     words = ["--config", "--out", "--map", "--help", "--duration", "--seed", "--storage", "mcap", "x.yaml", "-1", "nan"]
-    words += [*registry.COMMANDS, "--rate", "--topic", "position=/p", "--holdout", "--axis", "--wrong", "", "--", "-v"]
+    words += [*COMMANDS, "--rate", "--topic", "position=/p", "--holdout", "--axis", "--wrong", "", "--", "-v"]
     for chance in chances():
         given = chance.choices(words, k=chance.randint(0, 6))
         if chance.random() < 0.7:
-            given.insert(0, chance.choice(list(registry.COMMANDS)))
+            given.insert(0, chance.choice(list(COMMANDS)))
         if chance.random() < 0.3:
             given = [slip(chance, word) for word in given]
         yield lambda arguments=tuple(given): _parse(arguments)
@@ -274,8 +274,8 @@ def chances() -> Iterator[random.Random]:
 @pytest.mark.parametrize("cases", PARSERS, ids=lambda cases: cases.__name__)
 def test_any_input(cases: Callable[[Path], Iterator[Case]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if cases is command_lines:
-        real = {name: registry.load(name) for name in registry.COMMANDS}
-        monkeypatch.setattr(registry, "load", lambda name: _idle(real[name]))
+        real = {name: command_line.load_command(name) for name in COMMANDS}
+        monkeypatch.setattr(command_line, "load_command", lambda name: _idle(real[name]))
         monkeypatch.setattr(command_line, "build_parser", cache(command_line.build_parser))  # else the most of the time
     answers = 0
     for number, case in enumerate(cases(tmp_path)):
@@ -293,7 +293,7 @@ def test_any_input(cases: Callable[[Path], Iterator[Case]], tmp_path: Path, monk
     assert answers > 0
 
 
-def _idle(command: registry.Command | None) -> registry.Command | None:
+def _idle(command: command_line.Command | None) -> command_line.Command | None:
     """Return a command that declares its arguments and does nothing."""
     if command is None:
         return None

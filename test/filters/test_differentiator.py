@@ -9,7 +9,7 @@ import pytest
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.filters.differentiator import Differentiator, effort_noise_gain, window_samples
-from sgms_observer.settings.observer import FilterSettings
+from sgms_observer.settings.axis import FilterSettings
 
 KINDS = ("lowpass", "savgol", "kalman")
 START_NS = 1_700_000_000_123_456_789

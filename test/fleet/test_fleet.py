@@ -16,9 +16,8 @@ from sgms_observer.bags.source import BagReader
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main
 from sgms_observer.errors import ConfigurationError, DataError
-from sgms_observer.fleet import job_processes
-from sgms_observer.fleet.job_processes import run_jobs
-from sgms_observer.fleet.jobs import Outcome, ReplayJob, job_names, run_job
+from sgms_observer.fleet import jobs as fleet_jobs
+from sgms_observer.fleet.jobs import Outcome, ReplayJob, job_names, run_job, run_jobs
 from sgms_observer.fleet.summary import write_summary
 
 YAML = """/**:
@@ -168,7 +167,7 @@ def test_a_process_that_dies_costs_its_own_job_only(fleet: Path, tmp_path: Path)
 
 
 def test_wrong_places_for_jobs_are_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(job_processes, "_CONNECT", 1.0)
+    monkeypatch.setattr(fleet_jobs, "_CONNECT", 1.0)
     with pytest.raises(ConfigurationError, match="--workers -1"):
         run_jobs([], -1, None, lambda done: None)
     if pytest.importorskip("dask.distributed"):

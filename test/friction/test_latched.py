@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from latched_element import latched_step_with_slopes
 
 from sgms_observer.friction.gms import gms_step
-from sgms_observer.friction.latched import latched_step_with_slopes
 
 STEP = {"period": 1e-4, "fraction": 0.2, "rate": 50.0}
 

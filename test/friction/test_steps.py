@@ -16,7 +16,7 @@ from sgms_observer.formulas import friction as formulas
 from sgms_observer.formulas import vectorised
 from sgms_observer.friction.gms import gms_rate, gms_step, gms_step_with_slopes
 from sgms_observer.friction.sgms import sgms_rate, sgms_ratio, sgms_step_with_slopes
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.axis import FrictionSettings
 
 _NEEDS_CASADI = pytest.mark.skipif(importlib.util.find_spec("casadi") is None, reason="CasADi is not installed")
 PERIODS = (1e-4, 1e-3)

@@ -17,10 +17,17 @@ from sgms_observer.identification.identify import Identification, IdentifyOption
 from sgms_observer.identification.problem import ELEMENTS, RELAXATION, Parameters
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.offline.recording import Recording, recordings_from_samples
-from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.axis import (
+    AxisSettings,
+    ControllerSettings,
+    EffectSettings,
+    EncoderSettings,
+    FrictionSettings,
+    ReferenceSettings,
+    Settings,
+    StageSettings,
+)
 from sgms_observer.settings.load import load_settings
-from sgms_observer.settings.stage import ControllerSettings, EncoderSettings, ReferenceSettings, StageSettings
 from sgms_observer.settings.write import write_settings
 from sim_plant.closed_loop import ClosedLoop
 from sim_plant.table import SimulatedTable

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sgms_observer.identification.simulation import ElementShape, friction_and_slopes
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.identification.problem import ElementShape, friction_and_slopes
+from sgms_observer.settings.axis import FrictionSettings
 
 KAPPA = np.array([12.0e6, 2.5e6, 0.71e6, 0.79e6])
 LEVEL = 4.0 * np.array([0.067, 0.056, 0.047, 0.83])

@@ -10,8 +10,7 @@ import pytest
 pytest.importorskip("std_msgs.msg")
 
 from sgms_observer.nodes import topics
-from sgms_observer.settings.axis import AxisSettings, Settings
-from sgms_observer.settings.observer import CompensationSettings
+from sgms_observer.settings.axis import AxisSettings, CompensationSettings, Settings
 
 
 def test_late_commands_go_to_zero_and_back_within_the_slew_limit(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,9 +21,8 @@ from ros_fixtures import Start
 from ros_graph import Graph, NodeProcess, wait_until
 from start_file import WINDOW, start_file
 
-from sgms_observer.application.commission.ledger import DONE, Ledger
 from sgms_observer.application.commission.motion import representative_motion
-from sgms_observer.application.commission.session import Plan, Request
+from sgms_observer.application.commission.session import DONE, Ledger, Plan, Request
 from sgms_observer.application.commission.table import HeldUp
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
 from sgms_observer.nodes.axis_listener import AxisListener

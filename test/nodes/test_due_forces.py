@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sgms_observer.compensation.horizon import Horizon
-from sgms_observer.nodes.due_forces import DueForces
+from sgms_observer.nodes.pace import DueForces
 
 MS = 1_000_000
 

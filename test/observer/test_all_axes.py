@@ -11,9 +11,8 @@ from sgms_observer.errors import ConfigurationError
 from sgms_observer.observer.all_axes import MAX_AGE_NS, AllAxes
 from sgms_observer.observer.axis_observer import AxisObserver, OtherMotion
 from sgms_observer.observer.samples import Estimates, Samples
-from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings, coupled_number
+from sgms_observer.settings.axis import AxisSettings, CompensationSettings, EffectSettings, Settings, coupled_number
 from sgms_observer.settings.load import settings_from_tree
-from sgms_observer.settings.observer import CompensationSettings
 
 PERIOD = 1e-3
 COUNT = 1200

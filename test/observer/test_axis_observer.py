@@ -10,8 +10,13 @@ import pytest
 
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates, Samples
-from sgms_observer.settings.axis import AxisSettings, EffectSettings
-from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings, FilterSettings
+from sgms_observer.settings.axis import (
+    AxisSettings,
+    CompensationSettings,
+    EffectSettings,
+    EstimatorSettings,
+    FilterSettings,
+)
 from sgms_observer.status import Status
 
 PERIOD = 1e-4

@@ -40,7 +40,7 @@ from sgms_observer.jit import HAS_NUMBA
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
-from sgms_observer.settings.observer import EstimatorSettings
+from sgms_observer.settings.axis import EstimatorSettings
 
 assert HAS_NUMBA == (sys.argv[1] == "compiled")
 axis = AxisSettings(estimator=EstimatorSettings(parameters=("kappa",)), effects=(EffectSettings("cogging"),))

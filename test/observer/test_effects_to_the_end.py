@@ -16,10 +16,18 @@ import pytest
 from sgms_observer.effects.catalogue import BUILT_IN
 from sgms_observer.effects.learnt_map import LearntMap
 from sgms_observer.observer.all_axes import AllAxes
-from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
-from sgms_observer.settings.friction import FrictionSettings
-from sgms_observer.settings.observer import CompensationSettings, EstimatorSettings
-from sgms_observer.settings.stage import ControllerSettings, EncoderSettings, ReferenceSettings, StageSettings
+from sgms_observer.settings.axis import (
+    AxisSettings,
+    CompensationSettings,
+    ControllerSettings,
+    EffectSettings,
+    EncoderSettings,
+    EstimatorSettings,
+    FrictionSettings,
+    ReferenceSettings,
+    Settings,
+    StageSettings,
+)
 from sim_plant.closed_loop import ClosedLoop
 from sim_plant.table import SimulatedTable
 

@@ -7,7 +7,7 @@ import pytest
 
 from sgms_observer.paper import conditions, table
 from sgms_observer.paper.conditions import CHOSEN, ESTIMATORS, MODELS, PAPER, ROWS
-from sgms_observer.settings.friction import FrictionSettings
+from sgms_observer.settings.axis import FrictionSettings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.shipped import shipped_file
 

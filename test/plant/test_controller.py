@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from sgms_observer.settings.stage import ControllerSettings
-from sim_plant.controller import ControllerGains, ControllerMemory, control, controller_gains
+from sgms_observer.settings.axis import ControllerSettings
+from sim_plant.kernel import ControllerGains, ControllerMemory, control, controller_gains
 
 PERIOD = 1e-4
 START = ControllerMemory(math.nan, 0.0, 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from stages import paper_axis, with_reference
 
-from sim_plant.followed_reference import COAST, FollowedReference
+from sim_plant.reference import COAST, FollowedReference
 from sim_plant.stage import SimulatedStage
 
 PERIOD = 1.0e-3

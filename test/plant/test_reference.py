@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.stage import ReferenceSettings
+from sgms_observer.settings.axis import ReferenceSettings
 from sim_plant.reference import Reference, make_reference
 
 LIMITS = {"velocity": 0.05, "acceleration": 1.0, "jerk": 50.0}

@@ -14,8 +14,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from stages import paper_axis, with_controller, with_reference
 
-from sgms_observer.settings.axis import AxisSettings, EffectSettings, Settings
-from sgms_observer.settings.stage import EncoderSettings
+from sgms_observer.settings.axis import AxisSettings, EffectSettings, EncoderSettings, Settings
 from sim_plant.record import StageRecord, join_records
 from sim_plant.stage import SimulatedStage
 from sim_plant.table import SimulatedTable

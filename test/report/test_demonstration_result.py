@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from sgms_observer.report.demonstration_result import (
+from sgms_observer.report.demonstration import (
     LEAST_RECORDED,
     Half,
     axis_result,

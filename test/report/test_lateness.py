@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sgms_observer.report.lateness import RECOVERY, Sent, judge_lateness
+from sgms_observer.report.recorded import RECOVERY, Sent, judge_lateness
 
 MS = 1_000_000
 

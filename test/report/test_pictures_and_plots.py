@@ -9,10 +9,18 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from sgms_observer.report.colours import COLOURS
-from sgms_observer.report.drawing import ESTIMATE, sheet
+from sgms_observer.report.drawing import (
+    ESTIMATE,
+    Line,
+    Panel,
+    extreme_rows,
+    one_after_another,
+    sheet,
+    time_plot,
+    with_holes,
+)
 from sgms_observer.report.friction_pictures import binned, position_bins, residual_over_position, stribeck_points
-from sgms_observer.report.time_plot import Line, Panel, extreme_rows, one_after_another, time_plot, with_holes
+from sgms_observer.report.page import COLOURS
 from sgms_observer.settings.units import Units
 
 

@@ -13,7 +13,7 @@ from looks import check_report
 
 from sgms_observer.cli.main import main
 from sgms_observer.observer.samples import Samples
-from sgms_observer.report.replay_view import AxisView
+from sgms_observer.report.replayed import AxisView
 from sgms_observer.settings.load import load_settings
 
 _CONFIG = """/**:

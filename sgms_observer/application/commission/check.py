@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 
-from sgms_observer.application.commission.guard import WRONG_SIGN, Guard, stall
 from sgms_observer.application.commission.motion import Motion, sign_motion
 from sgms_observer.application.commission.session import Session
-from sgms_observer.application.commission.table import LEAD, Topics
+from sgms_observer.application.commission.table import LEAD, WRONG_SIGN, Guard, Topics, stall
 from sgms_observer.application.commission.tracking import LONGEST_DELAY, Tracker
 from sgms_observer.errors import ConfigurationError, DataError
 from sgms_observer.settings.axis import AxisSettings
@@ -69,9 +68,6 @@ def topic_faults(topics: Topics, axis: AxisSettings, period: float) -> list[str]
 
 def connect(session: Session) -> str:
     """Check what can be checked without a motion; remember where the axis stands.
-
-    Args:
-        session: the session.
 
     Returns:
         What was found, one sentence.

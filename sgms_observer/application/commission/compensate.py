@@ -50,11 +50,7 @@ class TrackingWatch:
         return self.worst > WORSE_PEAK * self._largest
 
     def __call__(self, heard: Heard) -> None:
-        """Look at the newest samples.
-
-        Args:
-            heard: the samples.
-        """
+        """Look at the newest samples."""
         if self.has_released or not len(heard.time):
             return
         samples = heard.samples
@@ -99,7 +95,7 @@ def compensate(session: Session) -> Found:
     """Raise the gain step by step while the tracking error falls; zero at once if it does not."""
     ledger, axis = session.ledger, session.axis
     readable = axis.units.readable
-    ensure_observer(session)
+    _ensure_observer(session)
     motion = load_motion(session, OWN_MOTION)
     session.confirm_motion(motion, f"compensation, {len(GAIN_STEPS)} times with rising gain")
     baseline = ledger.facts["baseline"]
@@ -135,7 +131,7 @@ def before_and_after(session: Session) -> Found:
     """Play the user's own motion without and with the compensation, one right after the other."""
     ledger, readable = session.ledger, session.axis.units.readable
     gain = float(ledger.facts["gain"])
-    ensure_observer(session)
+    _ensure_observer(session)
     motion = load_motion(session, OWN_MOTION)
     session.confirm_motion(motion, "own motion, twice: without and with compensation")
     before = session.record(motion, BEFORE_BAG).tracking()
@@ -143,7 +139,7 @@ def before_and_after(session: Session) -> Found:
         session.table.compensate(gain)
     after = session.record(motion, AFTER_BAG, TrackingWatch(session, before.peak)).tracking()
     session.table.compensate(0.0)
-    ledger.tracking = tracking_json(before, after, session.axis.units.position)
+    ledger.tracking = _tracking_json(before, after, session.axis.units.position)
     ledger.is_usable = gain > 0.0 and after.rms < MIN_IMPROVEMENT * before.rms and after.peak <= before.peak
     return (
         f"tracking error {readable(before.rms)} rms, {readable(before.peak)} peak without compensation;"
@@ -153,14 +149,8 @@ def before_and_after(session: Session) -> Found:
     )
 
 
-def tracking_json(before: Tracking, after: Tracking, unit: str) -> dict[str, Any]:
-    """Return the part of commission.json.
-
-    Args:
-        before: without compensation.
-        after: with it.
-        unit: of both.
-    """
+def _tracking_json(before: Tracking, after: Tracking, unit: str) -> dict[str, Any]:
+    """Return the part of commission.json that compares tracking errors, in ``unit``."""
     return {
         "rms_before": before.rms,
         "rms_after": after.rms,
@@ -170,11 +160,7 @@ def tracking_json(before: Tracking, after: Tracking, unit: str) -> dict[str, Any
     }
 
 
-def ensure_observer(session: Session) -> None:
-    """Start the observer, unless an earlier step of this run did.
-
-    Args:
-        session: the session.
-    """
+def _ensure_observer(session: Session) -> None:
+    """Start the observer, unless an earlier step of this run did."""
     if not session.table.has_observer:
         session.table.start_observer(session.path(CANDIDATE))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sgms_observer.application.commission.motion import (
     Motion,
@@ -19,7 +20,6 @@ from sgms_observer.application.commission.motion import (
     read_motion,
     representative_motion,
 )
-from sgms_observer.application.commission.own_motion import own_rows
 from sgms_observer.application.commission.session import (
     EXCITATION,
     IDENTIFIED,
@@ -30,16 +30,46 @@ from sgms_observer.application.commission.session import (
 )
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.identify import IdentifyJob, identify_bags
+from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.diagnosis.fit import data_with_own_noise
 from sgms_observer.diagnosis.gap import WeightedResidual, effort_rms, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
-from sgms_observer.errors import DataError
+from sgms_observer.errors import ConfigurationError, DataError, RecordingError
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import read_recordings
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.write import write_settings
+
+Floats = NDArray[np.float64]
+
+
+def own_rows(path: Path, axis: AxisSettings) -> tuple[Floats, Floats]:
+    """Return times [s] and set-points [m] of a motion.
+
+    Args:
+        path: a bag with ``reference``, or a CSV with the columns time [s] and position [SI units].
+        axis: the axis.
+
+    Raises:
+        ConfigurationError: the bag has no reference of the axis.
+        RecordingError: it cannot be read.
+    """
+    if path.suffix == ".csv":
+        try:
+            rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+        except (OSError, ValueError) as error:
+            raise RecordingError(f"{path} cannot be read: {error}; give a CSV as sgms excite writes it") from None
+        return rows[:, 0], rows[:, 1]
+    states = read_joint_states(path, "reference")
+    if axis.name not in states.names or not states.stamp_ns.size:
+        raise ConfigurationError([f"{path} has no reference of axis {axis.name}; record one with the topic reference"])
+    stamps, rows_of = np.unique(states.stamp_ns, return_index=True)
+    position = axis.position_scale * states.position[rows_of, states.names.index(axis.name)]
+    known = np.isfinite(position)
+    return (stamps[known] - stamps[0]) * 1e-9, position[known]
+
 
 LONGEST_RECORD, RECORD_SHARE = 25.0, 0.08
 """Length of the recording to learn from [s], and at most this share of the time for everything."""
@@ -127,10 +157,6 @@ def _without_new_offset(session: Session, found: AxisSettings) -> str:
 
     While the axis slides, an offset stands for every force that depends on the direction. The diagnosis says which one
     it is, and what else it may be; an offset in its file would hide that.
-
-    Args:
-        session: the session.
-        found: the identified axis.
     """
     own = {item.name for item in session.axis.effects}
     kept = [item.name for item in found.effects if item.name != OFFSET or item.name in own]
@@ -187,12 +213,7 @@ def diagnose_bags_of(session: Session, bags: Sequence[str], out: str) -> Found:
 
 
 def residual_of(bag: str, axis: AxisSettings) -> WeightedResidual:
-    """Return the residual of a model in a recording, as the gap counts it.
-
-    Args:
-        bag: the recording.
-        axis: the model.
-    """
+    """Return the residual of a model in a recording, as the gap counts it."""
     pieces = list(read_recordings(bag, axis))
     if not pieces:
         raise DataError(f"{bag} holds no usable recording of axis {axis.name}; record again")
@@ -203,23 +224,13 @@ def residual_of(bag: str, axis: AxisSettings) -> WeightedResidual:
 
 
 def unexplained(bag: str, axis: AxisSettings) -> float:
-    """Return the gap of a model: rms of measured minus predicted effort over the rms effort of a recording.
-
-    Args:
-        bag: the recording.
-        axis: the model.
-    """
+    """Return the gap of a model: rms of measured minus predicted effort over the rms effort of a recording."""
     rest = residual_of(bag, axis)
     return rest.rms / effort_rms(rest.motions, rest.weights)
 
 
 def load_motion(session: Session, name: str) -> Motion:
-    """Return a motion that an earlier step wrote.
-
-    Args:
-        session: the session.
-        name: of the file.
-    """
+    """Return a motion that an earlier step wrote."""
     rows = np.loadtxt(session.path(name), delimiter=",", skiprows=1, ndmin=2)
     return Motion(session.plan.settings.sample_period, rows[:, 1])
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.excitation.limits import ExcitationLimits
-from sgms_observer.excitation.track import Track
+from sgms_observer.excitation.limits import ExcitationLimits, Track
 from sim_plant.reference_file import write_reference_file
 
 Floats = NDArray[np.float64]
@@ -76,11 +75,7 @@ class Motion:
         return Motion(self.period, np.concatenate([other.position, self.position[1:]]))
 
     def write(self, path: Path) -> None:
-        """Write it as CSV, as ``sgms excite`` does, relative to the middle of the stroke.
-
-        Args:
-            path: the file.
-        """
+        """Write it as CSV, as ``sgms excite`` does, relative to the middle of the stroke."""
         time = np.asarray(self.period * np.arange(len(self.position)), np.float64)
         write_reference_file(path, time, self.position, self.velocity)
 

@@ -46,12 +46,7 @@ class Experiment:
 
 
 def ambiguous_sets(effects: Sequence[Mapping[str, Any]], axis: AxisSettings) -> list[tuple[str, ...]]:
-    """Return the sets of effects that a motion may tell apart: each effect with all its rivals, then with each of them.
-
-    Args:
-        effects: as in result.json.
-        axis: settings.
-    """
+    """Return the sets of effects that a motion may tell apart: each effect with all its rivals, then with each."""
     found: list[tuple[str, ...]] = []
     for effect in effects:
         name, rivals = effect["name"], effect["alternatives"]
@@ -65,12 +60,7 @@ def ambiguous_sets(effects: Sequence[Mapping[str, Any]], axis: AxisSettings) -> 
 
 
 def with_noise_of(bag: str, axis: AxisSettings) -> AxisSettings:
-    """Return the model with the rms residual that it leaves in a recording as its ``estimator.measurement_std``.
-
-    Args:
-        bag: the recording.
-        axis: the model.
-    """
+    """Return the model with the rms residual that it leaves in a recording as its ``estimator.measurement_std``."""
     rest = residual_of(bag, axis)
     noise = max(rest.rms, MIN_NOISE_SHARE * effort_rms(rest.motions, rest.weights))
     return replace(axis, estimator=replace(axis.estimator, measurement_std=noise))

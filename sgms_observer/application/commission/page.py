@@ -9,7 +9,7 @@ from sgms_observer.application.commission.learn import CLEARLY_BETTER, Found
 from sgms_observer.application.commission.session import AFTER_BAG, BEFORE_BAG, REPORT, Session
 from sgms_observer.application.commission.tracking import Tracking, recorded_tracking
 from sgms_observer.effects.catalogue import effect as entry_of
-from sgms_observer.report.demonstration_result import change
+from sgms_observer.report.demonstration import change
 from sgms_observer.report.drawing import ESTIMATE, MEASURED, sheet
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Section, Table, write_page
 from sgms_observer.report.run_pictures import draw_line
@@ -64,11 +64,7 @@ def _lights(session: Session) -> tuple[Light, ...]:
 
 
 def headline(session: Session) -> str:
-    """Return the result in one sentence.
-
-    Args:
-        session: the session.
-    """
+    """Return the result in one sentence."""
     tracking, axis = session.ledger.tracking, session.axis
     names = ", ".join(effect["name"] for effect in session.ledger.effects) or "no further effect"
     if not tracking:

@@ -8,9 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from sgms_observer.application.commission import check, compensate, learn, page
-from sgms_observer.application.commission.ledger import DONE, FAILED, SKIPPED, Ledger
 from sgms_observer.application.commission.next_experiment import next_experiment
-from sgms_observer.application.commission.session import Session
+from sgms_observer.application.commission.session import DONE, FAILED, SKIPPED, Ledger, Session
 from sgms_observer.errors import SgmsError
 
 TIME_IS_OVER = "not begun, because the time of --time is over; start again to go on from here"

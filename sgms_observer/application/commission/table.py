@@ -1,7 +1,8 @@
-"""What a commissioning asks of the table; ``nodes.table_link`` does it on the ROS graph."""
+"""What a commissioning asks of the table, and what stops a motion: a limit, a stall, a wrong sign. No ROS in here."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,9 @@ from numpy.typing import NDArray
 
 from sgms_observer.application.commission.motion import Motion
 from sgms_observer.errors import DataError
+from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.observer.samples import Samples
+from sgms_observer.settings.axis import AxisSettings
 
 LEAD = 0.2
 """How long before its stamp a set-point is sent [s], to a table that follows set-points at their stamps."""
@@ -130,3 +133,146 @@ class Table(Protocol):
     def delays(self) -> tuple[float, float]:
         """Return the median and the 99th percentile of the time from a sample to its compensation [s]."""
         ...
+
+
+STROKE_MARGIN = 0.05
+"""How far beyond the stroke a position may be, as a share of it: overshoot, not more."""
+SPEED_MARGIN = 1.5
+"""How much faster than the allowed speed an axis may be, for the ripple of a controller."""
+SPEED_WINDOW = 0.02
+"""Time over which the speed is taken [s]: longer than an encoder's step at any rate."""
+LARGEST_LAG = 0.05
+"""Following error that counts as not following, as a share of the stroke."""
+STALL_SHARE = 0.1
+"""An axis that goes less than this share of its set-point's way stalls."""
+STALL_WAY = 0.01
+"""Way of the set-point over which a stall is judged, as a share of the stroke."""
+LONGEST_GAP = 0.1
+"""Longest time between two stamps of the position [s]: behind a longer one the set-point has jumped."""
+WRONG_SIGN = -0.2
+"""Correlation of effort and velocity below which the effort is reversed: friction takes power, it gives none."""
+
+
+def stall(axis: AxisSettings, way: float, gone: float) -> DataError:
+    """Return the sentence about an axis that does not move as it is told.
+
+    Args:
+        axis: the axis.
+        way: what the reference went [m].
+        gone: what the axis went [m].
+    """
+    readable = axis.units.readable
+    return DataError(
+        f"axis {axis.name} stalls: the reference went {readable(way)} and the axis {readable(gone)}; the motion was"
+        " stopped; check that the drive is enabled, follows reference and has enough force"
+    )
+
+
+class Guard:
+    """Looks at every sample of a motion.
+
+    Args:
+        axis: the axis.
+        limits: what the table may do.
+        origin: middle of the stroke [m].
+        delay: how long after its stamp the table follows a set-point [s].
+        slack: way that the axis may be ahead or behind beyond what is usual [m], while the delay is not known yet.
+    """
+
+    def __init__(
+        self, axis: AxisSettings, limits: ExcitationLimits, origin: float, delay: float, slack: float = 0.0
+    ) -> None:
+        self._axis, self._limits, self._origin, self._delay = axis, limits, origin, delay
+        self._stall_way = STALL_WAY * limits.stroke + slack
+        self._largest_lag = LARGEST_LAG * limits.stroke + slack
+        self._kept = np.zeros((3, 0))  # stamp [s], position, set-point
+        self._first_ns: int | None = None
+        self._latest_ns: int | None = None
+        self._way_from: tuple[float, float] | None = None
+        self._power = np.zeros(3)  # sums of effort times velocity, effort squared, velocity squared
+
+    @property
+    def sign(self) -> float:
+        """Return the correlation of effort and velocity of the set-point so far [-]."""
+        product, effort, speed = self._power
+        return float(product / math.sqrt(effort * speed)) if effort > 0.0 and speed > 0.0 else 0.0
+
+    def __call__(self, heard: Heard) -> None:
+        """Look at the newest samples.
+
+        Raises:
+            DataError: the motion must stop; one sentence.
+        """
+        samples = heard.samples
+        if not len(samples.stamp_ns):
+            return
+        self._judge_gap(samples.stamp_ns)
+        self._judge_place(samples.position)
+        self._judge_following(samples.stamp_ns, samples.position, samples.reference_position)
+        known = np.isfinite(samples.effort)
+        effort, velocity = samples.effort[known], samples.reference_velocity[known]
+        self._power += effort @ velocity, effort @ effort, velocity @ velocity
+
+    def _judge_gap(self, stamp_ns: NDArray[np.int64]) -> None:
+        before = stamp_ns[0] if self._latest_ns is None else self._latest_ns
+        gap = 1e-9 * float(np.max(np.diff(stamp_ns, prepend=before)))
+        self._latest_ns = int(stamp_ns[-1])
+        if gap > LONGEST_GAP:
+            raise HeldUp(
+                f"position of axis {self._axis.name} has a gap of {gap:.2f} s during the motion, which was stopped;"
+                " start again when the table's computer is less busy"
+            )
+
+    def _judge_place(self, position: Floats) -> None:
+        readable, stroke = self._axis.units.readable, self._limits.stroke
+        farthest = float(position[np.argmax(np.abs(position - self._origin))])
+        if abs(farthest - self._origin) > (0.5 + STROKE_MARGIN) * stroke:
+            raise DataError(
+                f"axis {self._axis.name} is at {readable(farthest)}, outside the {readable(stroke)} allowed around"
+                f" {readable(self._origin)}; the motion was stopped; check position_scale and the controller, or give a"
+                " larger --stroke"
+            )
+
+    def _judge_following(self, stamp_ns: NDArray[np.int64], position: Floats, set_point: Floats) -> None:
+        if self._first_ns is None:
+            self._first_ns = int(stamp_ns[0])
+        fresh = np.stack([(stamp_ns - self._first_ns) * 1e-9, position, set_point])
+        self._kept = np.concatenate([self._kept, fresh], axis=1)
+        time, places, points = self._kept
+        since = float(time[-1]) - max(SPEED_WINDOW, abs(self._delay)) - 2.0 * SPEED_WINDOW - LONGEST_GAP
+        self._kept = self._kept[:, np.searchsorted(time, since) :]
+        time, places, points = self._kept
+        readable, name = self._axis.units.readable, self._axis.name
+        first = int(np.searchsorted(time, time[-1] - SPEED_WINDOW))
+        span = float(time[-1] - time[first])
+        if span > 0.5 * SPEED_WINDOW:
+            speed = abs(float(places[-1] - places[first])) / span
+            if speed > SPEED_MARGIN * self._limits.speed:
+                raise DataError(
+                    f"axis {name} moves at {readable(speed, 'm/s')}, more than {SPEED_MARGIN:g} times the"
+                    f" {readable(self._limits.speed, 'm/s')} allowed; the motion was stopped; check the controller, or"
+                    " give a larger --speed"
+                )
+        meant = float(np.interp(time[-1] - self._delay, time, points))
+        here = float(places[-1])
+        if self._way_from is None:
+            self._way_from = (meant, here)
+        way, gone = meant - self._way_from[0], here - self._way_from[1]
+        recent = points[time >= time[-1] - self._delay - LONGEST_GAP] - self._way_from[0]
+        is_late = bool(np.min(recent) <= gone <= np.max(recent))  # it is where it was told to be a moment ago
+        if abs(way) > self._stall_way and not is_late:
+            if gone * math.copysign(1.0, way) < -STALL_SHARE * abs(way):
+                raise DataError(
+                    f"axis {name} moves against its reference; the motion was stopped; turn the sign of"
+                    " position_scale, or correct the drive's"
+                )
+            if abs(gone) < STALL_SHARE * abs(way):
+                raise stall(self._axis, abs(way), abs(gone))
+            self._way_from = (meant, here)
+        if abs(meant - here) > self._largest_lag:
+            if abs(gone) < STALL_SHARE * abs(way):
+                raise stall(self._axis, abs(way), abs(gone))
+            raise DataError(
+                f"axis {name} is {readable(abs(meant - here))} away from its reference; the motion was stopped; check"
+                " that the drive follows reference, or move slower with --speed and --acceleration"
+            )

@@ -61,11 +61,7 @@ class Tracker:
         self._position: list[Floats] = []
 
     def __call__(self, heard: Heard) -> None:
-        """Take in the newest samples.
-
-        Args:
-            heard: the samples.
-        """
+        """Take in the newest samples."""
         inside = (heard.time >= 0.0) & (heard.time <= self._grid[-1])
         self._time.append(heard.time[inside])
         self._position.append(heard.samples.position[inside])
