@@ -1,6 +1,6 @@
 """References of ``sgms excite`` against the fixed recipe that it followed before, in the same time and limits.
 
-    python benchmarks/excitation.py [--tables 4] [--first 0] [--pairs] [--time-share 1.0] [--json FILE]
+    python benchmarks/excitation.py [--tables 4] [--first 0] [--pairs] [--time-share 1.0 0.5] [--json FILE]
 
 Intervals: random tables (those of ``benchmarks/identification.py``, 0 is Table I of the paper) follow both references,
 made from the same wrong start file, at 1 kHz with encoder steps, noise and their own controllers. ``identify`` runs on
@@ -21,7 +21,6 @@ import argparse
 import json
 import sys
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -57,7 +56,7 @@ PAIRS = (
     (("position_dependent_friction", (0.15, 0.003, 0.003)), ("spring", (20.0, 0.0))),
     (("offset", (0.4,)), ("asymmetric_coulomb", (0.1,))),
     (("quadratic_drag", (200.0,)), ("nonlinear_viscous", (0.3, 0.6, 0.05))),
-    (("dwell_breakaway", (0.15, 0.3, 2.0e-5)), ("stribeck", (0.1, 5.0e-3))),
+    (("dwell_breakaway", (0.15, 0.3, 2.0e-5, 1.0e-4)), ("stribeck", (0.1, 5.0e-3))),
 )
 """An effect that acts, and the rival that could be taken for it; forces about a tenth of the Coulomb force."""
 
@@ -80,20 +79,22 @@ def widths_of(number: int, position: Floats) -> dict[str, float]:
     return {row["name"]: row["half_width_percent"] for row in rows if np.isfinite(row["half_width_percent"])}
 
 
-def compare_intervals(numbers: range, recipe: Floats, designed: Floats) -> list[dict[str, Any]]:
-    """Print and return the ratio of the intervals for each table."""
+def compare_intervals(numbers: range, recipe: Floats, designs: dict[float, Floats]) -> list[dict[str, Any]]:
+    """Print and return the ratio of the intervals for each table and each share of the recipe's time."""
     out = []
     for number in numbers:
-        begun = time.perf_counter()
-        before, after = widths_of(number, recipe), widths_of(number, designed)
-        ratios = {name: before[name] / after[name] for name in before if name in after}
-        mean = float(np.exp(np.mean(np.log(list(ratios.values())))))
-        lost, won = sorted(set(before) - set(after)), sorted(set(after) - set(before))
-        print(f"\ntable {number}: intervals {mean:.2f} times narrower ({time.perf_counter() - begun:.0f} s)")
-        for name, ratio in ratios.items():
-            print(f"  {name:24s} recipe +- {before[name]:7.2f} %  designed +- {after[name]:7.2f} %  ratio {ratio:5.2f}")
-        print(f"  found with the recipe only: {lost or 'none'}; with the design only: {won or 'none'}", flush=True)
-        out.append({"table": number, "mean": mean, "ratios": ratios, "lost": lost, "won": won})
+        before = widths_of(number, recipe)
+        for share, designed in designs.items():
+            after = widths_of(number, designed)
+            ratios = {name: before[name] / after[name] for name in before if name in after}
+            mean = float(np.exp(np.mean(np.log(list(ratios.values())))))
+            lost, won = sorted(set(before) - set(after)), sorted(set(after) - set(before))
+            print(f"\ntable {number}: intervals {mean:.2f} times narrower in {share:g} times the time")
+            for name, ratio in ratios.items():
+                widths = f"recipe +- {before[name]:7.2f} %, design +- {after[name]:7.2f} %"
+                print(f"  {name:24s} {widths}: {ratio:5.2f} times")
+            print(f"  found with the recipe only: {lost or 'none'}; with the design only: {won or 'none'}", flush=True)
+            out.append({"table": number, "share": share, "mean": mean, "ratios": ratios, "lost": lost, "won": won})
     return out
 
 
@@ -137,7 +138,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tables", type=int, default=4)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--time-share", type=float, default=1.0, help="time of the design over that of the recipe")
+    parser.add_argument(
+        "--time-share", type=float, nargs="+", default=[1.0], help="time of the design over that of the recipe"
+    )
     parser.add_argument("--pairs", action="store_true", help="evidence between pairs of effects instead of intervals")
     parser.add_argument("--json", metavar="FILE")
     args = parser.parse_args()
@@ -147,11 +150,16 @@ def main() -> int:
     if args.pairs:
         result: Any = compare_pairs(recipe)
     else:
-        design = design_excitation(START, LIMITS, ("identify",), 0.0, args.time_share * seconds, RATE)
-        print("\n".join(design.summary))
-        result = compare_intervals(range(args.first, args.first + args.tables), recipe, design.position)
-        means = [table["mean"] for table in result]
-        print(f"\n{len(means)} tables: {np.exp(np.mean(np.log(means))):.2f} times narrower (geometric mean)")
+        designs = {}
+        for share in args.time_share:
+            design = design_excitation(START, LIMITS, ("identify",), 0.0, share * seconds, RATE)
+            print("\n".join(design.summary))
+            designs[share] = design.position
+        result = compare_intervals(range(args.first, args.first + args.tables), recipe, designs)
+        for share in designs:
+            means = [table["mean"] for table in result if table["share"] == share]
+            mean = float(np.exp(np.mean(np.log(means))))  # geometric
+            print(f"\n{len(means)} tables: {mean:.2f} times narrower in {share:g} times the time (geometric mean)")
     if args.json:
         Path(args.json).write_text(json.dumps(result, indent=1), encoding="utf-8")
     return 0

@@ -197,8 +197,8 @@ def _rest(answer: Answer) -> Light:
     if rest is None or near is None:
         return Light(BELIEVABILITY, question, UNSURE, "It was not tested.")
     facts = (
-        f"{100 * max(rest.value, 0.0):.2g} % of the squared rest is surely predictable (limit"
-        f" {100 * rest.threshold:.3g} %); the rest is {near.value:.2g} times the noise (limit {near.threshold:.3g})."
+        f"{100 * max(rest.value, 0.0):.2g} % of its square can surely be predicted (limit"
+        f" {100 * rest.threshold:.3g} %); its rms is {near.value:.2g} times the noise (limit {near.threshold:.3g})."
     )
     if not rest.passed:
         learnt = " A learnt map of it was added." if answer.learnt else " It has no name in the catalogue."

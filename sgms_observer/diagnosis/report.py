@@ -78,7 +78,7 @@ def diagnosis_page(
         sentence(answer),
         [
             Section("What to do next", [next_step(answer)]),
-            _answer(answer, traces, units),
+            _answer(answer, units),
             _tracking(tracking, units),
             _fit(answer, traces, units),
             _where(answer, units),
@@ -88,6 +88,7 @@ def diagnosis_page(
         source,
         [f"Warning: {text}." for text in answer.warnings],
         questions_of(answer, checks, tracking, run.options, units),
+        [gap_bar(answer), effect_over_position(answer, traces, units)],
     )
 
 
@@ -159,8 +160,8 @@ def next_step(answer: Answer) -> str:
     return answer.next_experiment or nothing
 
 
-def _answer(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
-    """Return the section on the result: the gap after each step, the effects, the learnt maps."""
+def _answer(answer: Answer, units: Units) -> Section:
+    """Return the section on the result: the gap, the effects, the learnt maps."""
     gap = answer.gap
     (low, high), (least, most) = gap.interval_before, gap.interval_after
     text = [
@@ -181,7 +182,7 @@ def _answer(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
         "What the model misses",
         text,
         [*effect_tables(answer, units), *changed_table(answer), gap_table(answer)],
-        [gap_bar(answer), effect_over_position(answer, traces, units), *maps],
+        maps,
     )
 
 

@@ -102,7 +102,7 @@ def located_table(answer: Answer, units: Units) -> Table:
         )
         for item in answer.located
     ]
-    header = ("coordinate", "largest between", "share of the slow residual", "p")
+    header = ("coordinate", "residual is largest at", "explains of the slow residual", "p-value")
     return Table(header, rows, "Coordinates over which the residual varies by more than chance")
 
 

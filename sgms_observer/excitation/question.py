@@ -34,6 +34,7 @@ _OVER_TIME = ("thermal_drift", "wear_step")
 WEAK = 0.01
 """Strength of an effect whose size is not known."""
 _BELOW_BAND = 0.6  # frequency of a flexible mode over the band
+_CENTERS = (0.3, 0.75, 0.05, 0.95)  # over the stroke: what is bound to a place may be anywhere, at its ends too
 
 
 @dataclass(frozen=True)
@@ -112,9 +113,10 @@ def shapes(
     """
     entry = effect(name)
     listed = next((item.values for item in axis.effects if item.name == name and item.values), None)
-    variants = (0, 1) if any(p.name in ("phase", "angle", "center", "pitch") for p in entry.parameters) else (0,)
+    names = {parameter.name for parameter in entry.parameters}
+    variants = len(_CENTERS) if "center" in names else 2 if names & {"phase", "angle", "pitch"} else 1
     out = []
-    for variant in variants:
+    for variant in range(variants):
         values = []
         for number, parameter in enumerate(entry.parameters):
             if listed is not None and not parameter.is_strength and parameter.name not in ("phase", "angle"):
@@ -154,12 +156,13 @@ def _shape_value(
     """Return a typical value of a parameter that shapes an effect, within what the limits can show."""
     stroke, reach = place.high - place.low, 0.5 * place.presliding
     travel = 0.25 * limits.speed * seconds
+    second = variant % 2
     typical = {
-        "pitch": stroke / (2.3, 7.7)[variant],
-        "phase": 0.5 * math.pi * variant,
-        "angle": 0.5 * math.pi * variant,
+        "pitch": stroke / (2.3, 7.7)[second],
+        "phase": 0.5 * math.pi * second,
+        "angle": 0.5 * math.pi * second,
         "rest_position": 0.5 * (place.low + place.high),
-        "center": place.low + (0.3, 0.75)[variant] * stroke,
+        "center": place.low + _CENTERS[variant] * stroke,
         "reference_velocity": limits.speed,
         "peak_velocity": 0.3 * limits.speed,
         "velocity": min(5.0 * place.stribeck_velocity, 0.5 * limits.speed),

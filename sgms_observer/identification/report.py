@@ -87,6 +87,7 @@ def identification_page(
         f"{source}.",
         [f"{warning}." for part in parts for warning in part.answer.warnings],
         [light for part in parts for light in _questions(part, of_axis[part.name])],
+        [picture for part in parts for picture in _lead(part)],
     )
 
 
@@ -112,6 +113,11 @@ def _verdict(part: IdentifiedAxis) -> str:
     return f"The model of {part.name} explains {', '.join(fits)}.{usable}"
 
 
+def _lead(part: IdentifiedAxis) -> list[Picture]:
+    """Return the pictures that show the fit of one axis at a glance."""
+    return [_beside_each_other(part, part.traces.learnt, "learnt", "on the fitted recordings"), _over_velocity(part)]
+
+
 def _sections(part: IdentifiedAxis, of_axis: str) -> list[Section]:
     """Return the sections of one axis."""
     word = part.units.effort_word
@@ -120,7 +126,7 @@ def _sections(part: IdentifiedAxis, of_axis: str) -> list[Section]:
         f" the measured minus the modelled {word}."
     )
     plots = [_over_time(part, part.traces.learnt, "learnt", "on the fitted recordings")]
-    pictures = [_beside_each_other(part, part.traces.learnt, "learnt", "on the fitted recordings")]
+    pictures = []
     if part.traces.held_out:
         plots.append(_over_time(part, part.traces.held_out, "held_out", "on held-out recordings"))
         pictures.append(_beside_each_other(part, part.traces.held_out, "held_out", "on held-out recordings"))
@@ -196,13 +202,18 @@ def sliding_rows(traces: Traces) -> tuple[Floats, Floats]:
     return velocity, np.concatenate([trace.friction[trace.is_sliding] for trace in traces.learnt])
 
 
-def _friction(part: IdentifiedAxis) -> list[Picture]:
-    """Draw friction over velocity and over position, and the residual over position."""
-    units, traces = part.units, part.traces.learnt
-    top = max(float(np.max(np.abs(trace.velocity))) for trace in traces)
+def _over_velocity(part: IdentifiedAxis) -> Picture:
+    """Draw friction over velocity."""
+    top = max(float(np.max(np.abs(trace.velocity))) for trace in part.traces.learnt)
     lines = [sign * top * np.geomspace(SLOWEST, 1.0, 200) for sign in (-1.0, 1.0)]
     curves = [(line, part.traces.curve(line)) for line in lines]
     sliding = f"Friction of {part.name} over velocity while sliding, on the fitted recordings."
+    return over_velocity(f"{part.name}_stribeck", sliding, *sliding_rows(part.traces), curves, part.units)
+
+
+def _friction(part: IdentifiedAxis) -> list[Picture]:
+    """Draw friction and residual over position."""
+    units, traces = part.units, part.traces.learnt
     loops = f"Friction of {part.name} over position, on the fitted recordings."
     residual = f"Residual of {part.name} in even bins of the position, with its standard error, by direction."
     looped = [
@@ -210,7 +221,6 @@ def _friction(part: IdentifiedAxis) -> list[Picture]:
     ]
     binned = [_all(traces, key) for key in ("position", "velocity", "residual")]
     return [
-        over_velocity(f"{part.name}_stribeck", sliding, *sliding_rows(part.traces), curves, units),
         hysteresis(f"{part.name}_hysteresis", loops, looped[0], looped[1], looped[2], units),
         residual_over_position(f"{part.name}_residual", residual, binned[0], binned[1], binned[2], units),
     ]
@@ -233,15 +243,16 @@ def _shown(part: IdentifiedAxis, of_axis: str) -> Light:
     question = f"Do the recordings show all parameters{of_axis}?"
     if not missing:
         return Light(DATA, question, GOOD, f"All {count} are known to 5 %.")
-    return Light(DATA, question, UNSURE, f"{len(missing)} of {count} are not known to 5 %: {', '.join(missing)}.")
+    names = dict.fromkeys(name.removeprefix("friction.").partition("[")[0] for name in missing)  # elements once
+    return Light(DATA, question, UNSURE, f"{len(missing)} of {count} are not known to 5 %: {', '.join(names)}.")
 
 
 def _held_out(part: IdentifiedAxis, of_axis: str) -> Light:
     """Ask whether there is a held-out recording."""
     question = f"Was the model{of_axis} judged on recordings that it did not learn from?"
     if part.traces.held_out:
-        share = 100.0 * unexplained_share(part.traces.held_out)
-        return Light(DATA, question, GOOD, f"{share:.3g} % of the rms {part.units.effort_word} is unexplained there.")
+        count = len(part.traces.held_out)
+        return Light(DATA, question, GOOD, f"{count} held-out recording{'s' if count > 1 else ''}.")
     return Light(DATA, question, UNSURE, "Name a recording of another motion with --holdout.")
 
 

@@ -73,7 +73,7 @@ def _about_table(table: dict[str, Any]) -> list[Light]:
     is_better = [smooth < other for smooth, other in pairs]
     finding = GOOD if all(is_better) else UNSURE if any(is_better) else BAD
     return [
-        Light(_TABLE, "Are the cells at or below the paper's?", state, facts),
+        Light(_TABLE, "Is the error of every cell at or below the paper's?", state, facts),
         Light(_TABLE, "Is S-GMS better than GMS inside the MHE that estimates kappa?", finding, f"{numbers}."),
     ]
 
@@ -93,7 +93,7 @@ def _about_kappa(beyond: dict[str, Any]) -> Light:
     start = 0.2
     facts = f"It is {' and '.join(f'{100 * one:.1f}' for one in off)} % off after ten periods, 20 % at the start."
     state = GOOD if max(off) < 0.5 * start else UNSURE if max(off) < start else BAD
-    return Light(_BEYOND, "Is kappa found?", state, facts)
+    return Light(_BEYOND, "Is the stiffness kappa found?", state, facts)
 
 
 def _about_consistency(beyond: dict[str, Any]) -> list[Light]:

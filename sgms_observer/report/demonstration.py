@@ -24,6 +24,8 @@ from sgms_observer.settings.units import Units
 from sgms_observer.whole_file import write_text
 
 SCHEMA = 1
+LEAST_RECORDED = 0.95
+"""Share of the samples that have an estimate, below which the figures do not stand for the whole run."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,21 @@ def headline(axis: str, without: Half, with_it: Half, units: Units) -> str:
     )
 
 
+def missing_warnings(axis: str, share: float) -> list[str]:
+    """Return a warning where many samples have no estimate: nothing is known of what happened then.
+
+    Args:
+        axis: its name.
+        share: of the samples of the run that have an estimate [-].
+    """
+    if share >= LEAST_RECORDED:
+        return []
+    return [
+        f"Warning: axis {axis}: only {100.0 * share:.0f} % of the samples have an estimate; the figures are about those"
+        " alone. End other programs and run the demonstration again."
+    ]
+
+
 def late_warnings(axis: str, without: Half, with_it: Half, units: Units) -> list[str]:
     """Return a warning where compensations that came late decide how large the tracking error gets.
 
@@ -189,6 +206,8 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
         with_it = _half(run, way, switched + SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
         lines += _lines(axis, without, with_it, same, compared)
+        expected = 1.0 + run.time[-1] / (settings.publish_every * settings.sample_period)
+        warnings += missing_warnings(axis.name, len(run.time) / expected)
         warnings += late_warnings(axis.name, without, with_it, axis.units)
         verdicts.append(headline(axis.name, without, with_it, axis.units))
         results[axis.name] = axis_result(without, with_it, same, compared)

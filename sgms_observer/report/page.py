@@ -153,6 +153,7 @@ class Page:
         provenance: where the numbers come from, in the footer.
         warnings: sentences that start with ``Warning:``; they stand above everything but the verdict.
         lights: questions with their answers; those of one topic stand together.
+        lead: pictures that show the verdict; they stand above the questions.
     """
 
     title: str
@@ -161,6 +162,7 @@ class Page:
     provenance: str = ""
     warnings: Sequence[str] = ()
     lights: Sequence[Light] = ()
+    lead: Sequence[Picture] = ()
 
     @property
     def topics(self) -> list[str]:
@@ -176,7 +178,7 @@ class Page:
     def pictures(self) -> list[Picture]:
         """Return every picture of the page."""
         listed = [picture for section in self.sections for picture in section.pictures]
-        return [*listed, *(plot.still for plot in self.plots)]
+        return [*self.lead, *listed, *(plot.still for plot in self.plots)]
 
 
 def render_page(page: Page) -> str:

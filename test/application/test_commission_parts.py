@@ -101,6 +101,18 @@ def test_the_guard_stops(position: Any, set_point: Any, sentence: str) -> None:
             guard(heard(part, position(part), set_point(part)))
 
 
+@pytest.mark.parametrize("late", [0.01, 0.04])
+def test_a_late_table_is_neither_stalled_nor_reversed(late: float) -> None:
+    """A busy computer hears its set-points later than usual; the axis is where they told it to be a moment ago."""
+    guard = Guard(AXIS, LIMITS, 0.0, 0.0)
+    time = np.arange(0.0, 2.0, PERIOD)
+    set_point = 5e-4 * np.sin(40.0 * time)
+    for first in range(0, len(time), 5):
+        rows = slice(first, first + 5)
+        behind = late if time[first] > 1.0 else 0.0
+        guard(heard(time[rows], np.interp(time[rows] - behind, time, set_point), set_point[rows]))
+
+
 def test_a_gap_is_no_fault_of_the_axis() -> None:
     guard = Guard(AXIS, LIMITS, 0.0, 0.0)
     guard(heard([0.0, 1e-3], 0.0, 0.0))

@@ -8,7 +8,15 @@ from dataclasses import replace
 
 import pytest
 
-from sgms_observer.report.demonstration import Half, axis_result, headline, late_warnings, result_of
+from sgms_observer.report.demonstration import (
+    LEAST_RECORDED,
+    Half,
+    axis_result,
+    headline,
+    late_warnings,
+    missing_warnings,
+    result_of,
+)
 from sgms_observer.settings.units import Units
 
 
@@ -58,3 +66,9 @@ def test_late_compensations_that_make_the_peak_are_a_warning(late: float, clear_
 
 def test_a_share_that_is_not_known_is_null() -> None:
     assert axis_result(_half(1.0, 1.0, 0.0), _half(1.0, 1.0, math.nan), 1, 1)["late_share"] is None
+
+
+def test_a_run_of_which_much_is_missing_is_a_warning() -> None:
+    assert missing_warnings("x", LEAST_RECORDED) == []
+    (warning,) = missing_warnings("x", 0.22)
+    assert "only 22 % of the samples" in warning and warning.startswith("Warning: axis x")

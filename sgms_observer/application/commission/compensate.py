@@ -84,9 +84,9 @@ def observe(session: Session) -> Found:
         session.table.start_observer(session.path(CANDIDATE))
     readable = axis.units.readable
     return (
-        f"the compensation comes {1e3 * median:.3g} ms after its sample ({1e3 * worst:.3g} ms at worst in 99 %);"
-        f" look_ahead {1e3 * wanted:.3g} ms; tracking error without compensation {readable(tracking.rms)} rms,"
-        f" {readable(tracking.peak)} peak",
+        f"half of the compensations come within {1e3 * median:.3g} ms of their sample, 99 % within"
+        f" {1e3 * worst:.3g} ms; look_ahead {1e3 * wanted:.3g} ms; tracking error without compensation"
+        f" {readable(tracking.rms)} rms, {readable(tracking.peak)} peak",
         [CANDIDATE],
     )
 

@@ -141,11 +141,13 @@ def identify(session: Session) -> Found:
     else:
         session.ledger.facts["model"] = None
     verdict = (
-        "the identified values go on" if is_better else "not clearly less, so the file's values go on to the diagnosis"
+        "the diagnosis starts from the identified values"
+        if is_better
+        else "not clearly less, so the diagnosis starts from the file's values"
     )
     return (
-        f"unexplained on your own motion: {100 * given:.1f} % of the rms {axis.units.effort_word} by the file's values,"
-        f" {100 * fitted:.1f} % by the identified ones; {verdict}",
+        f"on your own motion the file's values leave {100 * given:.1f} % of the rms {axis.units.effort_word}"
+        f" unexplained, the identified ones {100 * fitted:.1f} %; {verdict}",
         [IDENTIFIED],
     )
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 from sgms_observer.application.commission.learn import CLEARLY_BETTER, Found
 from sgms_observer.application.commission.session import AFTER_BAG, BEFORE_BAG, REPORT, Session
 from sgms_observer.application.commission.tracking import Tracking, recorded_tracking
@@ -16,7 +19,7 @@ from sgms_observer.settings.units import Units
 def write_report(session: Session) -> Found:
     """Write report.html from the ledger and the recordings."""
     ledger, axis = session.ledger, session.axis
-    sections = [_tracking_section(session)] if ledger.tracking else []
+    lead, sections = _tracking_of(session) if ledger.tracking else ((), [])
     sections.append(_found_section(session))
     rows = [(step.name, step.state, f"{step.seconds:.0f} s", step.sentence) for step in ledger.steps.values()]
     sections.append(Section("Steps", tables=(Table(("step", "state", "time", "what it found"), rows),)))
@@ -26,8 +29,8 @@ def write_report(session: Session) -> Found:
         f" {ledger.facts.get('diagnosis', 'diagnosis')}/report.html."
     )
     title = f"Commissioning of axis {axis.name}"
-    page = write_page(Page(title, headline(session), sections, provenance, warnings, _lights(session)), ledger.folder)
-    return f"wrote {page.name}", [REPORT]
+    page = Page(title, headline(session), sections, provenance, warnings, _lights(session), lead)
+    return f"wrote {write_page(page, ledger.folder).name}", [REPORT]
 
 
 def _lights(session: Session) -> tuple[Light, ...]:
@@ -38,7 +41,8 @@ def _lights(session: Session) -> tuple[Light, ...]:
     if gap:
         state = GOOD if gap["after"] < CLEARLY_BETTER * gap["before"] else UNSURE
         answer = (
-            f"{gap['before']:.3g} % of the rms {session.axis.units.effort_word} before, {gap['after']:.3g} % after."
+            f"The file leaves {gap['before']:.3g} % of the rms {session.axis.units.effort_word} unexplained, the new"
+            f" model {gap['after']:.3g} %; no model explains the last {gap['floor']:.3g} %."
         )
         lights.append(Light("Model", "Does the model predict your own motion better than the file?", state, answer))
     for effect in ledger.effects:
@@ -46,9 +50,9 @@ def _lights(session: Session) -> tuple[Light, ...]:
         answer = (
             f"It may also be {others}."
             if others
-            else f"Confidence {effect['confidence']:.2f}, no other effect explains the data as well."
+            else f"Confidence {effect['confidence']:.2f}; no other effect explains the recordings as well."
         )
-        lights.append(Light("Model", f"Is it {effect['name']}?", UNSURE if others else GOOD, answer))
+        lights.append(Light("Model", f"Is it {effect['name'].replace('_', ' ')}?", UNSURE if others else GOOD, answer))
     tracking = ledger.tracking
     if tracking:
         for key, word in (("rms", "rms"), ("peak", "largest")):
@@ -79,7 +83,7 @@ def headline(session: Session) -> str:
 
 def _found_section(session: Session) -> Section:
     """Return what the diagnosis found."""
-    ledger, unit = session.ledger, session.axis.units.effort_word
+    ledger = session.ledger
     rows = []
     for effect in ledger.effects:
         values = ", ".join(
@@ -89,25 +93,21 @@ def _found_section(session: Session) -> Section:
         )
         others = ", ".join(effect["alternatives"]) or "none"
         rows.append((effect["name"], values, f"{effect['confidence']:.2f}", others))
-    text = []
-    gap = ledger.facts.get("gap")
-    if gap:
-        text.append(
-            f"Gap between measured and predicted {unit} on your own motion: {gap['before']:.3g} % of its rms before,"
-            f" {gap['after']:.3g} % after. No model removes the last {gap['floor']:.3g} %."
-        )
-    table = Table(("effect", "parameters", "confidence", "may also be"), rows, "Effects of the diagnosis.")
-    return Section("What was found", text, (table,) if rows else ())
+    table = Table(("effect", "parameters", "confidence", "may also be"), rows, "Values with their standard errors.")
+    return Section(
+        "What was found", () if rows else ("The diagnosis found no further effect.",), (table,) if rows else ()
+    )
 
 
 def _with_error(value: float, error: float, unit: str, units: Units) -> str:
     """Return a value and its standard error with one prefixed unit."""
     factor, name = (1.0, "") if unit == "-" else units.prefixed(value, unit)
-    return f"{factor * value:.4g} +- {factor * error:.2g} {name}".strip()
+    digits = max(0, 1 - math.floor(math.log10(factor * error)))  # two of the error
+    return f"{factor * value:.{digits}f} +- {factor * error:.{digits}f} {name}".strip()
 
 
-def _tracking_section(session: Session) -> Section:
-    """Return the comparison without and with compensation."""
+def _tracking_of(session: Session) -> tuple[Sequence[Picture], list[Section]]:
+    """Return the comparison without and with compensation: the pictures, and the section with the numbers."""
     tracking, readable = session.ledger.tracking, session.axis.units.readable
     rows = [
         (word, *(readable(tracking[f"{key}_{when}"], largest=tracking["peak_before"]) for when in ("before", "after")),
@@ -120,7 +120,7 @@ def _tracking_section(session: Session) -> Section:
     before, after = (
         recorded_tracking(session.path(bag), session.axis, session.delay) for bag in (BEFORE_BAG, AFTER_BAG)
     )
-    return Section("Tracking before and after", (), (table,), _pictures(session, before, after))
+    return _pictures(session, before, after), [Section("Tracking before and after", tables=(table,))]
 
 
 def _pictures(session: Session, before: Tracking, after: Tracking) -> tuple[Picture, ...]:

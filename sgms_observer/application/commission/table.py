@@ -239,7 +239,7 @@ class Guard:
         fresh = np.stack([(stamp_ns - self._first_ns) * 1e-9, position, set_point])
         self._kept = np.concatenate([self._kept, fresh], axis=1)
         time, places, points = self._kept
-        since = float(time[-1]) - max(SPEED_WINDOW, abs(self._delay)) - 2.0 * SPEED_WINDOW
+        since = float(time[-1]) - max(SPEED_WINDOW, abs(self._delay)) - 2.0 * SPEED_WINDOW - LONGEST_GAP
         self._kept = self._kept[:, np.searchsorted(time, since) :]
         time, places, points = self._kept
         readable, name = self._axis.units.readable, self._axis.name
@@ -258,7 +258,9 @@ class Guard:
         if self._way_from is None:
             self._way_from = (meant, here)
         way, gone = meant - self._way_from[0], here - self._way_from[1]
-        if abs(way) > self._stall_way:
+        recent = points[time >= time[-1] - self._delay - LONGEST_GAP] - self._way_from[0]
+        is_late = bool(np.min(recent) <= gone <= np.max(recent))  # it is where it was told to be a moment ago
+        if abs(way) > self._stall_way and not is_late:
             if gone * math.copysign(1.0, way) < -STALL_SHARE * abs(way):
                 raise DataError(
                     f"axis {name} moves against its reference; the motion was stopped; turn the sign of"
@@ -268,6 +270,8 @@ class Guard:
                 raise stall(self._axis, abs(way), abs(gone))
             self._way_from = (meant, here)
         if abs(meant - here) > self._largest_lag:
+            if abs(gone) < STALL_SHARE * abs(way):
+                raise stall(self._axis, abs(way), abs(gone))
             raise DataError(
                 f"axis {name} is {readable(abs(meant - here))} away from its reference; the motion was stopped; check"
                 " that the drive follows reference, or move slower with --speed and --acceleration"
