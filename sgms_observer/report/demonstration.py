@@ -163,13 +163,14 @@ class Presentation:
     result: dict[str, Any]
 
 
-def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Presentation:
+def present(bag: Path, settings: Settings, switched_ns: int, answered_ns: int, out: Path) -> Presentation:
     """Evaluate the recording and write the report and result.json.
 
     Args:
         bag: the recording of both nodes.
         settings: what they ran with.
-        switched_ns: when the compensation was switched on [ns].
+        switched_ns: when the observer was told to compensate; the half without compensation ends [ns].
+        answered_ns: when it had answered; the half with compensation begins [ns].
         out: folder of the report.
 
     Raises:
@@ -186,7 +187,8 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
         switched = (switched_ns - int(stamps[0])) * 1e-9
         way = recorded_lateness(bag, axis, stamps, settings.sample_period)
         without = _half(run, way, SETTLE, switched)
-        with_it = _half(run, way, switched + SETTLE, float(run.time[-1]))
+        answered = (answered_ns - int(stamps[0])) * 1e-9
+        with_it = _half(run, way, answered + SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
         lines += _lines(axis, without, with_it, same, compared)
         warnings += late_warnings(axis.name, without, with_it, axis.units)
