@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any
 
-from sgms_observer.estimators import fields
+from sgms_observer.estimators import memory
 from sgms_observer.export.program import Source, snake, source_of
 from sgms_observer.export.values import (
     ATOM,
@@ -231,7 +231,7 @@ class Expressions(Views):
         if node.keywords:
             raise self.refuse(node, "an argument by name")
         arguments = [self.expression(item) for item in node.args]
-        if target is fields.vector or target is fields.matrix:
+        if target is memory.vector or target is memory.matrix:
             return self.field_of(node, arguments[0], arguments[1])
         known = self._known(node, target, arguments)
         if known is not None:

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from sgms_observer.bags.writer import BagWriter
 from sim_plant.blind import menu
 from sim_plant.blind.hidden_effect import Hidden, Kind, Maker
-from sim_plant.blind.motion import HELD_OUT, PERIOD, Motion, held_out_motion, rich_motion
 from sim_plant.blind.owner import NominalModel, nominal_model, write_owner_file
 from sim_plant.blind.recording import NotShownError, Track, coloured_noise, measured_size, record, rms_size, sized
-from sim_plant.blind.stage import TrueStage, draw_stage
+from sim_plant.blind.stage import HELD_OUT, PERIOD, Motion, TrueStage, draw_stage, held_out_motion, rich_motion
 
 SEAL_FILE = "seal.txt"
 

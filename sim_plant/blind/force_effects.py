@@ -9,8 +9,7 @@ from numpy.random import Generator
 
 from sim_plant.blind import slots as s
 from sim_plant.blind.hidden_effect import Around, Floats, Hidden, Kind, Maker
-from sim_plant.blind.motion import PERIOD, Motion
-from sim_plant.blind.stage import TrueStage
+from sim_plant.blind.stage import PERIOD, Motion, TrueStage
 
 
 def sign(rng: Generator) -> float:

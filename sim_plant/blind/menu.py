@@ -11,8 +11,7 @@ from scipy.signal import lfilter
 from sim_plant.blind import slots as s
 from sim_plant.blind.force_effects import FORCE_KINDS, FRICTION_KINDS
 from sim_plant.blind.hidden_effect import Around, Floats, Hidden, Kind, Maker, Series
-from sim_plant.blind.motion import PERIOD, Motion
-from sim_plant.blind.stage import TrueStage
+from sim_plant.blind.stage import PERIOD, Motion, TrueStage
 
 
 def actuator_delay(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:

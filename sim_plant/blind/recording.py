@@ -12,7 +12,7 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from sim_plant.blind import kernel, slots
 from sim_plant.blind.hidden_effect import Around, Hidden, Kind, Maker
-from sim_plant.blind.motion import PERIOD, Motion
+from sim_plant.blind.stage import PERIOD, Motion
 
 Floats = NDArray[np.float64]
 NOISE_SHARE = 0.01
