@@ -17,6 +17,10 @@ from sgms_observer.errors import RecordingError
 METADATA = "metadata.yaml"
 STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
 
+REPORT = "report.html"
+"""The page about a bag, in its folder."""
+_BAG_FILES = (".mcap", ".db3", ".zstd", ".db3-wal", ".db3-shm")
+
 
 class _Plain(yaml.SafeDumper):  # type: ignore[misc]
     """Writes every value out: yaml-cpp reads anchors, but people do not."""
@@ -146,11 +150,6 @@ def _read(path: Path) -> dict[str, Any]:
     if not isinstance(information, dict) or not isinstance(information["relative_file_paths"], list):
         raise ValueError("no list of files")
     return information
-
-
-REPORT = "report.html"
-"""The page about a bag, in its folder."""
-_BAG_FILES = (".mcap", ".db3", ".zstd", ".db3-wal", ".db3-shm")
 
 
 def refuse_existing_bag(path: str | Path, is_overwriting: bool) -> None:

@@ -47,17 +47,18 @@ _COMPUTE: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.NotEq: lambda a, b: a != b,
 }
 
+MATH = {
+    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log1p", "expm1", "sqrt", "tanh", "sinh",
+    "cosh", "fabs", "floor", "ceil", "hypot", "copysign", "pow", "cbrt", "fmod",
+}  # fmt: skip
+TESTS = {"isfinite", "isnan", "isinf"}
+
 
 def reads_of(values: Sequence[Value]) -> frozenset[str]:
     """Return the local names that any of these values has in it."""
     return frozenset().union(*(value.reads for value in values))
 
 
-MATH = {
-    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log1p", "expm1", "sqrt", "tanh", "sinh",
-    "cosh", "fabs", "floor", "ceil", "hypot", "copysign", "pow", "cbrt", "fmod",
-}  # fmt: skip
-TESTS = {"isfinite", "isnan", "isinf"}
 _MATH_NAMES = {getattr(math, name): name for name in MATH | TESTS}
 
 

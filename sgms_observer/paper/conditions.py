@@ -51,6 +51,8 @@ Step = Callable[[], None]
 LOWPASS = FilterSettings(kind="lowpass", cutoff=500.0, align_effort=True)
 LOWPASS_RAW_EFFORT = FilterSettings(kind="lowpass", cutoff=500.0, align_effort=False)
 
+PROCESS_STD = 0.1  # Q: share of nu f_C per correction; the paper gives a number, 1e-2 nu, without a unit
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -70,7 +72,6 @@ class Stage:
 
 
 CHOSEN = Stage()
-PROCESS_STD = 0.1  # Q: share of nu f_C per correction; the paper gives a number, 1e-2 nu, without a unit
 
 
 def fewer(seeds: int) -> int:

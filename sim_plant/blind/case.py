@@ -23,6 +23,13 @@ from sim_plant.blind.stage import HELD_OUT, PERIOD, Motion, TrueStage, draw_stag
 
 SEAL_FILE = "seal.txt"
 
+Floats = NDArray[np.float64]
+START_NS = 1_700_000_000_000_000_000
+JOINT_STATE = "sensor_msgs/msg/JointState"
+OTHER_AXIS_SHARE = 0.08
+"""Share of the seeds that record a second axis though nothing comes from it."""
+DRAWS = 5
+
 
 def digest(truth: dict[str, Any]) -> str:
     """Return the salted SHA-256 of a truth (its ``salt`` is one of its entries)."""
@@ -59,14 +66,6 @@ def open_seal(truth_file: Path, case_folder: Path) -> dict[str, Any]:
     if digest(truth) != (case_folder / SEAL_FILE).read_text(encoding="utf-8").strip():
         raise ValueError(f"{truth_file} was changed after {case_folder} was sealed; make the case again")
     return truth
-
-
-Floats = NDArray[np.float64]
-START_NS = 1_700_000_000_000_000_000
-JOINT_STATE = "sensor_msgs/msg/JointState"
-OTHER_AXIS_SHARE = 0.08
-"""Share of the seeds that record a second axis though nothing comes from it."""
-DRAWS = 5
 
 
 @dataclass(frozen=True)

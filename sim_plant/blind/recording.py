@@ -20,6 +20,12 @@ NOISE_SHARE = 0.01
 FORCE_BAND = 100.0
 """Hz; what is hidden counts as a force only below this: 1 kHz samples of position show no force much above."""
 
+PEAK = 0.995
+"""Quantile of the hidden force's magnitude that counts as its peak: 150 ms of 30 s may lie above."""
+ROUNDS = 8
+CLOSE = 0.05
+VISIBLE = 0.5
+
 
 @dataclass(frozen=True)
 class Track:
@@ -119,13 +125,6 @@ def record(
         true_acceleration=out[:, kernel.TRUE_A],
         hidden_force=force,
     )
-
-
-PEAK = 0.995
-"""Quantile of the hidden force's magnitude that counts as its peak: 150 ms of 30 s may lie above."""
-ROUNDS = 8
-CLOSE = 0.05
-VISIBLE = 0.5
 
 
 class NotShownError(ValueError):

@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 FILTER_TIME = 1.5e-4  # s, of the controller's velocity: more would excite the contact's own resonance at 100-150 Hz
 
+PERIOD = 1.0e-3  # s
+HELD_OUT = ("staircase", "wander", "triangle", "chirp")
+"""Kinds of the held-out recordings."""
+
 
 @dataclass(frozen=True)
 class TrueStage:
@@ -100,11 +104,6 @@ def draw_stage(rng: Generator) -> TrueStage:
         bandwidth=2.0 * np.pi * float(rng.uniform(25.0, 40.0)),
         model=model,
     )
-
-
-PERIOD = 1.0e-3  # s
-HELD_OUT = ("staircase", "wander", "triangle", "chirp")
-"""Kinds of the held-out recordings."""
 
 
 @dataclass(frozen=True)
