@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from sgms_observer.effects.effect import EffectSettings
+from sgms_observer.effects.effect import EffectSettings as EffectSettings
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.declaration import section, setting
 from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC, Scales, Units
@@ -20,8 +20,6 @@ ESTIMABLE = ("kappa", "viscous_coefficient", "coulomb_force", "static_force", "s
 
 REFERENCES = ("sine", "multi_sine", "point_to_point", "file", "topic")
 INTERPOLATIONS = ("linear", "cubic")
-
-__all__ = ["SAVE_FILE", "AxisSettings", "EffectSettings", "Settings", "coupled_number"]
 
 #: Where ~/save_parameters writes unless the parameter file says otherwise.
 SAVE_FILE = "learnt.yaml"
