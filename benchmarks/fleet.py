@@ -9,6 +9,7 @@ what a worker does in a second and whether every result is the same, as JSON.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import signal
@@ -16,16 +17,16 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dask.distributed import LocalCluster
+from dask.distributed import Client, LocalCluster
 
 from sgms_observer.bags.source import BagReader
 from sgms_observer.cli.main import main as sgms
 from sgms_observer.fleet.jobs import DiagnoseJob, Outcome, ReplayJob, run_job, run_jobs
 
-SECONDS = 10.0  # of each recording
 SEEDS = 4  # different recordings; the others are these again
 KILLED_AT = 0.25  # share of the jobs that are done when a worker is killed
 YAML = """/**:
@@ -42,15 +43,16 @@ YAML = """/**:
 Job = ReplayJob | DiagnoseJob
 
 
-def make_bags(folder: Path, count: int) -> list[Path]:
+def make_bags(folder: Path, count: int, seconds: float) -> list[Path]:
     """Return recordings of one simulated axis with different noise.
 
     Args:
         folder: where to.
         count: how many.
+        seconds: length of each [s].
     """
     (folder / "axis.yaml").write_text(YAML)
-    config = ["--config", str(folder / "axis.yaml"), "--duration", str(SECONDS), "--quiet"]
+    config = ["--config", str(folder / "axis.yaml"), "--duration", str(seconds), "--quiet"]
     made = [folder / f"seed{seed}" for seed in range(SEEDS)]
     for seed, bag in enumerate(made):
         if sgms(["simulate", *config, "--out", str(bag), "--seed", str(seed)]) != 0:
@@ -88,7 +90,10 @@ def on_cluster(jobs: list[Job], workers: int, is_killed: bool) -> tuple[list[Out
         is_killed: whether one of them is killed on the way.
     """
     with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, scheduler_port=0) as cluster:
-        run_jobs(jobs[:0], 0, cluster.scheduler_address, lambda done: None)
+        with Client(cluster) as client:  # imports and kernels, in every worker
+            first = [replace(jobs[0], out=f"{jobs[0].out}_first_of_{number}") for number in range(workers)]
+            places = zip(first, list(client.scheduler_info()["workers"]), strict=True)
+            client.gather([client.submit(run_job, job, workers=[address], pure=False) for job, address in places])
         killed: list[int] = []
 
         def watch(done: float) -> None:
@@ -114,33 +119,38 @@ def plain_loop(jobs: list[Job]) -> tuple[list[Outcome], float]:
     return [run_job(jobs[0]), *found], (time.perf_counter() - start) * len(jobs) / (len(jobs) - 1)
 
 
-def content(out: Path, count: int) -> list[Any]:
-    """Return what was written: messages of replayed bags, bytes of results.
+def content(out: Path, count: int) -> list[str]:
+    """Return a digest of what each job wrote: messages of a replayed bag, bytes of a result.
 
     Args:
         out: folder of the results.
         count: how many there are.
     """
-    found: list[Any] = []
+    found = []
     for folder in (out / f"{number}" for number in range(count)):
+        digest = hashlib.sha256()
         if (folder / "result.json").exists():
-            found.append((folder / "result.json").read_bytes())
+            digest.update((folder / "result.json").read_bytes())
         else:
             with BagReader(folder) as bag:
-                found.append(list(bag.messages()))
+                for topic, stamp, message in bag.messages():
+                    digest.update(f"{topic} {stamp} ".encode())
+                    digest.update(message)
+        found.append(digest.hexdigest())
     return found
 
 
-def measure(count: int, is_diagnosis: bool) -> dict[str, Any]:
+def measure(count: int, seconds_each: float, is_diagnosis: bool) -> dict[str, Any]:
     """Return the table.
 
     Args:
         count: recordings.
+        seconds_each: length of each [s].
         is_diagnosis: diagnose instead of replay.
     """
     with tempfile.TemporaryDirectory(prefix="sgms-fleet-") as name:
         folder = Path(name)
-        bags = make_bags(folder, count)
+        bags = make_bags(folder, count, seconds_each)
         ways: dict[str, tuple[int, Callable[[list[Job]], tuple[list[Outcome], float]]]] = {
             "loop": (1, plain_loop),
             "one_worker": (1, lambda jobs: on_cluster(jobs, 1, False)),
@@ -148,7 +158,7 @@ def measure(count: int, is_diagnosis: bool) -> dict[str, Any]:
             "two_workers_one_killed": (2, lambda jobs: on_cluster(jobs, 2, True)),
         }
         rows: dict[str, Any] = {}
-        first: list[Any] = []
+        first: list[str] = []
         for way, (workers, work) in ways.items():
             jobs = jobs_of(bags, folder / "axis.yaml", folder / way, is_diagnosis)
             outcomes, seconds = work(jobs)
@@ -160,16 +170,17 @@ def measure(count: int, is_diagnosis: bool) -> dict[str, Any]:
                 "faults": [outcome.fault for outcome in outcomes if outcome.fault],
                 "is_identical": written == first,
             }
-        return {"recordings": count, "seconds_each": SECONDS, "load": os.getloadavg()[0], "ways": rows}
+        return {"recordings": count, "seconds_each": seconds_each, "load": os.getloadavg()[0], "ways": rows}
 
 
 def main() -> int:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bags", type=int, default=40)
+    parser.add_argument("--seconds", type=float, default=10.0, help="length of each recording (default: 10 s)")
     parser.add_argument("--diagnose", action="store_true")
     args = parser.parse_args()
-    print(json.dumps(measure(args.bags, args.diagnose), indent=1))
+    print(json.dumps(measure(args.bags, args.seconds, args.diagnose), indent=1))
     return 0
 
 

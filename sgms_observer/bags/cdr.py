@@ -362,3 +362,17 @@ class JointStateEncoder:
                 f" {self._count} axes; give each field one number per axis"
             ) from None
         return bytes(buffer)
+
+
+def effort_template(names: Sequence[str]) -> tuple[Callable[..., bytes], bytes, bytes]:
+    """Return ``pack``, ``head`` and ``middle``: a message is ``pack(head, seconds, nanoseconds, middle, *efforts)``.
+
+    Args:
+        names: entries of ``name``, as many as there are efforts.
+
+    Returns:
+        ``pack``, and the bytes before and behind the stamp.
+    """
+    encoder = JointStateEncoder(names, ("effort",))
+    head, middle = encoder.template[:HEADER], encoder.template[HEADER + 8 : encoder.starts[0]]
+    return struct.Struct(f"<{len(head)}siI{len(middle)}s{len(names)}d").pack, head, middle

@@ -2,11 +2,16 @@
 
 A relay runs beside the observer: a node with the same executor that takes in both topics and gives out one message for
 each sample, with nothing computed. What it takes is what the middleware, the executor and the machine take.
+
+A publisher hands each message to one reader after the other, and to wake a process takes as long as to estimate. So
+each run has two halves: in one the publisher meets the observer first, in the other the relay.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -43,57 +48,112 @@ def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = 
     Raises:
         DataError: a process ended too early.
     """
-    from sgms_observer.nodes.conductor import Conductor, prepare_graph
+    from sgms_observer.nodes.conductor import prepare_graph
 
     prepare_graph()
     config = write_config(folder, "mhe", publish_every, rate, axes)
-    sent_file, heard_file = folder / f"sent_{rate}.npy", folder / f"heard_{rate}.npz"
-    count = round(seconds * rate)
-    with Conductor(folder / f"logs_{rate}") as conductor:
-        observer = ["--ros-args", "--params-file", str(config)]
-        conductor.start("observer_node", "sgms_observer.nodes.observer_node", observer)
-        conductor.start("relay", "sgms_observer.bench.relay", [RELAYED])
-        listener = ["--out", str(heard_file), _COMPENSATION, RELAYED]
-        conductor.start("listener", "sgms_observer.bench.listener", listener)
-        conductor.wait_active("observer_node")
-        conductor.wait_subscribers({_COMPENSATION: 1, RELAYED: 1, "position": 2, "control_effort": 2})
-        sending = ["--count", str(count), "--rate", str(rate), "--axes", str(axes), "--out", str(sent_file)]
-        sending += ["--listeners", "2"]
-        used = {name: seconds_used(conductor.process_id(name)) for name in ("observer_node", "relay")}
-        conductor.start("publisher", "sgms_observer.bench.publisher", sending)
+    orders = (("observer_node", "relay"), ("relay", "observer_node"))
+    halves = [
+        _run(folder / f"{rate}_{order[0]}_first", config, round(0.5 * seconds * rate), rate, axes, order)
+        for order in orders
+    ]
+    own, relay = (_together([half[name] for half in halves]) for name in ("observer_node", "relay"))
+    late = np.concatenate([half["publisher"].delays for half in halves])
+    return {
+        "rate_hz": rate,
+        "sent": sum(half["publisher"].count for half in halves),
+        **own.figures(),
+        "relay": relay.figures(),
+        "over_relay": _ratio(own, relay),
+        "over_relay_if_first": {
+            order[0]: _ratio(half["observer_node"], half["relay"]) for order, half in zip(orders, halves, strict=True)
+        },
+        "seconds": seconds,
+        "publisher_late_us": _percentiles(late),
+        "publisher_cpu_share": _together([half["publisher"] for half in halves]).figures()["cpu_share"],
+    }
+
+
+@dataclass(frozen=True)
+class _Way:
+    """What became of the samples of a run in one process.
+
+    Attributes:
+        count: samples sent.
+        delays: from the sending of a sample to its arrival, of each that arrived [us].
+        cpu: computing time [s].
+        seconds: how long samples were sent [s].
+    """
+
+    count: int
+    delays: NDArray[np.float64]
+    cpu: float
+    seconds: float
+
+    def figures(self) -> dict[str, Any]:
+        """Return the entries of the JSON file."""
+        return {
+            "lost": self.count - len(self.delays),
+            "latency_us": _percentiles(self.delays),
+            "cpu_share": round(self.cpu / self.seconds, 3),
+        }
+
+
+def _together(ways: Sequence[_Way]) -> _Way:
+    """Return the two halves of a run as one."""
+    return _Way(
+        sum(way.count for way in ways),
+        np.concatenate([way.delays for way in ways]),
+        sum(way.cpu for way in ways),
+        sum(way.seconds for way in ways),
+    )
+
+
+def _ratio(own: _Way, relay: _Way) -> dict[str, float]:
+    """Return median and 99 % of the compensation over those of the relay."""
+    return {key: round(value / _percentiles(relay.delays)[key], 2) for key, value in _percentiles(own.delays).items()}
+
+
+def _run(folder: Path, config: Path, count: int, rate: int, axes: int, order: Sequence[str]) -> dict[str, _Way]:
+    """Publish samples to the observer and the relay, which the publisher meets in the given order."""
+    from sgms_observer.nodes.conductor import Conductor
+
+    folder.mkdir()
+    sent_file, heard_file = folder / "sent.npy", folder / "heard.npz"
+    processes = {
+        "observer_node": ("sgms_observer.nodes.observer_node", ["--ros-args", "--params-file", str(config)]),
+        "relay": ("sgms_observer.bench.relay", [RELAYED]),
+    }
+    sending = ["--count", str(count), "--rate", str(rate), "--axes", str(axes), "--out", str(sent_file)]
+    with Conductor(folder / "logs") as conductor:
+        conductor.start("listener", "sgms_observer.bench.listener", ["--out", str(heard_file), _COMPENSATION, RELAYED])
+        conductor.start("publisher", "sgms_observer.bench.publisher", [*sending, "--listeners", "2"])
+        conductor.wait_publishers(("position", "control_effort"))
+        for number, name in enumerate(order):
+            conductor.start(name, *processes[name])
+            if name == "observer_node":
+                conductor.wait_active(name)
+            conductor.wait_subscribers({"position": number + 1, "control_effort": number + 1})
+        names = (*order, "publisher")
+        before = {name: seconds_used(conductor.process_id(name)) for name in names}
         conductor.wait(sent_file.exists, "the publisher to send everything")
-        used = {name: seconds_used(conductor.process_id(name)) - before for name, before in used.items()}
-        publisher = seconds_used(conductor.process_id("publisher"))
-        for name in ("observer_node", "relay", "listener"):
+        used = {name: seconds_used(conductor.process_id(name)) - before[name] for name in names}
+        for name in (*order, "listener"):
             _wait_until_idle(conductor.process_id(name))
         for name in ("listener", "publisher", "relay", "observer_node"):
             conductor.stop(name)
     sent = np.load(sent_file)
     with np.load(heard_file) as heard:
-        own = _received(sent, heard[_COMPENSATION], used["observer_node"] * rate / count)
-        relay = _received(sent, heard[RELAYED], used["relay"] * rate / count)
-    ratio = {key: round(own["latency_us"][key] / relay["latency_us"][key], 2) for key in ("p50", "p99")}
-    late = _percentiles((sent[1] - sent[0]) * 1e-3)
-    return {
-        "rate_hz": rate,
-        "sent": count,
-        **own,
-        "relay": relay,
-        "over_relay": ratio,
-        "seconds": seconds,
-        "publisher_late_us": late,
-        "publisher_cpu_share": round(publisher * rate / count, 3),
-    }
+        delays = {"observer_node": _delays(sent, heard[_COMPENSATION]), "relay": _delays(sent, heard[RELAYED])}
+    delays["publisher"] = (sent[1] - sent[0]) * 1e-3
+    return {name: _Way(count, delays[name], used[name], count / rate) for name in names}
 
 
-def _received(sent: NDArray[np.int64], heard: NDArray[np.int64], cpu_share: float) -> dict[str, Any]:
-    """Return what became of the samples on one way: lost ones, and the time from a sample's sending to its arrival."""
+def _delays(sent: NDArray[np.int64], heard: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the time from a sample's sending to its arrival, of each that arrived [us]."""
     _, place, arrived = np.intersect1d(sent[0], heard[0], return_indices=True)
-    return {
-        "lost": int(sent.shape[1] - place.size),
-        "latency_us": _percentiles((heard[1, arrived] - sent[1, place]) * 1e-3),
-        "cpu_share": round(cpu_share, 3),
-    }
+    delays: NDArray[np.float64] = (heard[1, arrived] - sent[1, place]) * 1e-3
+    return delays
 
 
 def _percentiles(times: NDArray[np.float64]) -> dict[str, float]:

@@ -11,7 +11,9 @@ simulated along the estimated velocity.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +99,10 @@ class Compensator:
         parameters: which parameters the observer estimates.
         effects: effects of the axis, or None. Their effort path is inverted, their delay adds to the look-ahead.
         standstill: estimated speed that noise alone rarely exceeds [m/s]; ``standstill_velocity`` overrides it.
+
+    Attributes:
+        fill: does ``step_tables`` into an array that is there already, its last argument.
+        fill_ahead: does ``look_ahead`` likewise.
     """
 
     def __init__(
@@ -131,7 +137,8 @@ class Compensator:
         self._memory = np.zeros(MEMORY_SIZE)
         path = self._path
         numbers = np.array([path.delay, path.mass, path.added_mass])
-        self._fixed = (
+        self.fill: Callable[..., None] = partial(
+            compensate_block,
             *(self._state, self._carried, self._modes, model.scalars, model.elements, self._kinds),
             *(path.kinds, path.p_at, path.parameters, numbers),
         )
@@ -155,7 +162,7 @@ class Compensator:
             settings.timeout,
         )
         time, standstill, at_rest = self._state[[LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL]].tolist()
-        self._look_ahead_settings: tuple[float, float, float] = time, standstill, at_rest
+        self.fill_ahead: Callable[..., None] = partial(look_ahead_block, self._memory, time, standstill, at_rest)
 
     @property
     def path(self) -> ActuatorPath:
@@ -224,9 +231,7 @@ class Compensator:
             Columns as named in ``motion_ahead`` [SI units], shape (n, AHEAD_WIDTH).
         """
         ahead = np.empty((len(motion), AHEAD_WIDTH))
-        look_ahead_block(
-            self._memory, *self._look_ahead_settings, motion, reference_position, reference_velocity, ahead
-        )
+        self.fill_ahead(motion, reference_position, reference_velocity, ahead)
         return ahead
 
     @property
@@ -287,5 +292,5 @@ class Compensator:
             The force to add to the controller's output [N], shape (n,).
         """
         out = np.empty(len(motion))
-        compensate_block(*self._fixed, motion, results, ahead, effects_force, effects_factor, out)
+        self.fill(motion, results, ahead, effects_force, effects_factor, out)
         return out

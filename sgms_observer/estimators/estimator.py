@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -101,6 +103,9 @@ class Estimator:
         settings: checked estimator settings.
         friction: checked friction settings.
         mass: moving mass [kg].
+
+    Attributes:
+        fill: does ``step`` with ``Motion.table`` as its first argument, into the table of ``make_room``, its last.
     """
 
     def __init__(self, settings: EstimatorSettings, friction: FrictionSettings, mass: float) -> None:
@@ -131,6 +136,7 @@ class Estimator:
         initial = np.concatenate([(settings.initial_std * share) ** 2, relative**2])
         self.flat = allocate(self.sizes, self.tuning, (*self.model, *self.parameters, process, initial))
         self._width = RESULT_SIZE + 3 * self.sizes.n_z + 2 * self.sizes.n_p
+        self.fill: Callable[..., None] = partial(estimate_block, self.flat)
 
     @property
     def process(self) -> Floats:
@@ -171,6 +177,14 @@ class Estimator:
         Returns:
             Estimates, one row per sample.
         """
-        table = np.empty((len(motion.table), self._width))
-        estimate_block(self.flat, motion.table, effort, factor, table)
-        return Results(table, self.sizes.n_z, self.sizes.n_p)
+        results = self.make_room(len(motion.table))
+        self.fill(motion.table, effort, factor, results.table)
+        return results
+
+    def make_room(self, count: int) -> Results:
+        """Return results for ``fill``.
+
+        Args:
+            count: number of samples.
+        """
+        return Results(np.empty((count, self._width)), self.sizes.n_z, self.sizes.n_p)

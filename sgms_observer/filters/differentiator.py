@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +37,7 @@ class Differentiator:
         config: the fixed numbers ``kernel.filter_sample`` takes, for callers with a compiled loop of their own.
         state: the memory ``kernel.filter_sample`` takes and updates.
         row: the latest row, which ``kernel.filter_sample`` takes and updates.
+        fill: does ``step`` into the table of ``make_room``, its last argument.
 
     Raises:
         ConfigurationError: if the settings do not fit the sample period.
@@ -79,6 +82,7 @@ class Differentiator:
         self.config: Floats = np.concatenate((fixed, method_config))
         self.state: Floats = np.zeros(size)
         self.row: Floats = np.zeros(row_width(self.delay_samples))
+        self.fill: Callable[..., None] = partial(filter_block, self.config, self.state, self.row)
 
     def reset(self) -> None:
         """Forget every sample."""
@@ -96,9 +100,17 @@ class Differentiator:
         Returns:
             One row per sample.
         """
-        table = np.empty((len(stamp_ns), len(self.row)))
-        filter_block(self.config, self.state, stamp_ns, position, effort, self.row, table)
-        return Motion(table, self.delay_samples)
+        motion = self.make_room(len(stamp_ns))
+        self.fill(stamp_ns, position, effort, motion.table)
+        return motion
+
+    def make_room(self, count: int) -> Motion:
+        """Return a motion for ``fill``.
+
+        Args:
+            count: number of samples.
+        """
+        return Motion(np.empty((count, len(self.row))), self.delay_samples)
 
 
 def effort_noise_gain(settings: FilterSettings, sample_period: float) -> float:

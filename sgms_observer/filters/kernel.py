@@ -126,10 +126,10 @@ def filter_sample(config: Floats, state: Floats, stamp_ns: int, position: float,
 def filter_block(
     config: Floats,
     state: Floats,
+    row: Floats,
     stamp_ns: NDArray[np.int64],
     position: Floats,
     effort: Floats,
-    row: Floats,
     table: Floats,
 ) -> None:
     """Take a block of samples, one after the other.

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,12 +13,18 @@ from sgms_observer.nodes.intake import Intake
 from sgms_observer.nodes.statistics import AxisStatistics, StepClock
 from sgms_observer.observer.all_axes import AllAxes
 from sgms_observer.observer.axis_observer import AxisObserver
+from sgms_observer.observer.block_arrays import Observed
+from sgms_observer.observer.next_sample import Step, prepare_next
 from sgms_observer.observer.outgoing import Outgoing, OutgoingBlock, ParameterReport
 from sgms_observer.observer.parameter_changes import parameter_changes, parameter_remarks
-from sgms_observer.observer.samples import Estimates, Samples
+from sgms_observer.observer.samples import Samples
 from sgms_observer.observer.trial import run_all_kernels
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.write import write_settings
+
+
+def _always() -> bool:
+    return True
 
 
 @dataclass(frozen=True)
@@ -26,12 +32,12 @@ class Processed:
     """What one call of ``Engine.process`` gave.
 
     Attributes:
-        estimates: number of the axis to its new estimates.
+        observed: number of the axis to what its latest samples gave.
         blocks: messages to publish.
         reports: estimated parameters to publish.
     """
 
-    estimates: dict[int, Estimates]
+    observed: dict[int, Observed]
     blocks: list[OutgoingBlock]
     reports: list[ParameterReport]
 
@@ -53,10 +59,11 @@ class Engine:
         self.observers = self._all_axes.observers
         self.clock = StepClock(settings.sample_period)
         self.statistics = [AxisStatistics() for _ in settings.axes]
-        self.latest: dict[int, Estimates] = {}
+        self.latest: dict[int, Observed] = {}
         self.intake = Intake(settings.scales, settings.sample_period)
         self.horizons = HorizonExchange(settings, self._all_axes)
         self._outgoing = Outgoing(settings)
+        self._prepared: tuple[Callable[[int, Sequence[float]], None], list[Step]] | None = None
 
     def warm_up(self) -> None:
         """Run every kernel once, so that none is compiled or loaded when the first sample arrives."""
@@ -64,32 +71,86 @@ class Engine:
             enabled = replace(axis, compensation=replace(axis.compensation, enabled=True))
             run_all_kernels(AxisObserver(enabled, self.settings.sample_period))
 
-    def process(self, send: Callable[[OutgoingBlock], None] | None = None) -> Processed:
+    def process(
+        self, send: Callable[[OutgoingBlock], None] | None = None, are_others_read: Callable[[], bool] = _always
+    ) -> Processed:
         """Estimate over everything that came in and is complete.
 
         Args:
             send: takes each block of compensations as soon as it is there; without it they come with the others.
+            are_others_read: returns whether anybody reads other messages than compensations; if not, none are made.
         """
-        blocks: list[OutgoingBlock] = []
-        reports: list[ParameterReport] = []
-        estimates: dict[int, Estimates] = {}
+        processed = Processed({}, [], [])
+        if send is not None and (prepared := self._observe_prepared()) is not None:
+            self._note(prepared, processed)
+            self._add_others(prepared, processed, are_others_read)
+            return processed
         for group in self._groups():
             observed = self._all_axes.observe(group)
-            compensation = self._outgoing.compensation_of_all(observed) if send is not None else None
-            if send is not None and compensation is not None:
-                send(compensation)
+            is_sent = send is not None and self._send_together(observed, send)
+            self._note(observed, processed)
+            if not is_sent:
+                for block in self._outgoing.compensations({n: found.estimates() for n, found in observed.items()}):
+                    processed.blocks.append(block) if send is None else send(block)
+            self._add_others(observed, processed, are_others_read)
+        return processed
+
+    def prepare(self, send: Callable[[int, Sequence[float]], None]) -> None:
+        """Have everything in place for the next sample of all axes, so that its compensation goes out sooner.
+
+        Args:
+            send: takes its stamp [ns] and the compensation of each axis [N], where one sample of every axis comes alone
+                and all have one stamp; then nobody else gets them from ``process``.
+        """
+        for pairing in self.intake.pairings:
+            pairing.prepare()
+        if self._prepared is None and not self._all_axes.is_coupled:
+            steps = [prepare_next(observer) for observer in self.observers]
+            if all(step is not None for step in steps):
+                self._prepared = send, [step for step in steps if step is not None]
+
+    def _observe_prepared(self) -> dict[int, Observed] | None:
+        """Observe the sample that was prepared for and send its compensation; None where something else has come."""
+        pairings = self.intake.pairings
+        if self._prepared is None or (stamp_ns := pairings[0].alone_ns) is None:
+            return None
+        for pairing in pairings[1:]:
+            if pairing.alone_ns != stamp_ns:
+                return None
+        (send, steps), self._prepared = self._prepared, None
+        observed, forces = {}, []
+        for number, step in enumerate(steps):
+            observed[number] = found = step(pairings[number].pop_alone())
+            forces.append(found.arrays.compensation.item())
+        send(stamp_ns, forces)
+        return observed
+
+    def _send_together(self, observed: dict[int, Observed], send: Callable[[OutgoingBlock], None]) -> bool:
+        """Send the compensations of axes with equal stamps; return whether they have equal stamps."""
+        block = self._outgoing.compensation_of_all(observed)
+        if block is not None:
+            send(block)
+        return block is not None
+
+    def _note(self, observed: dict[int, Observed], processed: Processed) -> None:
+        """Count what was observed, and report its parameters where they are due."""
+        processed.observed.clear()
+        processed.observed.update(observed)
+        self.latest.update(observed)
+        for number, found in observed.items():
+            self.clock.add(found.seconds, len(found.stamp_ns))
+            self.statistics[number].add(found.arrays.results)
+        processed.reports.extend(self._outgoing.reports(observed))
+
+    def _add_others(
+        self, observed: dict[int, Observed], processed: Processed, are_others_read: Callable[[], bool]
+    ) -> None:
+        """Add the messages other than compensations, if anybody reads them."""
+        if are_others_read():
             estimates = {number: found.estimates() for number, found in observed.items()}
-            self.latest.update(estimates)
-            for found in observed.values():
-                self.clock.add(found.seconds, len(found.stamp_ns))
-            if compensation is None:
-                for outgoing in self._outgoing.compensations(estimates):
-                    blocks.append(outgoing) if send is None else send(outgoing)
-            blocks += self._outgoing.others(estimates)
-            for number, block in estimates.items():
-                self.statistics[number].add(block)
-            reports += self._outgoing.reports(estimates)
-        return Processed(estimates, blocks, reports)
+            processed.blocks.extend(self._outgoing.others(estimates))
+        else:
+            self._outgoing.pass_over(observed)
 
     def _groups(self) -> list[dict[int, Samples]]:
         """Return the new samples by axis; a second block of an axis, after a reset of the clock, comes later."""
@@ -131,6 +192,7 @@ class Engine:
             settings: settings that differ in ``compensation`` only.
         """
         self.settings = settings
+        self._prepared = None
         for observer, axis in zip(self.observers, settings.axes, strict=True):
             observer.compensator.configure(axis.compensation)
         self.horizons.configure(settings)
@@ -148,9 +210,9 @@ def save_learnt(settings: Settings, engine: Engine, name: str) -> str:
         SgmsError: the file cannot be written.
     """
     changes, comments = {}, {}
-    for number, estimates in engine.latest.items():
+    for number, latest in engine.latest.items():
         axis = settings.axes[number]
-        values = dict(zip(axis.estimator.parameters, estimates.parameters[-1].tolist(), strict=True))
+        values = dict(zip(axis.estimator.parameters, latest.parameters[-1].tolist(), strict=True))
         if values:
             changes[axis.name] = parameter_changes(axis, values, engine.observers[number].effects.added_mass)
             for parameter, remark in parameter_remarks(axis, changes[axis.name], name).items():

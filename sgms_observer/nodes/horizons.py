@@ -12,7 +12,7 @@ from sgms_observer.bags.trajectory_cdr import decode_trajectory, encode_trajecto
 from sgms_observer.compensation.horizon import MIN_STEP, Horizon, KnownMotion
 from sgms_observer.errors import DataError
 from sgms_observer.observer.all_axes import AllAxes
-from sgms_observer.observer.samples import Estimates
+from sgms_observer.observer.block_arrays import Observed
 from sgms_observer.settings.axis import AxisSettings, Settings
 
 EVERY = 0.05
@@ -91,7 +91,6 @@ class HorizonExchange:
         self._all_axes = all_axes
         self._numbers = {axis.name: number for number, axis in enumerate(settings.axes)}
         self._known: dict[int, KnownMotion] = {}
-        self._latest: dict[int, Estimates] = {}
         self._given_ns: dict[int, int] = {}
         self._given: dict[int, Horizon] = {}
         self.configure(settings)
@@ -109,7 +108,6 @@ class HorizonExchange:
     def reset(self) -> None:
         """Forget every reference."""
         self._known.clear()
-        self._latest.clear()
 
     def take_reference(self, message: Buffer, now_ns: int) -> bool:
         """Take in a message of ``reference_horizon``; return whether it is one.
@@ -137,18 +135,16 @@ class HorizonExchange:
                 self._known[number] = motion
         return True
 
-    def give(self, estimates: Mapping[int, Estimates]) -> Iterator[bytes]:
+    def give(self, observed: Mapping[int, Observed]) -> Iterator[bytes]:
         """Yield the messages of ``compensation_horizon`` that are due, one for each axis.
 
         Args:
-            estimates: number of the axis to its latest estimates.
+            observed: number of the axis to what its latest samples gave.
         """
-        self._latest.update(estimates)
-        if not self._known:
-            return
-        due = [n for n in self._known if n in estimates and self._is_due(n, int(estimates[n].stamp_ns[-1]))]
-        for number, horizon in self._all_axes.horizons(self._latest, due, self._known, self._reach).items():
-            stamp = int(estimates[number].stamp_ns[-1])
+        due = [n for n in self._known if n in observed and self._is_due(n, int(observed[n].stamp_ns[-1]))]
+        latest = {number: observed[number].estimates() for number in due}
+        for number, horizon in self._all_axes.horizons(latest, due, self._known, self._reach).items():
+            stamp = int(latest[number].stamp_ns[-1])
             self._given_ns[number] = stamp
             had_force = number in self._given and self._given[number].effort.any()
             if self._axes[number].compensation.enabled or had_force:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -44,6 +45,7 @@ class ObserverNode(ManagedNode):
     Messages are decoded as they arrive. A complete sample that comes while the node is idle is estimated at once. One
     that comes sooner after the last posts a task behind all events that wait already: the task estimates over
     everything that is complete by then, so blocks grow by themselves when the machine is late.
+    The compensation is published before anything else is made of a sample, and then the next sample is prepared.
     Samples that come faster than ``gather_time`` are gathered: after each block the node sleeps that long while
     messages arrive. A block of four costs as much as a single sample, and nothing has to wake this thread for each.
 
@@ -207,22 +209,33 @@ class ObserverNode(ManagedNode):
 
     def _process(self) -> None:
         self._is_scheduled = False
-        if not self.is_active or self._outlets is None or self._watchdog is None:
+        engine = self._engine
+        if not self.is_active or self._outlets is None or self._watchdog is None or engine is None:
             return
-        processed = self._working_engine().process(self._send_compensation)
+        processed = engine.process(self._send_compensation, self._outlets.are_others_read)
         for block in processed.blocks:
             self._outlets.topics.publish(block)
         for report in processed.reports:
             self._parameter_topic.publish(encode_diagnostics(report.stamp_ns, [parameter_entry(report)]))
         now = time.monotonic()
-        for number, estimates in processed.estimates.items():
-            self._watchdog.feed(number, float(estimates.compensation[-1]), now)
-        if processed.estimates:
+        for number, observed in processed.observed.items():
+            self._watchdog.feed(number, float(observed.compensation[-1]), now)
+        if processed.observed:
             self._outlets.commands.publish(self._watchdog.outputs, self._is_late)
-        self._outlets.give_horizons(self._working_engine().horizons.give(processed.estimates))
+        self._outlets.give_horizons(engine.horizons.give(processed.observed))
+        engine.prepare(self._send_one)
         if self._pause > 0.0:
             time.sleep(self._pause)
         self._idle_since = time.monotonic()
+
+    def _send_one(self, stamp_ns: int, forces: Sequence[float]) -> None:
+        """Publish the compensation of one sample of all axes [N], and note whether it comes too late."""
+        if self._outlets is not None:
+            self._outlets.send_forces(stamp_ns, forces)
+        age = time.time_ns() - stamp_ns
+        self._is_late = self._oldest_ns < age < _OWN_CLOCK_NS
+        if self._is_late:
+            self._working_engine().intake.counts.too_late += 1
 
     def _send_compensation(self, block: OutgoingBlock) -> None:
         """Publish compensations, and note those that come too late for whoever applies them.
@@ -230,12 +243,12 @@ class ObserverNode(ManagedNode):
         A stamp that is far from this node's clock belongs to another one: nobody knows how old it is.
         """
         now, stamps = time.time_ns(), block.stamp_ns  # twenty times as quick as the node's own clock
+        if self._outlets is not None:
+            self._outlets.topics.publish(block, is_read=True)
         self._is_late = self._oldest_ns < now - int(stamps[-1]) < _OWN_CLOCK_NS
         if now - int(stamps[0]) > self._oldest_ns:
             late = np.count_nonzero((now - stamps > self._oldest_ns) & (now - stamps < _OWN_CLOCK_NS))
             self._working_engine().intake.counts.too_late += int(late)
-        if self._outlets is not None:
-            self._outlets.topics.publish(block, is_heard=True)
 
     def _watch(self) -> None:
         """Bring the compensation of every axis to zero whose samples stopped."""

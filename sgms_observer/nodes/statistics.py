@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from sgms_observer.estimators.estimator import Results
 from sgms_observer.observer.samples import Estimates
 from sgms_observer.status import Status
 
@@ -37,37 +38,35 @@ class AxisStatistics:
     _nis_sum: float = 0.0
     _nis_count: int = 0
 
-    def add(self, estimates: Estimates) -> None:
+    def add(self, estimates: Estimates | Results) -> None:
         """Take in a block of estimates.
 
         Args:
             estimates: of this axis.
         """
-        if len(estimates.status) == 1:
-            self._add_one(estimates)
+        codes = estimates.status
+        self.samples += len(codes)
+        self.total += len(codes)
+        if len(codes) == 1:
+            self._add_one(int(codes[0]), float(estimates.innovation[0]), float(estimates.innovation_std[0]))
             return
-        self.samples += len(estimates.status)
-        self.total += len(estimates.status)
-        for code, count in enumerate(np.bincount(estimates.status).tolist()):
+        for code, count in enumerate(np.bincount(codes).tolist()):
             if count:
                 status = _STATUS[code]
                 self.totals[status] = self.totals.get(status, 0) + count
                 self.seen.add(status)
-        self.latest = _STATUS[estimates.status[-1]]
+        self.latest = _STATUS[codes[-1]]
         corrected = np.isfinite(estimates.innovation) & (estimates.innovation_std > 0.0)
         if corrected.any():
             ratio = estimates.innovation[corrected] / estimates.innovation_std[corrected]
             self._nis_sum += float(ratio @ ratio)
             self._nis_count += int(ratio.size)
 
-    def _add_one(self, estimates: Estimates) -> None:
+    def _add_one(self, code: int, innovation: float, deviation: float) -> None:
         """Take in a live sample: nine times as quick as a block's way."""
-        self.samples += 1
-        self.total += 1
-        status = self.latest = _STATUS[estimates.status[0]]
+        status = self.latest = _STATUS[code]
         self.totals[status] = self.totals.get(status, 0) + 1
         self.seen.add(status)
-        innovation, deviation = float(estimates.innovation[0]), float(estimates.innovation_std[0])
         if math.isfinite(innovation) and deviation > 0.0:
             ratio = innovation / deviation
             self._nis_sum += ratio * ratio

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import time
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 import numpy as np
 from rclpy.duration import Duration
@@ -17,10 +19,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.bags.cdr import JointStateEncoder, effort_template
 from sgms_observer.bags.rows import BY_ARRAYS, encode_joint_states
 from sgms_observer.compensation.safety import safe_output
-from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, JOINT_STATE_TOPICS, OutgoingBlock
+from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, JOINT_STATE_TOPICS, OTHER_TOPICS, OutgoingBlock
 from sgms_observer.settings.axis import Settings
 
 COMMANDS = "~/commands"
@@ -49,6 +51,8 @@ _COMMAND_QOS = reliable(1)
 #: How long the last messages of a node that ends are waited for, by whoever wants them acknowledged.
 LAST_WORDS = Duration(seconds=0.2)
 
+_ASK_EVERY = 0.01  # s from one question for a publisher's readers to the next
+
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 
 
@@ -72,6 +76,29 @@ def subscribe(
     return node.create_subscription(kind, topic, callback, qos, raw=True, qos_overriding_options=options)
 
 
+class Readers:
+    """Says whether a publisher has readers; asks the middleware every 10 ms at most.
+
+    To ask takes a fifth of the time of a message. A new reader gets its first message at most 10 ms later for it.
+
+    Args:
+        publisher: whose readers.
+    """
+
+    def __init__(self, publisher: Publisher) -> None:
+        self._count = publisher.get_subscription_count
+        self._ask_at = -math.inf
+        self._are_there = False
+
+    def are_there(self) -> bool:
+        """Return whether there are any."""
+        now = time.monotonic()
+        if now >= self._ask_at:
+            self._ask_at = now + _ASK_EVERY
+            self._are_there = self._count() > 0
+        return self._are_there
+
+
 class JointStateTopics:
     """Publishers of JointState topics that send whole blocks.
 
@@ -85,32 +112,47 @@ class JointStateTopics:
         self._publishers: dict[str, Publisher] = {
             topic: node.create_publisher(JointState, topic, SAMPLE_QOS) for topic in topics
         }
+        self._readers = {topic: Readers(publisher) for topic, publisher in self._publishers.items()}
         self._encoders: dict[tuple[str, tuple[str, ...]], JointStateEncoder] = {}
 
-    def publish(self, block: OutgoingBlock, is_heard: bool = False) -> None:
-        """Send every message of a block, if anybody listens.
+    def are_read(self, topics: Iterable[str]) -> bool:
+        """Return whether anybody reads one of the topics.
+
+        Args:
+            topics: relative names.
+        """
+        return any(self._readers[topic].are_there() for topic in topics)
+
+    def publish(self, block: OutgoingBlock, is_read: bool = False) -> None:
+        """Send every message of a block, if anybody reads it.
 
         Args:
             block: messages of one of the topics.
-            is_heard: whether somebody is taken to listen; to ask takes a fifth of the time of a message.
+            is_read: whether somebody is taken to read it.
         """
-        publisher = self._publishers[block.topic]
-        if not is_heard and not publisher.get_subscription_count():
+        topic, names, stamp_ns, columns = block
+        if not is_read and not self._readers[topic].are_there():
             return
-        publish = publisher.publish
-        if len(block.stamp_ns) >= BY_ARRAYS:
-            for row in encode_joint_states(block.stamp_ns, block.names, dict(block.values)):
+        publish = self._publishers[topic].publish
+        if len(stamp_ns) >= BY_ARRAYS:
+            for row in encode_joint_states(stamp_ns, names, dict(columns)):
                 publish(row.tobytes())
             return
-        encoder = self._encoders.get((block.topic, block.names))
+        encoder = self._encoders.get((topic, names))
         if encoder is None:
-            encoder = self._encoders[block.topic, block.names] = JointStateEncoder(block.names, tuple(block.values))
-        if len(block.stamp_ns) == 1:
-            publish(encoder.encode(int(block.stamp_ns[0]), *[values[0].tolist() for values in block.values.values()]))
-            return
-        columns = [values.tolist() for values in block.values.values()]
-        for stamp, *fields in zip(block.stamp_ns.tolist(), *columns, strict=True):
+            encoder = self._encoders[topic, names] = JointStateEncoder(names, tuple(columns))
+        rows = [values.tolist() for values in columns.values()]
+        for stamp, *fields in zip(stamp_ns.tolist(), *rows, strict=True):
             publish(encoder.encode(stamp, *fields))
+
+    def sender(self, topic: str, names: Sequence[str]) -> Callable[[int, Sequence[float]], None]:
+        """Return what sends one message with efforts: stamp [ns] and effort of each name [N] in, nothing looked up.
+
+        Args:
+            topic: relative name.
+            names: entries of ``name``.
+        """
+        return partial(_send, self._publishers[topic].publish, *effort_template(names))
 
     def wait_acknowledged(self) -> None:
         """Wait until what was sent has arrived, for ``LAST_WORDS`` at most: a publisher that is gone sends nothing."""
@@ -122,6 +164,18 @@ class JointStateTopics:
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
         self._publishers.clear()
+
+
+def _send(
+    publish: Callable[[bytes], None],
+    pack: Callable[..., bytes],
+    head: bytes,
+    middle: bytes,
+    stamp_ns: int,
+    effort: Sequence[float],
+) -> None:
+    """Send a message of which only the stamp and the numbers are new."""
+    publish(pack(head, stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000, middle, *effort))
 
 
 def encode_commands(forces: Sequence[float]) -> bytes:
@@ -155,6 +209,7 @@ class CommandTopic:
         self._sent_at = time.monotonic()
         self._is_apart = False
         self._publisher = node.create_publisher(Float64MultiArray, COMMANDS, _COMMAND_QOS)
+        self._readers = Readers(self._publisher)
 
     def publish(self, forces: Sequence[float], is_late: bool = False) -> None:
         """Send the forces [N], if anybody listens.
@@ -173,7 +228,7 @@ class CommandTopic:
             ]
             self._is_apart = is_late or forces != wanted
         self._sent, self._sent_at = list(forces), now
-        if self._publisher.get_subscription_count():
+        if self._readers.are_there():
             self._publisher.publish(encode_commands(forces))
 
     def wait_acknowledged(self) -> None:
@@ -195,13 +250,20 @@ class Outlets:
     Attributes:
         topics: the estimates.
         commands: the commands of controllers.
+        send_forces: publishes the compensation of all axes: stamp [ns], force of each [N].
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node = node
         self.topics = JointStateTopics(node, JOINT_STATE_TOPICS)
         self.commands = CommandTopic(node, settings)
+        self.send_forces = self.topics.sender(COMPENSATION, [axis.name for axis in settings.axes])
         self._horizons = node.create_publisher(JointTrajectory, HORIZON, HORIZON_QOS)
+        self._readers_of_horizons = Readers(self._horizons)
+
+    def are_others_read(self) -> bool:
+        """Return whether anybody reads estimates other than the compensation."""
+        return self.topics.are_read(OTHER_TOPICS)
 
     def give_horizons(self, messages: Iterable[bytes]) -> None:
         """Publish horizons, if anybody listens.
@@ -209,7 +271,7 @@ class Outlets:
         Args:
             messages: made only then.
         """
-        if self._horizons.get_subscription_count():
+        if self._readers_of_horizons.are_there():
             for message in messages:
                 self._horizons.publish(message)
 

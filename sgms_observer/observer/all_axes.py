@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.compensation.horizon import Horizon, KnownMotion
-from sgms_observer.observer.axis_observer import AxisObserver, FilteredBlock, Observed, OtherMotion
+from sgms_observer.observer.axis_observer import AxisObserver, FilteredBlock, OtherMotion
+from sgms_observer.observer.block_arrays import Observed
 from sgms_observer.observer.samples import Estimates, Floats, Samples
 from sgms_observer.settings.axis import AxisSettings, coupled_number
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from sgms_observer.compensation.feedforward import Compensator
 from sgms_observer.compensation.feedforward_kernel import standstill_velocity
 from sgms_observer.compensation.horizon import Horizon, KnownMotion, grid_of
-from sgms_observer.compensation.motion_ahead import AHEAD_ACCELERATION, AHEAD_POSITION, AHEAD_VELOCITY
+from sgms_observer.compensation.motion_ahead import AHEAD_ACCELERATION, AHEAD_POSITION, AHEAD_VELOCITY, AHEAD_WIDTH
 from sgms_observer.effects.compiled import CompiledEffects
-from sgms_observer.estimators.estimator import Estimator, Results
+from sgms_observer.estimators.estimator import Estimator
 from sgms_observer.estimators.interval import stribeck_level
 from sgms_observer.estimators.layout import COULOMB, STATIC, STRIBECK, Floats, ModelArrays
 from sgms_observer.filters.differentiator import Differentiator
-from sgms_observer.filters.motion import Motion
 from sgms_observer.jit import njit
+from sgms_observer.observer.block_arrays import BlockArrays, Observed
 from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.settings.axis import AxisSettings
 
@@ -53,58 +53,18 @@ class FilteredBlock(NamedTuple):
 
     Attributes:
         samples: the block.
-        motion: filtered motion.
-        ahead: set-point at the time when the compensation acts, columns of ``motion_ahead``.
+        arrays: motion and ahead are filled.
         seconds: computing time of the first half [s].
     """
 
     samples: Samples
-    motion: Motion
-    ahead: Floats
+    arrays: BlockArrays
     seconds: float
 
     def as_other(self) -> OtherMotion:
         """Return the motion for the coupling effect of another axis."""
-        motion, ahead = self.motion, self.ahead
+        motion, ahead = self.arrays.motion, self.arrays.ahead
         return OtherMotion(motion.velocity, motion.acceleration, ahead[:, AHEAD_VELOCITY], ahead[:, AHEAD_ACCELERATION])
-
-
-class Observed(NamedTuple):
-    """A block after ``AxisObserver.observe``, with the compensation ready to be sent.
-
-    Attributes:
-        stamp_ns: sample time [ns], shape (n,).
-        motion: filtered motion.
-        results: results of the estimator.
-        compensation: feedforward to add to the controller's output [N], shape (n,).
-        seconds: computing time [s].
-    """
-
-    stamp_ns: NDArray[np.int64]
-    motion: Motion
-    results: Results
-    compensation: Floats
-    seconds: float
-
-    def estimates(self) -> Estimates:
-        """Return the estimates of the block, by name."""
-        motion, results = self.motion, self.results
-        return Estimates.of(
-            stamp_ns=self.stamp_ns,
-            position=motion.present_position,
-            velocity=motion.present_velocity,
-            acceleration=motion.present_acceleration,
-            friction=results.friction,
-            friction_std=results.friction_std,
-            element_force=results.element_force,
-            element_deflection=results.element_deflection,
-            parameters=results.parameters,
-            parameter_std=results.parameter_std,
-            innovation=results.innovation,
-            innovation_std=results.innovation_std,
-            compensation=self.compensation,
-            status=results.status,
-        )
 
 
 class AxisObserver:
@@ -136,7 +96,6 @@ class AxisObserver:
         self._ahead_state = self.effects.initial_state()
         self._origin_ns: int | None = None
         self._latest_effort = 0.0
-        self._zeros, self._ones = np.zeros(1), np.ones(1)
 
     def reset(self) -> None:
         """Forget every sample and all estimates; the compensation moves to zero within its slew limit."""
@@ -179,11 +138,13 @@ class AxisObserver:
             The block for ``estimate``, which has to follow before the next ``filter``.
         """
         start = time.perf_counter()
+        arrays = self.make_arrays(len(samples.stamp_ns))
+        table = arrays.motion.table
         position = self.effects.corrected_position(samples.position)
         effort = self.effects.arrived_effort(samples.effort, self._effects_state)
-        motion = self.differentiator.step(samples.stamp_ns, position, effort)
-        ahead = self.compensator.look_ahead(motion.table, samples.reference_position, samples.reference_velocity)
-        return FilteredBlock(samples, motion, ahead, time.perf_counter() - start)
+        self.differentiator.fill(samples.stamp_ns, position, effort, table)
+        self.compensator.fill_ahead(table, samples.reference_position, samples.reference_velocity, arrays.ahead)
+        return FilteredBlock(samples, arrays, time.perf_counter() - start)
 
     def estimate(self, block: FilteredBlock, other: OtherMotion | None = None) -> Observed:
         """Do the second half of ``observe``.
@@ -193,7 +154,9 @@ class AxisObserver:
             other: as for ``step``.
         """
         start = time.perf_counter()
-        samples, motion, ahead = block.samples, block.motion, block.ahead
+        samples, arrays, seconds = block
+        motion, ahead, filtered_effort, effort, results, compensation, _, force, factor = arrays
+        table = motion.table
         if self.effects.has_force_or_level:
             if len(samples.stamp_ns):
                 self._latest_effort = float(motion.effort[-1])
@@ -204,19 +167,19 @@ class AxisObserver:
             force, factor = self._evaluate(
                 path, since - self.differentiator.delay, motion.effort, motion.period, self._effects_state, coupling
             )
-            effort = motion.effort - force
+            np.subtract(filtered_effort, force, out=effort)
         else:
-            force, factor = self._no_effects(len(samples.stamp_ns))
-            effort = motion.effort.copy()
-        results = self.estimator.step(motion, effort, factor)
-        self._watch_deadline(block.seconds + time.perf_counter() - start, len(samples.stamp_ns))
+            np.copyto(effort, filtered_effort)
+        self.estimator.fill(table, effort, factor, results.table)
+        if self.axis.estimator.deadline > 0.0:
+            self._watch_deadline(seconds + time.perf_counter() - start, len(samples.stamp_ns))
         if self.effects.has_force_or_level:
             path = ahead[:, AHEAD_POSITION], ahead[:, AHEAD_VELOCITY], ahead[:, AHEAD_ACCELERATION]
             coupling = None if other is None else (other.velocity_ahead, other.acceleration_ahead)
             later = since + self.compensator.look_ahead_time
             force, factor = self._evaluate(path, later, motion.effort, motion.period, self._ahead_state, coupling)
-        compensation = self.compensator.step_tables(motion.table, results.table, ahead, force, factor)
-        return Observed(samples.stamp_ns, motion, results, compensation, block.seconds + time.perf_counter() - start)
+        self.compensator.fill(table, results.table, ahead, force, factor, compensation)
+        return Observed(samples.stamp_ns, arrays, seconds + time.perf_counter() - start)
 
     def horizon(
         self, latest: Estimates, known: KnownMotion, duration: float, other: KnownMotion | None = None
@@ -266,11 +229,18 @@ class AxisObserver:
             return False
         return bool(abs(known.at(np.array([stamp]))[0][0] - self.compensator.set_point) <= allowed)
 
-    def _no_effects(self, count: int) -> tuple[Floats, Floats]:
-        """Return no force [N] and a factor of one on the Stribeck level; the same arrays while blocks are as long."""
-        if len(self._zeros) != count:
-            self._zeros, self._ones = np.zeros(count), np.ones(count)
-        return self._zeros, self._ones
+    def make_arrays(self, count: int) -> BlockArrays:
+        """Return arrays for a block of samples.
+
+        Args:
+            count: number of samples.
+        """
+        motion, results = self.differentiator.make_room(count), self.estimator.make_room(count)
+        ahead, effort, compensation = np.empty((count, AHEAD_WIDTH)), np.empty(count), np.empty((count, 1))
+        return BlockArrays(
+            *(motion, ahead, motion.effort, effort, results, compensation[:, 0], compensation),
+            *(np.zeros(count), np.ones(count)),
+        )
 
     def _since(self, stamp_ns: NDArray[np.int64]) -> Floats:
         """Return the time since the first sample [s]."""
@@ -296,7 +266,6 @@ class AxisObserver:
 
     def _watch_deadline(self, seconds: float, samples: int) -> None:
         """Let the EKF do the next correction if this live step took longer than the deadline."""
-        deadline = self.axis.estimator.deadline
-        if deadline > 0.0 and samples == 1 and seconds > deadline:
+        if samples == 1 and seconds > self.axis.estimator.deadline:
             self.deadline_misses += 1
             self.estimator.miss_deadline()

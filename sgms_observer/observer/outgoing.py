@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.observer.axis_observer import Observed
+from sgms_observer.observer.block_arrays import Observed
 from sgms_observer.observer.samples import Estimates
 from sgms_observer.settings.axis import Settings
 
@@ -25,7 +25,8 @@ ELEMENTS = "friction_elements"
 PARAMETERS = "friction_parameters"
 HORIZON = "compensation_horizon"
 REFERENCE_HORIZON = "reference_horizon"
-JOINT_STATE_TOPICS = (COMPENSATION, ESTIMATE, STD, ELEMENTS)
+OTHER_TOPICS = (ESTIMATE, STD, ELEMENTS)
+JOINT_STATE_TOPICS = (COMPENSATION, *OTHER_TOPICS)
 
 PARAMETERS_EVERY_NS = 100_000_000
 """Sample time from one message of ``friction_parameters`` to the next [ns]."""
@@ -109,11 +110,10 @@ class Outgoing:
         Args:
             observed: number of the axis to the observation of its new samples.
         """
+        if len(observed) == 1:
+            ((axis, (stamp_ns, arrays, _)),) = observed.items()
+            return OutgoingBlock(COMPENSATION, self._alone[axis], stamp_ns, {"effort": arrays.compensation_column})
         first, *others = observed.values()
-        if not others:
-            (axis,) = observed
-            effort = first.compensation[:, np.newaxis]
-            return OutgoingBlock(COMPENSATION, self._alone[axis], first.stamp_ns, {"effort": effort})
         if any(not np.array_equal(first.stamp_ns, block.stamp_ns) for block in others):
             return None
         names = tuple(self._axes[axis] for axis in observed)
@@ -148,7 +148,17 @@ class Outgoing:
             found.append(OutgoingBlock(ELEMENTS, element_names, stamps, elements))
         return found
 
-    def reports(self, estimates: Mapping[int, Estimates]) -> list[ParameterReport]:
+    def pass_over(self, observed: Mapping[int, Observed]) -> None:
+        """Count samples that nobody wants ``others`` of, so that ``publish_every`` goes on as with them.
+
+        Args:
+            observed: number of the axis to the observation of its new samples.
+        """
+        if self._every > 1:
+            for axis, block in observed.items():
+                self._sample_counts[axis] += len(block.stamp_ns)
+
+    def reports(self, estimates: Mapping[int, Estimates | Observed]) -> list[ParameterReport]:
         """Return the reports of the estimated parameters, at most ten per second of sample time.
 
         Args:

@@ -116,7 +116,7 @@ class Pairing:
         self.effort = Stream()
         self.reference = Stream(is_awaited=False)
         self.ready: deque[Samples] = deque()
-        self._first = self._next = 0
+        self._first = self._next = self._alone_at = 0
         self._allocate()
 
     def push_position(self, stamp_ns: int, position: float) -> None:
@@ -137,7 +137,8 @@ class Pairing:
             self._restart(stamp_ns)
         stream.last_ns = stamp_ns
         stream.queue.append((stamp_ns, position, _NAN))
-        self._join()
+        if self.effort.queue or not self.effort.is_awaited:  # else there is nothing to join
+            self._join()
         waiting = len(stream.queue)
         if waiting > self.reference_limit:
             if (
@@ -191,6 +192,24 @@ class Pairing:
             return None
         return samples if self._scales is None else samples.in_si(self._scales)
 
+    def prepare(self) -> None:
+        """Make the next sample for ``pop_alone`` before it comes."""
+        if self._alone_at != self._first:
+            self._alone_at, self._alone = self._first, self._view(self._first, self._first + 1)
+
+    @property
+    def alone_ns(self) -> int | None:
+        """Return the stamp [ns] of the sample that ``prepare`` was called for, if it is complete and alone."""
+        first = self._first
+        if self._alone_at != first or self._next != first + 1 or self.ready:
+            return None
+        return self._alone.stamp_ns.item()
+
+    def pop_alone(self) -> Samples:
+        """Return what ``pop`` would, where ``alone_ns`` is not None."""
+        self._first += 1
+        return self._alone if self._scales is None else self._alone.in_si(self._scales)
+
     @property
     def has_samples(self) -> bool:
         """Return whether ``pop`` would return a block."""
@@ -211,10 +230,15 @@ class Pairing:
     def _take(self) -> Samples:
         """Return the rows since the last call, as views that are never overwritten."""
         first, last = self._first, self._next
-        stamps, values = self._stamps, self._values
+        samples = self._view(first, last)
         self._first = last
         if last == _ROWS:
             self._allocate()
+        return samples
+
+    def _view(self, first: int, last: int) -> Samples:
+        """Return rows as samples."""
+        stamps, values = self._stamps, self._values
         return Samples.of(
             stamp_ns=stamps[first:last],
             position=values[0, first:last],
@@ -228,6 +252,8 @@ class Pairing:
         self._stamps = np.empty(_ROWS, np.int64)
         self._values = np.empty((4, _ROWS))
         self._first = self._next = 0
+        self._alone_at = 0
+        self._alone = self._view(0, 1)
 
     def _drop(self, stamp_ns: int, stream: Stream) -> None:
         if stamp_ns == stream.last_ns:

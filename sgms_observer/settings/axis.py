@@ -292,7 +292,7 @@ class Settings:
         minimum=1,
     )
     gather_time: float = setting(
-        3.0e-4,
+        0.0,
         "time for which observer_node gathers samples that come faster than this, to estimate over them together; "
         "0 takes each at once",
         "s",

@@ -15,12 +15,14 @@ class FailingEngine(Engine):
 
     has_acted = False
 
-    def process(self, send: Callable[[OutgoingBlock], None] | None = None) -> Processed:
+    def process(
+        self, send: Callable[[OutgoingBlock], None] | None = None, are_others_read: Callable[[], bool] = lambda: True
+    ) -> Processed:
         """Do as ever, but not for long."""
         if self.has_acted:
             raise ZeroDivisionError("a fault made for a test")
-        processed = super().process(send)
-        self.has_acted = any(abs(block.compensation[-1]) > 0.1 for block in processed.estimates.values())
+        processed = super().process(send, are_others_read)
+        self.has_acted = any(abs(block.compensation[-1]) > 0.1 for block in processed.observed.values())
         return processed
 
 

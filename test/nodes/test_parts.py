@@ -6,7 +6,8 @@ import math
 import os
 import subprocess
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from sgms_observer.nodes.pace import LONGEST_CATCH_UP, Pace
 from sgms_observer.nodes.report import NO_SAMPLES, axis_entry
 from sgms_observer.nodes.statistics import AxisStatistics, Growth, Sentences, StepClock
 from sgms_observer.nodes.transport import claim_domain
-from sgms_observer.observer.outgoing import ELEMENTS, ESTIMATE, Outgoing
+from sgms_observer.observer.outgoing import COMPENSATION, ELEMENTS, ESTIMATE, Outgoing, OutgoingBlock
 from sgms_observer.observer.pairing import PairingCounts
 from sgms_observer.observer.parameter_changes import parameter_changes
 from sgms_observer.observer.samples import Estimates
@@ -271,6 +272,45 @@ def test_the_engine_starts_a_new_block_when_the_clock_was_reset() -> None:
     stamps = [stamp for block in processed.blocks if block.topic == ESTIMATE for stamp in block.stamp_ns.tolist()]
     assert len(stamps) == 100 and stamps[0] == 100 * SECOND and stamps[-1] == 5 * SECOND + 49_000_000
     assert engine.statistics[0].total == 100
+
+
+@pytest.mark.parametrize("effects", [{}, {"effects": {"names": ["cogging"]}}], ids=["plain", "effects"])
+def test_a_sample_that_was_prepared_for_gives_the_bits_of_a_block(effects: dict[str, object]) -> None:
+    """One at a time, several at a time, without effort, and with other settings in between."""
+    tree = {"sample_period": 1.0e-3, "x": {"filter": {"window": 8.0e-3}, "compensation": {"enabled": True}, **effects}}
+    settings = settings_from_tree(tree)
+    axis = settings.axes[0]
+    slower = replace(axis.compensation, look_ahead=2.0 * axis.compensation.look_ahead)
+    tuned = replace(settings, axes=(replace(axis, compensation=slower),))
+    count, change, lost = 5000, 3000, 1000  # a block of arrays holds 4096 samples
+    seconds = 1.0e-3 * np.arange(count)
+    position, effort = 1.0e-4 * np.sin(40.0 * seconds), np.sign(np.cos(40.0 * seconds))
+    live, whole = Engine(settings), Engine(settings)
+    sent: list[tuple[int, float]] = []
+    is_read = cycle([True, False])
+
+    def send(block: OutgoingBlock) -> None:
+        sent.extend(zip(block.stamp_ns.tolist(), block.values["effort"][:, 0].tolist(), strict=True))
+
+    blocks = []
+    for i in range(count):
+        if i == change:
+            blocks += whole.process().blocks
+        for engine in (live, whole):
+            if i == change:
+                engine.tune_compensation(tuned)
+            engine.intake.pairings[0].push_position(SECOND + i * 1_000_000, float(position[i]))
+            if i != lost:
+                engine.intake.pairings[0].push_effort(SECOND + i * 1_000_000, float(effort[i]))
+        if i % 7:  # else the next one comes along
+            live.process(send, lambda: next(is_read))
+            live.prepare(lambda stamp, forces: sent.append((stamp, *forces)))
+    live.process(send)
+    blocks += whole.process().blocks
+    wanted = [block for block in blocks if block.topic == COMPENSATION]
+    assert [stamp for stamp, _ in sent] == np.concatenate([block.stamp_ns for block in wanted]).tolist()
+    assert [force for _, force in sent] == np.concatenate([b.values["effort"][:, 0] for b in wanted]).tolist()
+    assert live.statistics[0].totals == whole.statistics[0].totals and len(sent) == count
 
 
 def test_two_runs_never_share_a_domain() -> None:
