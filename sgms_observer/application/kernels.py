@@ -205,8 +205,7 @@ def _stage(settings: Settings) -> None:
 
 def _observer(settings: Settings) -> None:
     from sgms_observer.bags.rows import warm_up_encoding
-    from sgms_observer.observer.axis_observer import AxisObserver
-    from sgms_observer.observer.trial import run_all_kernels
+    from sgms_observer.observer.axis_observer import AxisObserver, run_all_kernels
 
     warm_up_encoding()
     run_all_kernels(AxisObserver(settings.axes[0], settings.sample_period))
