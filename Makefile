@@ -7,6 +7,9 @@ VENV := $(if $(HAS_ROS),.venv-ros,.venv)
 OUT ?= out/demo
 # nproc would take OMP_NUM_THREADS for the number of cores.
 JOBS ?= $(shell env -u OMP_NUM_THREADS nproc)
+# Tests start some hundred processes: where Python may keep no bytecode, each would translate every module again.
+unexport PYTHONDONTWRITEBYTECODE
+export PYTHONPYCACHEPREFIX ?= $(CURDIR)/out/bytecode
 
 .PHONY: setup demo check test coverage lint docs pictures clean
 

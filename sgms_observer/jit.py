@@ -98,8 +98,8 @@ def _imports(module: str) -> frozenset[str]:
 
 
 @cache
-def _key_of(module: str) -> str:
-    """Return a key that changes whenever the module, or one it imports, does."""
+def _sources(module: str) -> tuple[Path, ...]:
+    """Return the files of the module and of all that it imports, in a fixed order."""
     seen: set[str] = set()
     waiting = [module]
     while waiting:
@@ -107,10 +107,15 @@ def _key_of(module: str) -> str:
         if name not in seen:
             seen.add(name)
             waiting.extend(_imports(name))
+    return tuple(path for path in map(_file_of, sorted(seen)) if path is not None)
+
+
+@cache
+def _key_of(module: str) -> str:
+    """Return a key that changes whenever the module, or one it imports, does."""
     digest = hashlib.sha256()
-    for name in sorted(seen):
-        path = _file_of(name)
-        digest.update(path.read_bytes() if path else b"")
+    for path in _sources(module):
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -141,10 +146,14 @@ def can_keep() -> bool:
 
 
 def _mark(name: str, module: str) -> Path:
-    """Return the file that says that a part's kernels are in the cache: of this source, numba, Python and processor."""
+    """Return the file that says that a part's kernels are in the cache: of this source, numba, Python and processor.
+
+    numba keeps the kernels of each copy of the source apart, and forgets those of a file that was written again.
+    """
     from llvmlite import binding
 
-    made_by = f"{numba.__version__} {sys.version} {binding.get_host_cpu_name()} {os.environ['NUMBA_OPT']}"  # type: ignore[attr-defined]
+    written = [(str(path), path.stat().st_mtime_ns) for path in _sources(module)]
+    made_by = f"{numba.__version__} {sys.version} {binding.get_host_cpu_name()} {os.environ['NUMBA_OPT']} {written}"  # type: ignore[attr-defined]
     return cache_folder() / _key_of(module) / f"{name}-{hashlib.sha256(made_by.encode()).hexdigest()[:16]}.complete"
 
 

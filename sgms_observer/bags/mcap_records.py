@@ -115,7 +115,7 @@ def find_records(data: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np
         place behind the last whole record.
     """
     if not HAS_NUMBA:
-        return _find_in_python(data.tobytes())
+        return find_in_python(data.tobytes())
     limit = data.size // 9 + 1
     op = np.empty(limit, np.uint8)
     start = np.empty(limit, np.int64)
@@ -124,8 +124,12 @@ def find_records(data: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np
     return op[:count].copy(), start[:count].copy(), length[:count].copy(), end
 
 
-def _find_in_python(data: bytes) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], int]:
-    """Do the same without numba, where indexing numpy arrays one by one would be slow."""
+def find_in_python(data: bytes) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], int]:
+    """Return what ``find_records`` returns, without numba: indexing numpy arrays one by one would be slow.
+
+    Args:
+        data: the records, of the file or of a chunk.
+    """
     size = len(data)
     found: list[tuple[int, int, int]] = []
     at = 0

@@ -140,7 +140,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         diagnosis, final.accepted, final.fit, gap, lambda one: percent * data.rms(residuals(one, data.motions))
     )
     effects += measured_quantisation(diagnosis)
-    verdict = _verdict(diagnosis, effects, unnamed_rest, bool(learnt), whole, trust)
+    verdict = verdict_of(diagnosis, effects, unnamed_rest, bool(learnt), whole, trust)
     everywhere = locate(final.before, data.motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")
     significant = [item for item in everywhere if item.p_value < LOCATED_P_VALUE][:MAX_LOCATED] if is_alarm else []
@@ -274,7 +274,7 @@ def _share_added_by_refit(before: WeightedResidual, given: Sequence[Floats], cri
     return back.share if back.z_score > criteria.min_z_score else 0.0
 
 
-def _verdict(
+def verdict_of(
     diagnosis: Diagnosis, effects: Sequence[Named], rest: Test, is_learnt: bool, whole: Test, trust: Sequence[Test]
 ) -> str:
     """Return the verdict.

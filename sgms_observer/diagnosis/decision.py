@@ -82,8 +82,9 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, evaluation: Evalua
     tests = [_prediction_test(item, gain, earlier, later, evaluation)]
     gap, reported = improvement(earlier.force, later.force), improvement(earlier.reported, later.reported)
     if evaluation.has_held_out:
-        tests.append(at_least(item.name, "held-out gap: z-score", gap.z_score, criteria.interval_z_score))
-    share = evaluation.closed_share(gap, reported)
+        z_score = min(gap.z_score, reported.z_score)
+        tests.append(at_least(item.name, "held-out gap: z-score", z_score, criteria.interval_z_score))
+    share = evaluation.closed_share(gap)
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     tests += range_tests(item, evaluation)
     if item.settings is not None:

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.criteria import Criteria, Test
-from sgms_observer.diagnosis.decision import Decision, strength_over_error
+from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.fit import Refit, RefitSetup, data_with_noise_of, data_with_own_noise
-from sgms_observer.diagnosis.gap import noise_floors, residuals, rms, weighted
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.screen import Screening
+from sgms_observer.diagnosis.uncertainty import RecordingEstimates
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 
@@ -88,7 +92,7 @@ class FitState:
         setup: setup of the fit: noise, freedom, fixed effects.
         current: the fit.
         least: smallest rms residual that a fitted hypothesis left on the evaluated recordings, with the weights of the
-            evidence and with those of the reported gap [N].
+            evidence [N].
     """
 
     recordings: Recordings
@@ -96,7 +100,7 @@ class FitState:
     held_out_motions: tuple[Motion, ...]
     setup: RefitSetup
     current: Refit
-    least: tuple[float, float] = (np.inf, np.inf)
+    least: float = np.inf
 
     def refitted(self, start: Refit, steps: int) -> FitState:
         """Return the state refitted from ``start``, with the noise of the residual of ``start``."""
@@ -119,11 +123,7 @@ class FitState:
 
     def with_least_of(self, decisions: Sequence[Decision]) -> FitState:
         """Return the state that knows what these hypotheses leave: the noise cannot be larger."""
-        weighted_rms, reported_rms = self.least
-        for item in decisions:
-            weighted_rms = min(weighted_rms, rms(item.evidence.force))
-            reported_rms = min(reported_rms, rms(item.evidence.reported))
-        return replace(self, least=(weighted_rms, reported_rms))
+        return replace(self, least=min([self.least, *(rms(item.evidence.force) for item in decisions)]))
 
     def evaluation(self, options: Options) -> EvaluationData:
         """Return the evaluation data.
@@ -138,30 +138,17 @@ class FitState:
         motions = self.held_out_motions or self.fit_motions
         held_out_data = data_with_noise_of(self.held_out_motions, data, self.current.model)
         data_of_motions = held_out_data if self.held_out_motions else data
-        weightings = data_of_motions.weights, data_of_motions.gap_weights
-        floor, reported_floor = noise_floors(motions, self.current.model, data.noise, options.seed, *weightings)
-        left = residuals(self.current.model, motions)
-        gap, reported_gap = (rms(weighted(left, weights)) for weights in weightings)
+        weights = data_of_motions.weights
+        floor = noise_floor(motions, self.current.model, data.noise, options.seed, weights)
+        gap = rms(weighted(residuals(self.current.model, motions), weights))
         found = EvaluationData(
-            self.fit_motions,
-            motions,
-            data,
-            held_out_data,
-            floor,
-            gap,
-            reported_floor,
-            reported_gap,
-            options.criteria,
-            options.seed,
+            self.fit_motions, motions, data, held_out_data, floor, gap, options.criteria, options.seed
         )
         return self.bounded(found)
 
     def bounded(self, evaluation: EvaluationData) -> EvaluationData:
         """Return evaluation data whose noise is at most what the hypotheses so far leave."""
-        floor, reported_floor = (
-            min(*pair) for pair in zip((evaluation.floor, evaluation.reported_floor), self.least, strict=True)
-        )
-        return replace(evaluation, floor=floor, reported_floor=reported_floor)
+        return replace(evaluation, floor=min(evaluation.floor, self.least))
 
 
 @dataclass(frozen=True)
@@ -216,18 +203,41 @@ class WrittenFits:
         before: fit of the file within its tolerance.
         after: fit with everything that was accepted.
         setup: setup of ``after``.
-        errors: standard error of each free effect parameter of ``after``, by index of effect and parameter.
+        free: index (effect, parameter) of each free effect parameter of ``after``.
+        estimates: of these parameters.
     """
 
     before: Refit
     after: Refit
     setup: RefitSetup
-    errors: Mapping[tuple[int, int], float]
+    free: tuple[tuple[int, int], ...]
+    estimates: RecordingEstimates
 
-    def strength(self, name: str) -> float:
-        """Return the strength of an effect over its standard error."""
+    @cached_property
+    def errors(self) -> Mapping[tuple[int, int], float]:
+        """Return the standard error of each free effect parameter, with the scatter between recordings, SI units."""
+        return dict(zip(self.free, self.estimates.std_errors.tolist(), strict=True))
+
+    def strength(self, name: str, least: float) -> float:
+        """Return the strength of an effect over its standard error, in held-out recordings too.
+
+        Args:
+            name: the effect.
+            least: smallest strength over its standard error at which a recording would surely show the effect.
+
+        Returns:
+            Infinite if the effect has no free strength parameter.
+        """
         place = [item.name for item in self.after.effects].index(name)
-        return strength_over_error(self.after.effects[place], {j: e for (i, j), e in self.errors.items() if i == place})
+        parameters = effect(name).parameters
+        return max(
+            (
+                self.estimates.smaller_z_score(column, parameters[j].default, least)
+                for column, (i, j) in enumerate(self.free)
+                if i == place and parameters[j].is_strength
+            ),
+            default=math.inf,
+        )
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,6 @@ class EvaluationData:
         held_out_data: held-out recordings with the noise of ``fit_data``; may be empty.
         floor: rms weighted residual of a perfect model on ``motions``, from noise and encoder [N].
         gap: rms weighted residual of the current model on ``motions`` [N].
-        reported_floor, reported_gap: the same two with the weights of the reported gap [N].
         criteria: thresholds.
         seed: seed of the free-form regression.
         predictions: free-form predictions so far, by coordinates and model.
@@ -50,8 +49,6 @@ class EvaluationData:
     held_out_data: WhitenedData
     floor: float
     gap: float
-    reported_floor: float
-    reported_gap: float
     criteria: Criteria
     seed: int
     predictions: dict[tuple[tuple[str, ...], Model], FreeForm] = field(default_factory=dict, compare=False)
@@ -75,23 +72,19 @@ class EvaluationData:
         """Return the rms weighted residual of a model on ``motions`` [N]."""
         return rms(weighted(residuals(model, self.motions), self.weights))
 
-    def closed_share(self, gain: Improvement, reported: Improvement) -> float:
+    def closed_share(self, gain: Improvement) -> float:
         """Return the share of the closable squared gap that an improvement closes.
 
         The closable part is the squared gap of the current model minus the squared floor. If the gap is not above the
-        floor, the whole gap counts, because the noise may contain the effect. The smaller of the two shares counts.
+        floor, the whole gap counts, because the noise may contain the effect.
 
         Args:
             gain: improvement of the weighted squared residual on ``motions`` [N^2].
-            reported: the same with the weights of the reported gap.
         """
         count = sum(len(motion.thinned(motion.time)) for motion in self.motions)
-
-        def share(one: Improvement, floor: float, gap: float) -> float:
-            closable = (gap**2 - (0.0 if self.criteria.is_noise(gap, floor) else floor**2)) * count
-            return one.decrease / closable if closable > 0.0 else 0.0
-
-        return min(share(gain, self.floor, self.gap), share(reported, self.reported_floor, self.reported_gap))
+        floor = 0.0 if self.is_noise(self.gap) else self.floor
+        closable = (self.gap**2 - floor**2) * count
+        return gain.decrease / closable if closable > 0.0 else 0.0
 
     def is_gap_closed(self, model: Model) -> bool:
         """Return whether the residual of a model on ``motions`` is not above the floor."""

@@ -161,28 +161,28 @@ class WeightedResidual:
         return in_blocks(self.weighted, self.motions, length)
 
 
-def noise_floors(
+def noise_floor(
     motions: Sequence[Motion],
     model: Model,
     noise: Sequence[Noise],
     seed: int,
-    *weightings: Sequence[Floats],
-) -> tuple[float, ...]:
-    """Return the rms residual of a perfect model, from noise and encoder resolution alone, for each weighting [N].
+    weights: Sequence[Floats],
+) -> float:
+    """Return the rms residual of a perfect model, from noise and encoder resolution alone [N].
 
     Args:
         motions: recordings.
         model: model with approximately the right friction.
         noise: noise of the recordings to learn from; the largest is used.
         seed: seed of the replicates.
-        weightings: alternatives for the weights of the samples of each recording.
+        weights: of the samples of each recording.
     """
     parts: list[Floats] = []
     for number in range(FLOOR_REPLICATES):
         rng = np.random.default_rng([seed, 79, number])
         for motion in motions:
             parts += residuals(model, [replicate_of(motion, model, largest_noise(noise), rng)])
-    return tuple(rms(weighted(parts, list(weights) * FLOOR_REPLICATES)) for weights in weightings)
+    return rms(weighted(parts, list(weights) * FLOOR_REPLICATES))
 
 
 def halves(motion: Motion) -> tuple[Motion, Motion]:

@@ -14,7 +14,7 @@ from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 from sgms_observer.diagnosis.evidence import Improvement, improvement
 from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_with_noise_of, data_with_own_noise
 from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
-from sgms_observer.diagnosis.gap import WeightedResidual, effort_rms, halves, noise_floors, residuals
+from sgms_observer.diagnosis.gap import WeightedResidual, effort_rms, halves, noise_floor, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 
@@ -95,11 +95,10 @@ class GapData:
         """Return the rms residual of a perfect model, from noise and encoder alone [N]."""
         state = self.diagnosis.final_state
         weights = self.whitened if self.has_held_out else self.diagnosis.evaluation.fit_data
-        (noise,) = noise_floors(
+        return noise_floor(
             state.held_out_motions or state.fit_motions, state.current.model, state.setup.data.noise,
             self.options.seed, weights.gap_weights,
         )  # fmt: skip
-        return noise
 
     def fitted(self, model: Model) -> WeightedResidual:
         """Return the residual of a model on the recordings to learn from, with the weights of the evidence."""

@@ -23,8 +23,9 @@ from sgms_observer.diagnosis.diagnosis import (
 from sgms_observer.diagnosis.evaluation import evidence_of, sliding_shares
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, data_with_own_noise
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.uncertainty import with_between_recording_error
+from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
 
 Floats = NDArray[np.float64]
 
@@ -135,9 +136,10 @@ def _with_rival(state: FitState, name: str, rival: Decision) -> FitState:
 def without_insignificant_effects(
     found: FitState, state: FitState, rounds: Sequence[Round], nominal: Model, options: Options
 ) -> tuple[FitState, tuple[Round, ...], WrittenFits]:
-    """Remove each effect whose reported 90 % interval includes a strength of zero, the weakest first.
+    """Remove each effect that held-out recordings do not show or that hardly closes the reported gap, weakest first.
 
-    The interval includes the scatter between recordings: an effect of the machine has one strength in all of them.
+    An effect of the machine appears in all recordings: estimated from the held-out ones alone, its strength has the
+    same sign and differs significantly from zero.
 
     Args:
         found: state after the refit within the tolerance.
@@ -146,14 +148,11 @@ def without_insignificant_effects(
         nominal: the given model.
         options: options of the diagnosis.
     """
-    title = "strength over its standard error, as reported"
     while True:
         written = _as_written(found, state, nominal)
-        tests = [
-            at_least(name, title, written.strength(name), options.criteria.interval_z_score)
-            for name in (one.name for one in accepted_candidates(_with_effects(rounds)))
-        ]
-        weakest = min(tests, key=lambda test: test.value, default=None)
+        names = [one.name for one in accepted_candidates(_with_effects(rounds))]
+        tests = [test for name in names for test in _reported_tests(name, written, state, options)]
+        weakest = min(tests, key=lambda test: test.value / test.threshold, default=None)
         if weakest is None or weakest.passed:
             for test in tests:
                 rounds = _with_test(rounds, test)
@@ -161,6 +160,26 @@ def without_insignificant_effects(
         rounds = _with_test(rounds, weakest)
         nothing_is_left = not any(item.accepted for item in rounds)
         state = found if nothing_is_left else state.refitted(_fit_without(state, weakest.of), REFIT_STEPS)
+
+
+def _reported_tests(name: str, written: WrittenFits, state: FitState, options: Options) -> list[Test]:
+    """Return the tests of an effect as it is reported: its strength, and the share of the gap that it closes."""
+    criteria, evaluation = options.criteria, state.evaluation(options)
+
+    def squared_gap(model: Model) -> float:
+        return rms(weighted(residuals(model, evaluation.motions), evaluation.gap_weights)) ** 2
+
+    model = written.after.model
+    without = squared_gap(replace(model, effects=tuple(one for one in model.effects if one.name != name)))
+    noise = noise_floor(evaluation.motions, model, state.setup.data.noise, options.seed, evaluation.gap_weights)
+    share = (without - squared_gap(model)) / max(without - noise**2, 1e-300)
+    strength = written.strength(name, criteria.min_z_score)
+    return [
+        at_least(
+            name, "strength over its standard error, in held-out recordings too", strength, criteria.interval_z_score
+        ),
+        at_least(name, "share of the closable squared gap, as reported", share, criteria.min_closed_share),
+    ]  # fmt: skip
 
 
 def _with_effects(rounds: Sequence[Round]) -> list[Round]:
@@ -192,7 +211,7 @@ def _as_written(found: FitState, state: FitState, nominal: Model) -> WrittenFits
     first = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
     before = first.fit(found.current.effects, None, LAST_STEPS)
     if state is found:
-        return WrittenFits(before, before, first, {})
+        return WrittenFits(before, before, first, (), RecordingEstimates(np.zeros((1, 0)), np.zeros((1, 0))))
     fine = state.setup.nominal
     later = replace(nominal, is_unsmoothed=fine.is_unsmoothed, relaxation=fine.relaxation)
     if state.setup.freedom.elements:
@@ -208,7 +227,4 @@ def _as_written(found: FitState, state: FitState, nominal: Model) -> WrittenFits
     free = set(after.free)
     fixed = [(i, j) for i, e in enumerate(after.effects) for j in range(len(e.values)) if (i, j) not in free]
     fresh = last.fit(after.effects, after.logs, 1, fixed)  # computes the derivatives
-    errors = dict(
-        zip(fresh.free, with_between_recording_error(last, fresh, state.held_out_motions).tolist(), strict=True)
-    )
-    return WrittenFits(before, after, last, errors)
+    return WrittenFits(before, after, last, fresh.free, recording_estimates(last, fresh, state.held_out_motions))

@@ -9,8 +9,9 @@ added, with a factor of Student's distribution because there are few recordings.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,54 @@ SINGULAR_SHARE = 1.0e-10
 """Relative singular value below which a direction of the normal matrix counts as determined by the block alone."""
 MIN_OTHER_WEIGHT = 1.0e-9
 """Smallest share of the weight of all other recordings for which a variance between recordings is computed."""
+
+
+@dataclass(frozen=True)
+class RecordingEstimates:
+    """Estimates of the free effect parameters of a fit: of the fit itself, and of each other recording alone.
+
+    Attributes:
+        values: shape (1 + number of other recordings, number of parameters), SI units; the fit first.
+        errors: standard error of each value; 0 if a recording does not determine the parameter.
+    """
+
+    values: Floats
+    errors: Floats
+
+    @property
+    def std_errors(self) -> Floats:
+        """Return the standard error of each parameter of the fit, with the scatter between recordings, SI units.
+
+        Source: DerSimonian and Laird 1986, Controlled Clinical Trials 7(3): variance between studies from their
+        scatter.
+        """
+        between = [between_deviation(*pair) for pair in zip(self.values.T, self.errors.T, strict=True)]
+        return np.asarray(np.hypot(self.errors[0], between), dtype=np.float64)
+
+    def smaller_z_score(self, column: int, default: float, least: float) -> float:
+        """Return the strength over its standard error, the smaller of that of the fit and that of the other recordings.
+
+        The others count together, positive with the sign of the fit. The size there may differ from that of the fit,
+        because the model of the contact is not exact. A recording that would not surely show the effect does not count.
+
+        Args:
+            column: of the parameter.
+            default: its value without the effect.
+            least: smallest strength over its standard error at which a recording would surely show the effect.
+
+        Returns:
+            Infinite if the fit has no error of the parameter.
+        """
+        strengths, errors = self.values[:, column] - default, self.errors[:, column]
+        if errors[0] <= 0.0:
+            return math.inf
+        z_score_of_fit = abs(float(strengths[0])) / float(errors[0])
+        shows = np.isfinite(errors) & (errors > 0.0) & (abs(strengths[0]) >= least * errors)
+        shows[0] = False
+        if not shows.any():
+            return z_score_of_fit
+        weights = 1.0 / errors[shows] ** 2
+        return min(z_score_of_fit, float(np.sign(strengths[0]) * (weights @ strengths[shows]) / np.sqrt(weights.sum())))
 
 
 def series_length(motion: Motion, noise: Noise) -> int:
@@ -112,30 +161,24 @@ def leave_one_out_shifts(parts: Sequence[Floats], normal: Floats) -> Floats:
     return np.array(moved)
 
 
-def with_between_recording_error(setup: RefitSetup, found: Refit, others: Sequence[Motion]) -> Floats:
-    """Return the standard error of each free effect parameter, with the scatter between recordings, SI units.
+def recording_estimates(setup: RefitSetup, found: Refit, others: Sequence[Motion]) -> RecordingEstimates:
+    """Return the estimates of a fit and of each other recording alone.
 
     Args:
         setup: setup of the fit.
         found: the fit, with derivatives at its solution.
         others: other recordings.
-
-    Source: DerSimonian and Laird 1986, Controlled Clinical Trials 7(3): variance between studies from their scatter.
     """
-    errors_of_fit = standard_errors(found, setup.data)
-    if not others or not found.free:
-        return errors_of_fit
+    values = [[found.effects[i].values[j] for i, j in found.free]]
+    errors = [standard_errors(found, setup.data)]
     free = set(found.free)
     fixed = [(i, j) for i, e in enumerate(found.effects) for j in range(len(e.values)) if (i, j) not in free]
-    values = [[found.effects[i].values[j] for i, j in found.free]]
-    errors = [errors_of_fit]
-    for motion in others:
+    for motion in others if free else ():
         alone = replace(setup, data=data_with_own_noise((motion,), found.model))
         fit = alone.fit(found.effects, found.logs, SINGLE_RECORDING_STEPS, fixed)
         values.append([fit.effects[i].values[j] for i, j in fit.free])
         errors.append(standard_errors(fit, alone.data))
-    between = [between_deviation(*pair) for pair in zip(np.array(values).T, np.array(errors).T, strict=True)]
-    return np.asarray(np.hypot(errors_of_fit, between), dtype=np.float64)
+    return RecordingEstimates(np.array(values), np.array(errors))
 
 
 def between_deviation(values: Floats, errors: Floats) -> float:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, effect_candidates, finish_fit
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_freed, changed_candidate
-from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.decision import Decision, comparisons, decide, preferred, z_score_between
 from sgms_observer.diagnosis.diagnosis import (
@@ -311,7 +310,8 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
     """Return the hypothesis that predicts best, in order of credibility.
 
     1. An effect that closes the gap to the floor is returned.
-    2. An effect that a contact can imitate must predict significantly better than every passing change of the contact.
+    2. An effect that only describes another contact law must predict significantly better than every passing change of
+       the contact, which describes it too.
     3. Any other effect is preferred to a change of the contact that moves more values, unless that change or another
        effect predicts significantly better.
 
@@ -328,7 +328,7 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
     changes = [item for item in passed if item.candidate.settings is None]
     waiting = [
         item for item in effects
-        if is_confusable_with_contact(item.candidate.name)
+        if item.candidate.has_to_explain
         and any(z_score_between(item.evidence, change.evidence, criteria) <= most for change in changes)
     ]  # fmt: skip
     first = passed[0]

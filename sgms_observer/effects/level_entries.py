@@ -175,7 +175,7 @@ LEVEL_EFFECTS = (
         "dwell_breakaway",
         Place.LEVEL_FACTOR,
         (
-            _share("rise of the static friction after a long rest"),
+            _share("rise of the static friction after a long rest", minimum=0.0),
             EffectParameter("dwell_time", "s", 1.0, 1.0e-3, 1.0e5, "time constant of its rise at rest", acts_on="time"),
             EffectParameter(
                 "memory_distance", "m", 1.0e-4, 1.0e-8, 1.0, "travel over which it is forgotten", acts_on="position"

@@ -69,19 +69,19 @@ C_NAMES = set(MATH) | {"sgms_init", "sgms_step", "sgms_reset", "sgms_enable", "m
 """Names that a function of this program must not have."""
 
 
-def is_used(name: str, text: str) -> bool:
-    """Return whether a text has a name in it."""
-    return re.search(rf"\b{name}\b", text) is not None
+def names_in(text: str) -> set[str]:
+    """Return every name and number of a C text."""
+    return set(re.findall(r"\w+", text))
 
 
 def functions_text(program: Program, calls: Sequence[str]) -> str:
     """Return the translated functions that the calls need, each before those that call it."""
-    needed = "\n".join(calls)
+    needed = names_in("\n".join(calls))
     kept: list[str] = []
     for function in reversed(list(program.functions.values())):
-        if is_used(function.name, needed):
+        if function.name in needed:
             kept.append(function.text)
-            needed += function.text
+            needed |= names_in(function.text)
     return "\n".join(reversed(kept))
 
 
@@ -94,13 +94,12 @@ def body_text(program: Program, functions: str, constants: Sequence[str], wanted
         constants: definitions of constant arrays.
         wanted: text that names the constant arrays to keep.
     """
-    helpers = [text for name, text in HELPERS.items() if is_used(name, functions)]
-    macros = [
-        f"#define real_{name} REAL_FUNCTION({name})" for name in sorted(MATH) if is_used(f"real_{name}", functions)
-    ]
-    named = {name: value for name, value in program.constants.items() if is_used(name, functions)}
-    structs = [struct_text(item) for item in program.structs.values() if is_used(item.name, functions)]
-    tables = [text for text in constants if is_used(text.split("[")[0].split()[-1], wanted)]
+    used, wanted_names = names_in(functions), names_in(wanted)
+    helpers = [text for name, text in HELPERS.items() if name in used]
+    macros = [f"#define real_{name} REAL_FUNCTION({name})" for name in sorted(MATH) if f"real_{name}" in used]
+    named = {name: value for name, value in program.constants.items() if name in used}
+    structs = [struct_text(item) for item in program.structs.values() if item.name in used]
+    tables = [text for text in constants if text.split("[")[0].split()[-1] in wanted_names]
     parts = ["\n".join(macros), "\n".join(constant_lines(named, program.float_values)), *tables, *structs, *helpers]
     return "\n\n".join(part for part in parts if part) + "\n\n" + functions
 

@@ -29,9 +29,10 @@ from sgms_observer.nodes.transport import prepare_transport
 from sgms_observer.settings.axis import AxisSettings
 
 OBSERVER = "observer_node"
+SILENCE = 0.5
+"""Time without a position or an effort after which the topic counts as lost [s]."""
 
 _TURN = 4.0e-3  # s from one look at the clock to the next
-_SILENCE = 0.5  # s without a position or an effort after which the topic counts as lost
 _COMES_BACK = 2.0  # s for a topic that was silent to speak again
 _PATIENCE = 10.0  # s for the graph to answer
 _ACTIVE = "active: axes"  # how a node says that it is
@@ -244,7 +245,7 @@ class TableLink:
         self._conductor.watch()
         for topic in (POSITION, EFFORT):
             silence = time.monotonic() - self._listener.heard_at[topic]
-            if silence > _SILENCE:
+            if silence > SILENCE:
                 raise _Silence(
                     f"{topic} of axis {self._axis.name} stopped arriving for {silence:.1f} s during the motion; the"
                     " motion was stopped; check the drive and its node, then start again"

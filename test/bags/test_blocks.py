@@ -101,7 +101,7 @@ def test_fields_of_another_shape_are_refused() -> None:
 def test_records_are_found_with_and_without_numba(records: list[tuple[int, bytes]], rest: bytes) -> None:
     data = b"".join(mcap_records.RECORD_HEAD.pack(op, len(content)) + content for op, content in records) + rest
     found = mcap_records.find_records(np.frombuffer(data, np.uint8))
-    plain = mcap_records._find_in_python(data)
+    plain = mcap_records.find_in_python(data)
     for one, other in zip(found, plain, strict=True):
         np.testing.assert_array_equal(one, other)
     assert found[0].tolist()[: len(records)] == [op for op, _ in records]

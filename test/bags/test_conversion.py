@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fresh_file import write_fresh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -86,7 +87,7 @@ def test_mat_files(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table.control_effort, TABLE[:, 2])
     whole = path.read_bytes()
     for size in [0, 10, 127, 128, 200, len(whole) // 2, len(whole) - 1]:
-        path.write_bytes(whole[:size])
+        write_fresh(path, whole[:size])
         try:
             read_table(path, {"time": "t", "position": "log.x"})
         except RecordingError as error:
@@ -169,7 +170,7 @@ def test_the_command_says_one_sentence_and_leaves_nothing(tmp_path: Path, capsys
 def test_any_file_gives_a_table_or_one_sentence(tmp_path: Path, data: bytes) -> None:
     for name in ("any.csv", "any.mat"):
         path = tmp_path / name
-        path.write_bytes(data)
+        write_fresh(path, data)
         try:
             table = read_table(path, {"time": "1", "position": "2"})
         except RecordingError as error:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bag_samples import JOINT_STATE, START, STEP, positions, read_with_rosbags, recorded_messages, write_with_rosbags
+from fresh_file import write_fresh
 
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bags.mcap_records import MAGIC, Op, record, text, text_map
@@ -173,7 +174,7 @@ def test_mcap_truncated_at_every_byte(tmp_path: Path) -> None:
     data = range(whole.find(b"\x06"), whole.rfind(b"\x0f") + 20)  # chunks, to the end of the data; the rest in steps
     assert len(data) > 1000
     for size in [size for size in range(len(whole) + 1) if size in data or size % 7 == 0 or len(whole) - size < 50]:
-        (path / "bag_0.mcap").write_bytes(whole[:size])
+        write_fresh(path / "bag_0.mcap", whole[:size])
         found.append(attempt(path))
     assert found[-1] == 6
     assert found == sorted(found), "a longer file may not give fewer samples"
@@ -186,8 +187,7 @@ def test_sqlite_truncated_at_any_byte(tmp_path: Path) -> None:
     whole = file.read_bytes()
     print(f"{len(whole)} bytes")
     for size in range(len(whole)):
-        file.unlink()  # cutting it to nothing would put it on the disk
-        file.write_bytes(whole[:size])
+        write_fresh(file, whole[:size])
         attempt(file)
         if size % 64 == 0:
             attempt(path)  # most of this is the reading of metadata.yaml, which only names the file
@@ -207,7 +207,7 @@ def test_damage_anywhere_gives_samples_or_one_sentence(tmp_path: Path, storage: 
         damaged = bytearray(whole)
         for _ in range(chance.randint(1, 4)):
             damaged[chance.randrange(len(damaged))] = chance.choice([0, 1, 0x7F, 0xFF, chance.randrange(256)])
-        file.write_bytes(damaged)
+        write_fresh(file, damaged)
         attempt(path)
     file.write_bytes(whole)
     assert attempt(path) == 20

@@ -14,7 +14,6 @@ pytest.importorskip("casadi", reason="CasADi is not installed")
 
 from sgms_observer.bench import timing
 from sgms_observer.bench.accuracy import accuracy, converged, newest_force
-from sgms_observer.bench.live_run import time_live
 from sgms_observer.bench.peers import time_casadi, time_peers
 from sgms_observer.bench.problem import improve, make_problem
 from sgms_observer.bench.process import run_python, seconds_used
@@ -119,21 +118,3 @@ def test_a_process_that_fails_is_one_sentence() -> None:
         run_python(["-c", "import sys; sys.exit('no such thing')"])
     assert "42" in run_python(["-c", "print(42)"]).output
     assert seconds_used(1) >= 0.0
-
-
-def test_live_run_over_the_graph(tmp_path: Path) -> None:
-    """Every sample gets its estimate; how fast is no matter here."""
-    pytest.importorskip("rclpy")
-    live = time_live(tmp_path, 0.5)
-    assert (live["sent"], live["lost"], live["relay"]["lost"]) == (5000, 0, 0)
-    for way in (live, live["relay"]):
-        assert 0.0 < way["latency_us"]["p50"] <= way["latency_us"]["p99"]
-    assert live["over_relay"]["p50"] == pytest.approx(
-        live["latency_us"]["p50"] / live["relay"]["latency_us"]["p50"], abs=0.01
-    )
-
-
-def test_live_run_of_several_axes_at_another_rate(tmp_path: Path) -> None:
-    pytest.importorskip("rclpy")
-    live = time_live(tmp_path, 0.5, rate=1000, axes=3)
-    assert (live["rate_hz"], live["sent"], live["lost"], live["relay"]["lost"]) == (1000, 500, 0, 0)

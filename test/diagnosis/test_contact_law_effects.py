@@ -143,7 +143,7 @@ def test_an_effect_that_leaves_more_than_another_hypothesis_does_not_end_the_sea
     found = diagnose([learn], [judge], AXIS, options)
     names = [item.accepted.candidate.name for item in found.rounds if item.accepted]
     assert "frictional_lag" in names and "actuator_gain" not in names
-    assert found.evaluation.gap < CRITERIA.min_gap_over_floor * found.final_state.least[0]
+    assert found.evaluation.gap < CRITERIA.min_gap_over_floor * found.final_state.least
     # An effect that passed beside a change of the file does not take its place, however well it predicts.
     change = found.rounds[0].accepted
     assert change is not None and change.candidate.settings is None and found.rounds[0].comparisons

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from workflow_case import AXIS, FRICTION, record
 
-from sgms_observer.diagnosis.answer import _verdict
+from sgms_observer.diagnosis.answer import verdict_of
 from sgms_observer.diagnosis.criteria import Criteria, at_most
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.model import Model
@@ -46,7 +46,7 @@ def test_the_verdict_follows_from_names_and_the_tests_of_the_whole(
     found: Any = type("Found", (), {"is_poor": is_poor})
     rest = at_most("model", "surely predictable", predictable, criteria.min_predictable_share)
     whole = at_most("model", "unexplained", unexplained, criteria.max_unexplained)
-    assert _verdict(found, effects, rest, False, whole, ()) == verdict
+    assert verdict_of(found, effects, rest, False, whole, ()) == verdict
 
 
 def test_more_shapes_tried_need_a_larger_z_score_and_the_name_of_an_effect_does_not_matter() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.fit import data_with_noise_of, data_with_own_noise
-from sgms_observer.diagnosis.gap import noise_floors, residuals, rms, weighted
+from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.offline.recording import Recording
@@ -79,7 +79,6 @@ def evaluation_of(
     judge = tuple(held) or tuple(learn)
     unseen = data_with_noise_of(held, data, truth)
     weights = unseen.weights if held else data.weights
-    lowest = noise_floors(judge, truth, data.noise, 1, weights)[0] if floor is None else floor
-    left = residuals(Model.of(AXIS), judge)
-    first = rms(weighted(left, weights))
-    return EvaluationData(tuple(learn), judge, data, unseen, lowest, first, lowest, rms(left), Criteria(), 1)
+    lowest = noise_floor(judge, truth, data.noise, 1, weights) if floor is None else floor
+    first = rms(weighted(residuals(Model.of(AXIS), judge), weights))
+    return EvaluationData(tuple(learn), judge, data, unseen, lowest, first, Criteria(), 1)

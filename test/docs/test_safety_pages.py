@@ -99,7 +99,7 @@ def test_commission_page_gives_the_bounds_of_its_guard() -> None:
 
     text = _flat("commission.md")
     for sentence in (
-        f"stops arriving for {table_link._SILENCE:g} s",
+        f"stops arriving for {table_link.SILENCE:g} s",
         f"leaves the stroke by more than {100 * table.STROKE_MARGIN:g} %",
         f"moves more than {table.SPEED_MARGIN:g} times faster than allowed",
         f"further than {100 * table.LARGEST_LAG:g} % of the stroke from its reference",

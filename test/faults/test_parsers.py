@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fresh_file import write_fresh
 
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
 from sgms_observer.bags.conversion import parse_map, read_table
@@ -90,7 +91,7 @@ def yaml_files(folder: Path) -> Iterator[Case]:
             text = "".join(chance.choices(WORDS, k=chance.randint(0, 30)))
         else:
             text = slip(chance, chance.choice(shipped), 2)
-        _rewrite(path, text.encode("utf-8", "surrogatepass"))
+        write_fresh(path, text.encode("utf-8", "surrogatepass"))
         yield lambda: load.load_settings(path, catalogue=lambda files: known)
 
 
@@ -142,7 +143,7 @@ def mcap_bags(folder: Path) -> Iterator[Case]:
     whole = file.read_bytes()
     for chance in chances():
         data = damage(chance, whole)
-        _rewrite(file, _with_check_sums(data) if chance.random() < 0.5 else data)
+        write_fresh(file, _with_check_sums(data) if chance.random() < 0.5 else data)
         yield lambda: list(read_samples(file.parent, "x", 1e-3))
 
 
@@ -163,7 +164,7 @@ def sqlite_bags(folder: Path) -> Iterator[Case]:
     file = _bag(folder, "sqlite3")
     whole = file.read_bytes()
     for chance in chances():
-        _rewrite(file, damage(chance, whole))
+        write_fresh(file, damage(chance, whole))
         yield lambda: list(read_samples(file.parent, "x", 1e-3))
 
 
@@ -177,7 +178,7 @@ def bag_metadata(folder: Path) -> Iterator[Case]:
     lines = [line for line in metadata.read_text().splitlines() if "offered_qos" not in line and len(line) < 120]
     text = "\n".join(lines[:14])
     for chance in chances():
-        _rewrite(metadata, slip(chance, text).encode("utf-8", "surrogatepass"))
+        write_fresh(metadata, slip(chance, text).encode("utf-8", "surrogatepass"))
         yield lambda: list(read_samples(path, "x", 1e-3))
 
 
@@ -189,7 +190,7 @@ def csv_files(folder: Path) -> Iterator[Case]:
     maps = ({"time": "t", "position": "x"}, {"time": "1", "position": "2*3", "control_effort": "3*1e3"})
     path = folder / "any.csv"
     for chance in chances():
-        _rewrite(path, damage(chance, chance.choice(good)))
+        write_fresh(path, damage(chance, chance.choice(good)))
         wanted = chance.choice(maps)
         yield lambda wanted=wanted: read_table(path, wanted)
 
@@ -204,7 +205,7 @@ def mat_files(folder: Path) -> Iterator[Case]:
         savemat(path, content if "format" in options else {**content, "s": {"u": np.ones(5)}}, **options)
         good.append(path.read_bytes())
     for chance in chances():
-        _rewrite(path, damage(chance, chance.choice(good)))
+        write_fresh(path, damage(chance, chance.choice(good)))
         yield lambda: read_table(path, {"time": "t", "position": "x", "control_effort": "s.u"})
 
 
@@ -213,7 +214,7 @@ def reference_files(folder: Path) -> Iterator[Case]:
     good = (b"time,position\n# to and fro\n0,0\n0.5,0.001\n1,0\n", b"0;0\n0.1;1e-3\n0.2;2e-3\n", b"0,1\n1,1\n")
     path = folder / "reference.csv"
     for chance in chances():
-        _rewrite(path, damage(chance, chance.choice(good)))
+        write_fresh(path, damage(chance, chance.choice(good)))
         kind = chance.choice(("linear", "cubic"))
         yield lambda kind=kind: read_reference_file(path, kind, velocity=0.1, acceleration=1.0, jerk=100.0)
 
@@ -258,12 +259,6 @@ PARSERS = (
     yaml_files, node_arguments, joint_states, diagnostics, mcap_bags, sqlite_bags, bag_metadata, csv_files, mat_files,
     reference_files, column_maps, command_lines,
 )  # fmt: skip
-
-
-def _rewrite(path: Path, data: bytes) -> None:
-    """Write a file anew; a file that is cut to nothing first is put on the disk at once, which takes milliseconds."""
-    path.unlink(missing_ok=True)
-    path.write_bytes(data)
 
 
 def chances() -> Iterator[random.Random]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from fresh_file import write_fresh
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
@@ -35,7 +36,7 @@ def catalogue(files: Any) -> Any:
 def read(text: str, folder: Path) -> Settings | None:
     """Return what a file with this text holds, or None with at least one whole sentence."""
     path = folder / "any.yaml"
-    path.write_text(text, encoding="utf-8", errors="surrogatepass")
+    write_fresh(path, text.encode("utf-8", errors="surrogatepass"))
     try:
         return load_settings(path, catalogue=catalogue)
     except ConfigurationError as error:
