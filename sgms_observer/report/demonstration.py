@@ -25,6 +25,12 @@ from sgms_observer.whole_file import write_text
 
 SCHEMA = 1
 
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+RESULT = "result.json"
+_SHOWN = 0.4  # s in the pictures
+
 
 @dataclass(frozen=True)
 class Half:
@@ -139,13 +145,6 @@ def late_warnings(axis: str, without: Half, with_it: Half, units: Units) -> list
         f"Warning: axis {axis}: the largest tracking error with compensation, {peak}, follows a compensation that came"
         " late. End other programs and run the demonstration again."
     ]
-
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-RESULT = "result.json"
-_SHOWN = 0.4  # s in the pictures
 
 
 @dataclass(frozen=True)
