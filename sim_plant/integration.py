@@ -23,6 +23,10 @@ stribeck_level: Callable[..., float] = njit(formulas.stribeck_level)
 reset_gain_paper: Callable[..., float] = njit(formulas.reset_gain_paper)
 reset_gain_rate_independent: Callable[..., float] = njit(formulas.reset_gain_rate_independent)
 
+_MAX_ITERATIONS = 60
+_RELATIVE_TOLERANCE = 1e-7
+_ABSOLUTE_TOLERANCE = 1e-13  # m/s
+
 
 class TrueFriction(NamedTuple):
     """Parameters of the true friction, in the units of ``FrictionSettings``; arrays of shape (n_z,)."""
@@ -114,11 +118,6 @@ def advance_elements(
         mean += 0.5 * (force[i] + next_force[i])
         damped += friction.damping[i] * (next_force[i] - force[i]) / (stiffness * period)
     return mean, damped
-
-
-_MAX_ITERATIONS = 60
-_RELATIVE_TOLERANCE = 1e-7
-_ABSOLUTE_TOLERANCE = 1e-13  # m/s
 
 
 class EffectArrays(NamedTuple):

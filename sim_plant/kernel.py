@@ -16,6 +16,18 @@ from sim_plant.integration import EffectArrays, Motion, TrueFriction, substep
 VELOCITY_FILTER_RATIO = 5.0
 """Cut-off of the velocity filter over the closed-loop bandwidth [-]: far enough to cost little phase."""
 
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# Columns of what the kernel writes per sample.
+POSITION, VELOCITY, ACCELERATION, MEASURED, CONTROL, APPLIED, FRICTION, EFFECT = range(8)
+REFERENCE_POSITION, REFERENCE_VELOCITY, REFERENCE_ACCELERATION = range(8, 11)
+RECORDED = 11
+
+# Rows of what a plan holds per tick (see plan.py).
+PLAN_POSITION, PLAN_VELOCITY, PLAN_ACCELERATION, PLAN_ENCODER_NOISE = range(4)
+PLAN_FORCE_NOISE, PLAN_DISTURBANCE = range(2)
+
 
 class ControllerGains(NamedTuple):
     """What the controller multiplies with, for one tick of ``period``.
@@ -119,19 +131,6 @@ def control(
         integral = memory.integral
         effort = min(max(direct + integral, -gains.limit), gains.limit)
     return effort, ControllerMemory(measured, estimate, integral)
-
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
-# Columns of what the kernel writes per sample.
-POSITION, VELOCITY, ACCELERATION, MEASURED, CONTROL, APPLIED, FRICTION, EFFECT = range(8)
-REFERENCE_POSITION, REFERENCE_VELOCITY, REFERENCE_ACCELERATION = range(8, 11)
-RECORDED = 11
-
-# Rows of what a plan holds per tick (see plan.py).
-PLAN_POSITION, PLAN_VELOCITY, PLAN_ACCELERATION, PLAN_ENCODER_NOISE = range(4)
-PLAN_FORCE_NOISE, PLAN_DISTURBANCE = range(2)
 
 
 class StageConstants(NamedTuple):

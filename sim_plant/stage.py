@@ -24,6 +24,9 @@ Floats = NDArray[np.float64]
 
 SAMPLES_PER_PLAN = 512
 
+CONTROL_PERIOD = 1.0e-4
+"""Longest time between two runs of the controller [s]; a longer sample period holds several."""
+
 
 class Plan:
     """Reference and noise of one axis, one fixed block after the other.
@@ -87,10 +90,6 @@ def _draw(generator: np.random.Generator, deviation: float, row: Floats) -> None
     """Fill ``row`` with white noise of the given standard deviation."""
     if deviation > 0.0:
         row[:] = deviation * generator.standard_normal(len(row))
-
-
-CONTROL_PERIOD = 1.0e-4
-"""Longest time between two runs of the controller [s]; a longer sample period holds several."""
 
 
 class StageParts(NamedTuple):

@@ -29,6 +29,8 @@ _MAX_SPEED = {PRISMATIC: 20.0, REVOLUTE: 2000.0}  # m/s, rad/s: a fast linear mo
 _MAX_MASS = {PRISMATIC: 1.0e5, REVOLUTE: 1.0e5}  # kg, kg m^2
 _MIN_MASS = {PRISMATIC: 1.0e-3, REVOLUTE: 1.0e-7}
 
+NOTHING = "nothing"
+
 
 @dataclass(frozen=True)
 class Use:
@@ -175,9 +177,6 @@ def refuse_learnt_from(bags: Sequence[str], holdout: Sequence[str]) -> None:
             raise ConfigurationError(
                 [f"--holdout {bag} is also a recording to learn from; it cannot judge: leave it out of one of both"]
             )
-
-
-NOTHING = "nothing"
 
 
 @dataclass(frozen=True)

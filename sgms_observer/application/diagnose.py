@@ -49,6 +49,9 @@ HOLD = 1.5
 SUBSTEPS = 1
 """Integration steps per 0.1 ms: the errors differ from those with ten by less than a thousandth."""
 
+FILES = ("result.json", "augmented.yaml", "report.html", RESIDUAL_LOG)
+"""What a diagnosis writes into its folder."""
+
 
 def predict_tracking(
     record: Recording, given: AxisSettings, augmented: AxisSettings, band: float
@@ -123,10 +126,6 @@ def _compensation(axis: AxisSettings, truth: AxisSettings, plain: StageRecord, p
     switched_on = replace(axis.compensation, enabled=True, look_ahead=look_ahead)
     estimates = AxisObserver(replace(axis, compensation=switched_on), period).step(plain.samples)
     return np.concatenate(([0.0], np.nan_to_num(estimates.compensation[:-1])))
-
-
-FILES = ("result.json", "augmented.yaml", "report.html", RESIDUAL_LOG)
-"""What a diagnosis writes into its folder."""
 
 
 @dataclass(frozen=True)

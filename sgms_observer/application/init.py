@@ -32,6 +32,8 @@ _HEAD = """\
 #   sgms identify BAG --config FILE --out identified.yaml
 """
 
+_AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
+
 
 def _template_text(drafts: Sequence[AxisDraft], head: str) -> str:
     """Return the text of a parameter file with first values of each axis; ``head`` says where they come from."""
@@ -181,9 +183,6 @@ def _said(draft: AxisDraft, key: str, text: str) -> str:
 
 def _line(text: str, comment: str) -> str:
     return f"{text:<{_COLUMN - 1}} # {comment}" if comment else text
-
-
-_AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,14 @@ from sgms_observer.child_process import child_command, child_environment
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.load import settings_from_tree
 
+OF_OBSERVER = ("estimator", "filter", "stage", "observer")
+OF_STAGE = ("stage",)
+
+_SOONEST = 3.0  # s after which a first estimate of the time that is left is worth telling
+_ALMOST = 0.95  # share of a part that is told at most while it is not finished
+_WATCH = 0.1  # s
+_SAMPLES = 200  # of the run that calls every kernel of a part
+
 
 @dataclass(frozen=True)
 class Part:
@@ -47,13 +55,6 @@ PARTS = {
     "filter": Part("sgms_observer.filters.kernel", 4.8, 18),
     "observer": Part("sgms_observer.observer.axis_observer", 8.2, 107, ("estimator", "stage", "filter")),
 }
-OF_OBSERVER = ("estimator", "filter", "stage", "observer")
-OF_STAGE = ("stage",)
-
-_SOONEST = 3.0  # s after which a first estimate of the time that is left is worth telling
-_ALMOST = 0.95  # share of a part that is told at most while it is not finished
-_WATCH = 0.1  # s
-_SAMPLES = 200  # of the run that calls every kernel of a part
 
 
 def missing_parts(names: Sequence[str] = tuple(PARTS)) -> tuple[str, ...]:
@@ -204,8 +205,7 @@ def _stage(settings: Settings) -> None:
 
 def _observer(settings: Settings) -> None:
     from sgms_observer.bags.rows import warm_up_encoding
-    from sgms_observer.observer.axis_observer import AxisObserver
-    from sgms_observer.observer.trial import run_all_kernels
+    from sgms_observer.observer.axis_observer import AxisObserver, run_all_kernels
 
     warm_up_encoding()
     run_all_kernels(AxisObserver(settings.axes[0], settings.sample_period))

@@ -23,6 +23,10 @@ _ENCODINGS = {b"\x00\x01": "<", b"\x00\x00": ">"}
 _SECOND = 1_000_000_000
 _SEC_LIMIT = 2**31
 
+JointStateFields = tuple[int, tuple[str, ...], tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+
+_KEPT_LAYOUTS = 8
+
 
 def aligned(offset: int, size: int) -> int:
     """Return the first multiple of ``size`` at or behind ``offset``, counted as XCDR1 does.
@@ -158,11 +162,6 @@ def append_string(buffer: bytearray, text: str) -> None:
     data = text.encode() + b"\0"
     append_uint32(buffer, len(data))
     buffer.extend(data)
-
-
-JointStateFields = tuple[int, tuple[str, ...], tuple[float, ...], tuple[float, ...], tuple[float, ...]]
-
-_KEPT_LAYOUTS = 8
 
 
 @dataclass(frozen=True)

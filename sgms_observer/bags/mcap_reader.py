@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.bags.bag_folder import unpack
 from sgms_observer.bags.blocks import MessageBlock, gather, join_blocks
-from sgms_observer.bags.compression import unpack
 from sgms_observer.bags.mcap_records import MAGIC, MESSAGE_HEAD, RECORD_HEAD, Op, find_messages, find_records, read_text
 from sgms_observer.errors import RecordingError
 from sgms_observer.jit import HAS_NUMBA

@@ -12,9 +12,8 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.bags.bag_folder import find_files
+from sgms_observer.bags.bag_folder import find_files, unpack_file, unpack_message
 from sgms_observer.bags.blocks import MessageBlock, Pattern, decode_joint_states
-from sgms_observer.bags.compression import unpack_file, unpack_message
 from sgms_observer.bags.mcap_reader import McapReader
 from sgms_observer.bags.message_types import JOINT_STATE
 from sgms_observer.bags.sqlite_storage import SqliteReader

@@ -47,6 +47,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
 }
 
+_MAX_ITERATIONS = 300  # of ipopt; now and then a window takes all of the default 3000, seconds long
+
 
 class StepFormulas:
     """An interval and its measurement as expressions, for any front end over CasADi.
@@ -167,9 +169,6 @@ class ParametricWindow:
     def newest_force(self, answer: Any) -> float:
         """Return the sum of the element forces at the newest node [N]."""
         return float(np.array(answer["x"]).ravel()[-len(self._unit) :] @ self._unit)
-
-
-_MAX_ITERATIONS = 300  # of ipopt; now and then a window takes all of the default 3000, seconds long
 
 
 def time_do_mpc(problem: Problem, estimator: Estimator) -> tuple[list[float], list[float]]:

@@ -12,7 +12,7 @@ from sgms_observer.estimators import memory as at
 from sgms_observer.estimators.block import advance, restart, start_interval
 from sgms_observer.estimators.descent import iterate
 from sgms_observer.estimators.estimator import Estimator
-from sgms_observer.estimators.fields import vector
+from sgms_observer.estimators.memory import vector
 from sgms_observer.estimators.mhe import append_interval, slide_window, store_newest
 from sgms_observer.filters.motion import known_motion
 from sgms_observer.jit import njit_bare

@@ -17,6 +17,24 @@ from sgms_observer.errors import DataError
 # What the parent sees of a child's peak contains the parent's own, so the child says it last.
 TELL_PEAK = "print(*[line for line in open('/proc/self/status') if line.startswith('VmHWM')])"
 
+_SHARED = """/**:
+  ros__parameters:
+    axes: [{names}]
+    sample_period: {period:e}  # s
+    publish_every: {publish_every}
+"""
+_AXIS = """    {name}:
+      mass: 10.0                 # kg
+      estimator: {{kind: {kind}, parameters: [kappa], correction_every: {every}}}
+      compensation: {{enabled: true}}
+      stage: {{reference: {{kind: sine, amplitude: 200.0e-6, frequency: 5.0}}}}
+"""
+
+RATE = 10_000
+"""Samples per second of the scene, unless another rate is asked for [Hz]."""
+
+_CORRECTION = 2.0e-3  # s from one correction to the next
+
 
 @dataclass(frozen=True)
 class Usage:
@@ -73,26 +91,6 @@ def seconds_used(process_id: int) -> float:
     """Return the computing time that a running process has used so far [s]."""
     fields = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-_SHARED = """/**:
-  ros__parameters:
-    axes: [{names}]
-    sample_period: {period:e}  # s
-    publish_every: {publish_every}
-"""
-_AXIS = """    {name}:
-      mass: 10.0                 # kg
-      estimator: {{kind: {kind}, parameters: [kappa], correction_every: {every}}}
-      compensation: {{enabled: true}}
-      stage: {{reference: {{kind: sine, amplitude: 200.0e-6, frequency: 5.0}}}}
-"""
-
-
-RATE = 10_000
-"""Samples per second of the scene, unless another rate is asked for [Hz]."""
-
-_CORRECTION = 2.0e-3  # s from one correction to the next
 
 
 def axis_names(count: int) -> tuple[str, ...]:

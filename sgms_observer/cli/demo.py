@@ -62,8 +62,8 @@ def run(args: argparse.Namespace) -> Outcome:
     refuse_existing_files([out / REPORT, out / RESULT], args.overwrite)
     try_folder(out)
     shutil.rmtree(bag, ignore_errors=True)
-    switched_ns, said = _play(config, [axis.name for axis in settings.axes], out, bag, args.duration)
-    result = present(bag, settings, switched_ns, out)
+    switched_ns, answered_ns, said = _play(config, [axis.name for axis in settings.axes], out, bag, args.duration)
+    result = present(bag, settings, switched_ns, answered_ns, out)
     for line in [*result.lines, *said]:
         print(line)
     print(f"report: {result.page}")
@@ -71,8 +71,8 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(result=result.result)
 
 
-def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) -> tuple[int, list[str]]:
-    """Run the nodes and record them; return when the compensation went on [ns], and what the stage noted."""
+def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) -> tuple[int, int, list[str]]:
+    """Run the nodes and record them; return when compensation was asked for, when answered [ns], and the notes."""
     from sgms_observer.application.kernels import compile_ahead
     from sgms_observer.cli.progress import Progress
     from sgms_observer.nodes.conductor import Conductor, prepare_graph
@@ -98,6 +98,7 @@ def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) 
             switched_ns = time.time_ns()
             for axis in axes:
                 conductor.set_parameter(OBSERVER, f"{axis}.compensation.enabled", True)
+            answered_ns = time.time_ns()  # seconds later, where the middleware lost a request
             _sleep(conductor, duration / 2, lambda seconds: progress.show(duration / 2 + seconds))
         conductor.deactivate(STAGE)
         _wait_until_written(bag)
@@ -105,7 +106,7 @@ def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) 
             conductor.stop(name)
         said = conductor.said(STAGE).splitlines()
     noted = [AGE_SENTENCE + line.partition(AGE_SENTENCE)[2] for line in said if AGE_SENTENCE in line]
-    return switched_ns, [f"                      {line}" for line in noted]
+    return switched_ns, answered_ns, [f"                      {line}" for line in noted]
 
 
 def _sleep(conductor: Conductor, seconds: float, show: Callable[[float], None]) -> None:

@@ -27,6 +27,10 @@ _ACK_TIME = 2.0  # s for the last messages to arrive
 _SETTLING = 0.5  # s without a new subscriber; the other topics of the same node are found within this time
 _SHORT = 0.002  # s; shorter pauses are slept, longer ones can be interrupted
 
+Due = tuple[list[float], list[int], list[bytes]]
+
+_BLOCKS_AHEAD = 4
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments, as ``main.Command``."""
@@ -179,11 +183,6 @@ def _publish(schedule: Schedule, publishers: list[Any], stop: threading.Event, b
         if stop.is_set():
             break
     return sent, latest
-
-
-Due = tuple[list[float], list[int], list[bytes]]
-
-_BLOCKS_AHEAD = 4
 
 
 class Schedule:

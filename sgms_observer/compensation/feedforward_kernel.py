@@ -37,6 +37,17 @@ MIN_Z_SCORE = 3.0
 """Smallest z-score at which the sign of an estimate counts as known."""
 _FADE_START = 0.5  # share of fade_std up to which nothing is faded
 
+# one array: the state that evolves, the settings, then what each status means (0 good, 1 bad, 2 start again)
+OUTPUT, TRUST, RAW, IS_ALIGNED, STEADY, HELD, STATE_SIZE = range(7)
+(
+    ENABLED, GAIN, LIMIT, SLEW, LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL, FADE_STD, TIMEOUT, VERDICT,
+) = range(STATE_SIZE, STATE_SIZE + 10)  # fmt: skip
+
+# Without a reference a motion counts once the estimated velocity has kept its sign for so long, or is this many times
+# the standstill velocity: the noise of a velocity at rest does neither.
+_STEADY_TIME = 5.0e-3
+_CLEARLY_MOVING = 10.0
+
 
 @njit
 def next_trust(trust: float, verdict: float, period: float, timeout: float) -> float:
@@ -81,18 +92,6 @@ def standstill_velocity(settings: FilterSettings, sample_period: float) -> float
         sample_period: nominal time between two samples [s].
     """
     return MIN_Z_SCORE * settings.position_noise * velocity_noise_gain(settings, sample_period)
-
-
-# one array: the state that evolves, the settings, then what each status means (0 good, 1 bad, 2 start again)
-OUTPUT, TRUST, RAW, IS_ALIGNED, STEADY, HELD, STATE_SIZE = range(7)
-(
-    ENABLED, GAIN, LIMIT, SLEW, LOOK_AHEAD, STANDSTILL, SET_POINT_STANDSTILL, FADE_STD, TIMEOUT, VERDICT,
-) = range(STATE_SIZE, STATE_SIZE + 10)  # fmt: skip
-
-# Without a reference a motion counts once the estimated velocity has kept its sign for so long, or is this many times
-# the standstill velocity: the noise of a velocity at rest does neither.
-_STEADY_TIME = 5.0e-3
-_CLEARLY_MOVING = 10.0
 
 
 class ActuatorPath(NamedTuple):

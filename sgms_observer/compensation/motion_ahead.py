@@ -33,6 +33,21 @@ _SLOWEST = 1.0e-12  # speed at which a motion counts as at rest on the Stribeck 
 
 _stribeck_level: Callable[..., float] = njit(stribeck_level)
 
+# columns of what is looked ahead: SI units; the first is 1 where there is a set-point, TRAVEL is that since the last
+# sample (NaN at the first) apart from what counts as noise, and what is ahead holds ``look_ahead`` later
+HAS_REFERENCE, SET_VELOCITY, TRAVEL, ACCELERATION, JERK, AHEAD_POSITION, AHEAD_VELOCITY, AHEAD_ACCELERATION = range(8)
+AHEAD_WIDTH = 8
+
+# what is remembered from sample to sample
+(
+    LAST_POSITION, LAST_VELOCITY, LAST_CHANGE, LAST_JERK, BEFORE_LAST_JERK, HAS_LAST,
+    GOOD_POSITION, GOOD_VELOCITY, GOOD_ACCELERATION, SLACK, MEMORY_SIZE,
+) = range(11)  # fmt: skip
+
+_ABSURD = 1.0e9  # SI units; what is larger is not looked at
+
+_ALIKE = 0.4  # of two differences that agree, the smaller one's least share of the larger
+
 
 @njit
 def advance_elements(
@@ -149,23 +164,6 @@ def preview_elements(
     travel = travel_after(velocity, acceleration, jerk, look_ahead)
     advance_elements(forces, modes, travel - behind, abs(ahead), factor, scalars, elements)
     return ahead
-
-
-# columns of what is looked ahead: SI units; the first is 1 where there is a set-point, TRAVEL is that since the last
-# sample (NaN at the first) apart from what counts as noise, and what is ahead holds ``look_ahead`` later
-HAS_REFERENCE, SET_VELOCITY, TRAVEL, ACCELERATION, JERK, AHEAD_POSITION, AHEAD_VELOCITY, AHEAD_ACCELERATION = range(8)
-AHEAD_WIDTH = 8
-
-# what is remembered from sample to sample
-(
-    LAST_POSITION, LAST_VELOCITY, LAST_CHANGE, LAST_JERK, BEFORE_LAST_JERK, HAS_LAST,
-    GOOD_POSITION, GOOD_VELOCITY, GOOD_ACCELERATION, SLACK, MEMORY_SIZE,
-) = range(11)  # fmt: skip
-
-_ABSURD = 1.0e9  # SI units; what is larger is not looked at
-
-
-_ALIKE = 0.4  # of two differences that agree, the smaller one's least share of the larger
 
 
 @njit

@@ -103,17 +103,14 @@ class Estimator:
         settings: checked estimator settings.
         friction: checked friction settings.
         mass: moving mass [kg].
-        offset: known constant force [N].
 
     Attributes:
         fill: does ``step`` with ``Motion.table`` as its first argument, into the table of ``make_room``, its last.
     """
 
-    def __init__(
-        self, settings: EstimatorSettings, friction: FrictionSettings, mass: float, offset: float = 0.0
-    ) -> None:
+    def __init__(self, settings: EstimatorSettings, friction: FrictionSettings, mass: float) -> None:
         self.settings = settings
-        self.model = model_arrays(friction, mass, offset)
+        self.model = model_arrays(friction, mass)
         self.parameters = parameter_arrays(settings, self.model)
         is_mhe = settings.kind == "mhe"
         self.sizes = Sizes(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from sgms_observer.estimators import memory as at
-from sgms_observer.estimators.fields import layer, matrix, vector
 from sgms_observer.estimators.kalman import (
     correct_scalar,
     propagate_covariance,
@@ -12,6 +11,7 @@ from sgms_observer.estimators.kalman import (
     smooth_back_transition,
 )
 from sgms_observer.estimators.layout import NU, Floats, copy_matrix, copy_vector
+from sgms_observer.estimators.memory import layer, matrix, vector
 from sgms_observer.jit import njit_bare
 
 _MAX_ACTIVE_SET_PASSES = 12

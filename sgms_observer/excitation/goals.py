@@ -27,6 +27,15 @@ _MOST_STEPS = 200  # in one sample
 
 _stribeck_level: Callable[..., float] = njit(stribeck_level)
 
+POWER = 0.9
+"""Share of such recordings that show an effect, or tell it from another one."""
+MIN_Z_SCORE = 3.0 + float(stats.norm.ppf(POWER))
+"""Smallest expected z-score: that of the diagnosis would be reached by half of the recordings only."""
+MIN_INFORMATION = (2.0 * MIN_Z_SCORE) ** 2
+"""Information at which that is so: with it the squared residuals of two models differ by d^2 with a standard error of
+2 d, see ``diagnosis.evidence.improvement``."""
+_GRID = (np.arange(200) + 0.5) / 200  # times at which effects over time are averaged, as shares of the whole
+
 
 @njit
 def _follow(
@@ -86,16 +95,6 @@ def followed(reference: Floats, period: float, axis: AxisSettings, friction: Fri
         curve, out,
     )  # fmt: skip
     return out
-
-
-POWER = 0.9
-"""Share of such recordings that show an effect, or tell it from another one."""
-MIN_Z_SCORE = 3.0 + float(stats.norm.ppf(POWER))
-"""Smallest expected z-score: that of the diagnosis would be reached by half of the recordings only."""
-MIN_INFORMATION = (2.0 * MIN_Z_SCORE) ** 2
-"""Information at which that is so: with it the squared residuals of two models differ by d^2 with a standard error of
-2 d, see ``diagnosis.evidence.improvement``."""
-_GRID = (np.arange(200) + 0.5) / 200  # times at which effects over time are averaged, as shares of the whole
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.units import PRISMATIC, REVOLUTE, Units
 
+Floats = NDArray[np.float64]
+
+_NOTHING = 1.0e-6  # of the smallest reversal: rounding, not a way to go
+
 
 @dataclass(frozen=True)
 class ExcitationLimits:
@@ -86,11 +90,6 @@ def limits_of(
         cautious.smallest if smallest is None else smallest,
         cautious.units,
     )
-
-
-Floats = NDArray[np.float64]
-
-_NOTHING = 1.0e-6  # of the smallest reversal: rounding, not a way to go
 
 
 class TooLongError(Exception):

@@ -27,6 +27,29 @@ _CYCLES = 3.0  # of the main motion in all rows
 _SPEED = 20.0  # largest speed of the main motion over the Stribeck velocity: presliding and sliding both occur
 _SIDE = (0.3, 7.3)  # second motion: share of the speed, frequency over the main one
 
+TOLERANCE = 1e-9
+"""Largest difference to Python over the largest magnitude of a column, in double."""
+
+FLOAT_TOLERANCE = 5e-2
+"""The same in float: the type has seven digits, of which differences of positions lose some."""
+
+FLOAT_VALUES = {"SGMS_TOLERANCE": 1.0e-7}
+"""Constants that float needs otherwise: the S-GMS step ends where no better ratio can be told apart."""
+
+NAME = "sgms"
+"""Name of header and source, and beginning of every public name."""
+
+PACKAGE = "sgms_friction_compensation"
+
+_FILES = {
+    "package.xml": "package.xml",
+    "CMakeLists.txt": "CMakeLists.txt",
+    f"{PACKAGE}.xml": "plugin.xml",
+    "config/controllers.yaml": "controllers.yaml",
+    f"include/{PACKAGE}/friction_compensation.hpp": "friction_compensation.hpp",
+    "src/friction_compensation.cpp": "friction_compensation.cpp",
+}
+
 
 def vector_samples(axis: AxisSettings, sample_period: float) -> Samples:
     """Return a motion with reversals, and the faults that recordings have.
@@ -88,19 +111,6 @@ def _vector_text(samples: Samples, columns: list[tuple[str, str, np.ndarray]]) -
         for stamp, row in zip(samples.stamp_ns, table, strict=True)
     ]
     return "\n".join([head, *rows]) + "\n"
-
-
-TOLERANCE = 1e-9
-"""Largest difference to Python over the largest magnitude of a column, in double."""
-
-FLOAT_TOLERANCE = 5e-2
-"""The same in float: the type has seven digits, of which differences of positions lose some."""
-
-FLOAT_VALUES = {"SGMS_TOLERANCE": 1.0e-7}
-"""Constants that float needs otherwise: the S-GMS step ends where no better ratio can be told apart."""
-
-NAME = "sgms"
-"""Name of header and source, and beginning of every public name."""
 
 
 def with_ekf(axis: AxisSettings) -> tuple[AxisSettings, list[str]]:
@@ -213,18 +223,6 @@ def _sources(
         ),
         "Makefile": fill("Makefile", **common),
     }  # fmt: skip
-
-
-PACKAGE = "sgms_friction_compensation"
-
-_FILES = {
-    "package.xml": "package.xml",
-    "CMakeLists.txt": "CMakeLists.txt",
-    f"{PACKAGE}.xml": "plugin.xml",
-    "config/controllers.yaml": "controllers.yaml",
-    f"include/{PACKAGE}/friction_compensation.hpp": "friction_compensation.hpp",
-    "src/friction_compensation.cpp": "friction_compensation.cpp",
-}
 
 
 def controller_files(axes: Sequence[AxisSettings], sources: Mapping[str, str], sample_period: float) -> dict[str, str]:

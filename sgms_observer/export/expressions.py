@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any
 
-from sgms_observer.estimators import fields
+from sgms_observer.estimators import memory
 from sgms_observer.export.program import Source, snake, source_of
 from sgms_observer.export.values import (
     ATOM,
@@ -47,17 +47,18 @@ _COMPUTE: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.NotEq: lambda a, b: a != b,
 }
 
+MATH = {
+    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log1p", "expm1", "sqrt", "tanh", "sinh",
+    "cosh", "fabs", "floor", "ceil", "hypot", "copysign", "pow", "cbrt", "fmod",
+}  # fmt: skip
+TESTS = {"isfinite", "isnan", "isinf"}
+
 
 def reads_of(values: Sequence[Value]) -> frozenset[str]:
     """Return the local names that any of these values has in it."""
     return frozenset().union(*(value.reads for value in values))
 
 
-MATH = {
-    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log1p", "expm1", "sqrt", "tanh", "sinh",
-    "cosh", "fabs", "floor", "ceil", "hypot", "copysign", "pow", "cbrt", "fmod",
-}  # fmt: skip
-TESTS = {"isfinite", "isnan", "isinf"}
 _MATH_NAMES = {getattr(math, name): name for name in MATH | TESTS}
 
 
@@ -231,7 +232,7 @@ class Expressions(Views):
         if node.keywords:
             raise self.refuse(node, "an argument by name")
         arguments = [self.expression(item) for item in node.args]
-        if target is fields.vector or target is fields.matrix:
+        if target is memory.vector or target is memory.matrix:
             return self.field_of(node, arguments[0], arguments[1])
         known = self._known(node, target, arguments)
         if known is not None:

@@ -35,6 +35,9 @@ from sim_plant.stage import SimulatedStage
 MEASURED, FRICTION, EFFECT = range(3)
 ENDS = 3
 
+_PREFIX = "stage"
+_FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
+
 
 def stage_tick(
     constants: Any,
@@ -77,10 +80,6 @@ def stage_tick(
         total += memory.force[i]
     ends[FRICTION] = total
     ends[EFFECT] = memory.motion[4]
-
-
-_PREFIX = "stage"
-_FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
 
 
 def _struct(memory: Memory, instance: Any, fixed: Sequence[str] = ()) -> Struct:

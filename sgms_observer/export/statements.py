@@ -24,20 +24,18 @@ from sgms_observer.export.values import (
     number_as,
 )
 
+MOST_UNROLLED = 64
+"""A loop over what selects is written out up to this length."""
+
+HALVING = ("high - low > 1",)
+MOST_HALVINGS = 31
+"""A search by halving among whole numbers ends within so many rounds."""
+
 
 def _read(target: ast.expr) -> ast.expr:
     """Return a target of an assignment as an expression that is read."""
     copy = ast.parse(ast.unparse(target), mode="eval").body
     return ast.copy_location(copy, target)
-
-
-MOST_UNROLLED = 64
-"""A loop over what selects is written out up to this length."""
-
-
-HALVING = ("high - low > 1",)
-MOST_HALVINGS = 31
-"""A search by halving among whole numbers ends within so many rounds."""
 
 
 def assigned_in(nodes: list[ast.stmt]) -> set[str]:

@@ -65,6 +65,9 @@ static int int_max(int a, int b)
 """,
 }
 
+C_NAMES = set(MATH) | {"sgms_init", "sgms_step", "sgms_reset", "sgms_enable", "main", "abs", "signal", "index"}
+"""Names that a function of this program must not have."""
+
 
 def names_in(text: str) -> set[str]:
     """Return every name and number of a C text."""
@@ -120,10 +123,6 @@ def fill(template: str, **values: Any) -> str:
         values: what it asks for.
     """
     return _ENVIRONMENT.get_template(f"{template}.j2").render(version=__version__, **values)
-
-
-C_NAMES = set(MATH) | {"sgms_init", "sgms_step", "sgms_reset", "sgms_enable", "main", "abs", "signal", "index"}
-"""Names that a function of this program must not have."""
 
 
 class Translator(Program):

@@ -69,7 +69,7 @@ class Record:
     Attributes:
         name: its C name.
         entries: index of a single number to its member's name and type.
-        fields: number of a field (``estimators.fields``) to its member's name and type.
+        fields: number of a field (``estimators.memory``) to its member's name and type.
         constants: index, or field number plus ``FIELD_OFFSET``, to a constant elsewhere.
         tail: shape of the member ``at`` that holds every other index; None without.
     """

@@ -101,7 +101,7 @@ class Views:
         return self._of_array(node, whole, index)
 
     def field_of(self, node: ast.AST, owner: Value, index: Value) -> Value:
-        """Return a field of a record (``estimators.fields``)."""
+        """Return a field of a record (``estimators.memory``)."""
         record = owner.type
         if not isinstance(record, Record) or not index.is_known:
             raise self.refuse(node, "a field that is not known beforehand")

@@ -17,6 +17,13 @@ from typing import Any
 from sgms_observer.errors import ConfigurationError, DataError, SgmsError
 from sgms_observer.outcome import SHOW_TRACEBACK
 
+Show = Callable[[float], None]
+
+_CONNECT = 30.0
+"""How long to wait for the scheduler [s]."""
+
+_ENDED = "the process that worked on it ended by itself; try it alone, with more memory"
+
 
 @dataclass(frozen=True)
 class ReplayJob:
@@ -153,12 +160,6 @@ def job_names(bags: list[str]) -> list[str]:
 
 
 Job = ReplayJob | DiagnoseJob
-Show = Callable[[float], None]
-
-_CONNECT = 30.0
-"""How long to wait for the scheduler [s]."""
-
-_ENDED = "the process that worked on it ended by itself; try it alone, with more memory"
 
 
 def run_jobs(jobs: Sequence[Job], workers: int, scheduler: str | None, show: Show) -> list[Outcome]:

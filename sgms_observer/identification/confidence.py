@@ -23,6 +23,14 @@ Floats = NDArray[np.float64]
 
 _LARGEST_SHARE = 0.25  # of a piece's length: the longest lag that still has enough pairs
 
+Booleans = NDArray[np.bool_]
+
+IDENTIFIABLE_WITHIN = 0.05  # largest half interval of an identifiable parameter, as a share of its value
+_QUANTILE = 1.96
+_CLUSTERS = 40
+_OFFSET_PRECISION = 0.02  # of the Coulomb force: half interval at which an offset of any size is identifiable
+_DELAY_PRECISION = 1.0e-4  # s
+
 
 def correlation_bandwidth(scores: Floats) -> int:
     """Return the lag up to which scores are correlated, by Andrews' AR(1) plug-in for the Bartlett kernel.
@@ -134,15 +142,6 @@ def _sandwich(hessian: Floats, score_covariance: Floats, factor: float, scale: F
     is_unobservable = (vectors[:, ~is_observable] ** 2).sum(axis=1) > 1e-6
     covariance[is_unobservable, is_unobservable] = np.inf
     return np.asarray(covariance / np.outer(scale, scale))
-
-
-Booleans = NDArray[np.bool_]
-
-IDENTIFIABLE_WITHIN = 0.05  # largest half interval of an identifiable parameter, as a share of its value
-_QUANTILE = 1.96
-_CLUSTERS = 40
-_OFFSET_PRECISION = 0.02  # of the Coulomb force: half interval at which an offset of any size is identifiable
-_DELAY_PRECISION = 1.0e-4  # s
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,15 @@ SHARED = 3  # rho, v_s, c
 RHO, V_S, RATE = range(SHARED)
 _IS_GMS, _LAMBDA, _ZETA, _GAMMA, _IS_PAPER, _FIXED = range(6)
 
+MASS, VISCOUS, OFFSET, DELAY, RHO, V_S, RATE, RELAXATION, ELEMENTS = range(9)
+SCALARS = (
+    "mass", "viscous_coefficient", "offset", "delay", "stribeck_ratio", "stribeck_velocity", "relaxation_rate",
+    "damping_over_stiffness",
+)  # fmt: skip
+
+stribeck_level = vectorised("friction").stribeck_level
+_DIFFERENCE = 1.0e-6  # step of a numeric derivative over the parameter's scale
+
 
 @dataclass(frozen=True)
 class ElementShape:
@@ -176,16 +185,6 @@ def unit_elements(position: Floats, period: float, slip_deflection: Floats, shap
     out = np.empty((len(position), len(slip_deflection)))
     _simulate_forces(travel, period, 1.0 / slip_deflection, np.ones(len(slip_deflection)), shape.numbers, out)
     return out
-
-
-MASS, VISCOUS, OFFSET, DELAY, RHO, V_S, RATE, RELAXATION, ELEMENTS = range(9)
-SCALARS = (
-    "mass", "viscous_coefficient", "offset", "delay", "stribeck_ratio", "stribeck_velocity", "relaxation_rate",
-    "damping_over_stiffness",
-)  # fmt: skip
-
-stribeck_level = vectorised("friction").stribeck_level
-_DIFFERENCE = 1.0e-6  # step of a numeric derivative over the parameter's scale
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,10 @@ NEGLIGIBLE_EXCESS = 0.04  # relative excess of the mean squared error for which 
 _STARTS = (1.0, 5.0, 0.2)  # times the start's Stribeck velocity
 _MERGE_COST_RATIO = 0.995  # largest cost, over that of one element less, for which a merged start is tried
 
+_MAX_RELATIVE_HALF_WIDTH = 0.5  # half interval over value up to which a shared parameter is identifiable
+_MAX_DELAY_WIDTH = 1.0e-3  # s
+_NEGLIGIBLE_EFFECT = 0.01  # of the effort: a smaller strength need not be known to half of itself
+
 
 @dataclass(frozen=True)
 class Rows:
@@ -164,11 +168,6 @@ def _merge_elements(parameters: Parameters, count: int) -> Parameters:
     level = parameters.level[order]
     deflection, force = cluster(level / parameters.kappa[order], level, count)
     return Parameters(parameters.scalars, force / deflection, force, parameters.effects)
-
-
-_MAX_RELATIVE_HALF_WIDTH = 0.5  # half interval over value up to which a shared parameter is identifiable
-_MAX_DELAY_WIDTH = 1.0e-3  # s
-_NEGLIGIBLE_EFFECT = 0.01  # of the effort: a smaller strength need not be known to half of itself
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ def start(name: str, description: str, kind: str, arguments: Sequence[str] | Non
 def _run_checked(name: str, kind: str, ros: Sequence[str]) -> int:
     """Check the parameters in the ROS arguments and run the node with them."""
     with silent_interrupts():
-        from sgms_observer.settings.arguments import read_arguments, refuse_incomplete
+        from sgms_observer.settings.node_parameters import read_arguments, refuse_incomplete
 
     try:
         given = read_arguments([name, *ros], name)

@@ -24,8 +24,8 @@ from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import is_told
 from sgms_observer.nodes.parameters import NodeParameters
 from sgms_observer.outcome import LONG_WORK, SHOW_TRACEBACK
-from sgms_observer.settings.arguments import NodeArguments
 from sgms_observer.settings.axis import Settings
+from sgms_observer.settings.node_parameters import NodeArguments
 
 ChangesState = Callable[[ChangeState.Request, ChangeState.Response], ChangeState.Response]
 _PROGRESS_PERIOD = 10.0  # s

@@ -30,7 +30,7 @@ from sgms_observer.observer.outgoing import (
     REFERENCE_HORIZON,
     OutgoingBlock,
 )
-from sgms_observer.settings.arguments import NodeArguments
+from sgms_observer.settings.node_parameters import NodeArguments
 
 _REPORT_PERIOD = 1.0  # s
 _LONGEST_END = 1.0  # s for the compensation to go to zero within its slew limit when the node stops

@@ -15,8 +15,8 @@ from rclpy.parameter import Parameter
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import CompensationSettings, Settings
 from sgms_observer.settings.load import settings_from_tree
+from sgms_observer.settings.node_parameters import ParameterDeclaration, declare_all, tree_from_parameters
 from sgms_observer.settings.parameter_file import overlaid, parameter_tree
-from sgms_observer.settings.parameters import ParameterDeclaration, declare_all, tree_from_parameters
 
 _TYPES = {
     "double": Parameter.Type.DOUBLE,

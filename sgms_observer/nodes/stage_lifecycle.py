@@ -24,7 +24,7 @@ from sgms_observer.nodes.pace import AGE_SENTENCE, LONGEST_CATCH_UP, LONGEST_LAG
 from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe
 from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, REFERENCE_HORIZON, OutgoingBlock
 from sgms_observer.observer.samples import Samples
-from sgms_observer.settings.arguments import NodeArguments
+from sgms_observer.settings.node_parameters import NodeArguments
 from sim_plant.record import StageRecord
 from sim_plant.table import SimulatedTable
 

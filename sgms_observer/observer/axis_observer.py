@@ -23,6 +23,10 @@ from sgms_observer.observer.block_arrays import BlockArrays, Observed
 from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.settings.axis import AxisSettings
 
+_SAMPLES = 3000
+_RATE = 40.0  # rad/s
+_AMPLITUDE = 1.0e-4  # m
+
 
 @njit
 def _levels(model: ModelArrays, velocity: Floats, out: Floats) -> None:
@@ -269,3 +273,18 @@ class AxisObserver:
         if samples == 1 and seconds > self.axis.estimator.deadline:
             self.deadline_misses += 1
             self.estimator.miss_deadline()
+
+
+def run_all_kernels(observer: AxisObserver) -> None:
+    """Run an observer over a small synthetic motion and look ahead. Its state is not usable afterwards.
+
+    Args:
+        observer: observer of the axis whose kernels are compiled, with its compensation enabled.
+    """
+    seconds = np.arange(2 * _SAMPLES) * observer.sample_period
+    stamps = np.rint(seconds * 1e9).astype(np.int64)
+    position, velocity = _AMPLITUDE * np.sin(_RATE * seconds), _AMPLITUDE * _RATE * np.cos(_RATE * seconds)
+    past = slice(0, _SAMPLES)
+    effort = np.sign(velocity[past])
+    latest = observer.step(Samples(stamps[past], position[past], effort, position[past], velocity[past]))
+    observer.horizon(latest, KnownMotion(stamps, position, velocity), 1.0)

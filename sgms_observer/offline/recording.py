@@ -47,7 +47,6 @@ class Recording:
         position: measured position [m or rad], shape (n,).
         effort: effort of the actuator [N or N m], shape (n,).
         reference_position: set-point [m or rad], shape (n,); NaN where there is none; None for none at all.
-        sha256: hash of the file it comes from; empty when there is none.
         start: stamp of the first sample [s].
         other_position: position of another axis of the same recording [m or rad], shape (n,), or None.
         recorded_step: step of the positions' grid as they were recorded [m or rad]; None finds it in ``position``.
@@ -58,7 +57,6 @@ class Recording:
     position: Floats
     effort: Floats
     reference_position: Floats | None = None
-    sha256: str = ""
     start: float = 0.0
     other_position: Floats | None = None
     recorded_step: float | None = None
@@ -152,9 +150,7 @@ def read_recordings(
     axis: AxisSettings,
     other: AxisSettings | None = None,
     *,
-    sample_period: float | None = None,
     topics: Mapping[str, str] | None = None,
-    sha256: str = "",
 ) -> Recordings:
     """Read the pieces of a bag, in SI units.
 
@@ -162,9 +158,7 @@ def read_recordings(
         path: the bag.
         axis: the axis that is identified or diagnosed.
         other: another axis of the same recording, or None.
-        sample_period: nominal time between two samples [s]; None takes it from the recording.
         topics: names of ``position``, ``control_effort`` and ``reference`` where they differ.
-        sha256: hash of the bag.
 
     Raises:
         RecordingError: the bag cannot be read.
@@ -174,10 +168,10 @@ def read_recordings(
 
     wanted = {entry.name: entry.scales for entry in (axis, other) if entry is not None}
     blocks: dict[str, list[Samples]] = {name: [] for name in wanted}
-    for name, samples in BagSamples(path, wanted, sample_period, topics=topics):
+    for name, samples in BagSamples(path, wanted, topics=topics):
         blocks[name].append(samples)
     second = join_samples(blocks[other.name]) if other is not None else None
-    found = recordings_from_samples(join_samples(blocks[axis.name]), Path(path).name, sha256, second)
+    found = recordings_from_samples(join_samples(blocks[axis.name]), Path(path).name, second)
     return replace(found, pieces=tuple(_without_unit_of_log(piece) for piece in found))
 
 
@@ -195,13 +189,12 @@ def _without_unit_of_log(piece: Recording) -> Recording:
     )  # fmt: skip
 
 
-def recordings_from_samples(samples: Samples, name: str, sha256: str = "", other: Samples | None = None) -> Recordings:
+def recordings_from_samples(samples: Samples, name: str, other: Samples | None = None) -> Recordings:
     """Cut a block of samples into evenly sampled pieces.
 
     Args:
         samples: recorded samples of one axis, in SI units.
         name: name of the recording.
-        sha256: hash of the file it comes from.
         other: recorded samples of another axis, or None.
 
     Returns:
@@ -244,7 +237,7 @@ def recordings_from_samples(samples: Samples, name: str, sha256: str = "", other
     origin = float(stamp[0]) * 1e-9
     pieces, strayed = [], 0.0
     for a, b in spans:
-        piece, stray = _even_piece(name, sha256, period, seconds[a:b], [values[a:b] for values in signals], origin)
+        piece, stray = _even_piece(name, period, seconds[a:b], [values[a:b] for values in signals], origin)
         piece = replace(piece, recorded_step=step)
         strayed = max(strayed, stray)
         pieces.append(piece if other is None else replace(piece, other_position=_other_position(piece, other)))
@@ -268,7 +261,7 @@ def _mean_period(pauses: Floats, typical: float) -> float:
 
 
 def _even_piece(
-    name: str, sha256: str, period: float, seconds: Floats, signals: Sequence[Floats], origin: float
+    name: str, period: float, seconds: Floats, signals: Sequence[Floats], origin: float
 ) -> tuple[Recording, float]:
     """Return one piece on an even grid, interpolated only where the stamps stray, and by how many periods they do."""
     seconds, signals = _without_odd_ends(seconds, signals, period)
@@ -284,7 +277,7 @@ def _even_piece(
         position, effort = (np.asarray(CubicSpline(seconds, values)(inside)) for values in signals[:2])
         reference = np.interp(inside, seconds, signals[2])
     start = origin + float(seconds[0])
-    return Recording(name, period, position, effort, reference, sha256, start), stray
+    return Recording(name, period, position, effort, reference, start), stray
 
 
 def _without_odd_ends(seconds: Floats, signals: Sequence[Floats], period: float) -> tuple[Floats, Sequence[Floats]]:

@@ -51,6 +51,8 @@ Step = Callable[[], None]
 LOWPASS = FilterSettings(kind="lowpass", cutoff=500.0, align_effort=True)
 LOWPASS_RAW_EFFORT = FilterSettings(kind="lowpass", cutoff=500.0, align_effort=False)
 
+PROCESS_STD = 0.1  # Q: share of nu f_C per correction; the paper gives a number, 1e-2 nu, without a unit
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -70,7 +72,6 @@ class Stage:
 
 
 CHOSEN = Stage()
-PROCESS_STD = 0.1  # Q: share of nu f_C per correction; the paper gives a number, 1e-2 nu, without a unit
 
 
 def fewer(seeds: int) -> int:
@@ -140,14 +141,12 @@ class Estimate:
         trajectory: eq. 14's own estimate: the friction over each interval as optimised at the interval's end [N];
             known up to one interval (2 ms) and the filter's delay later. An EKF has none: then it is ``live``.
         stiffness: estimated kappa over the stage's.
-        stiffness_std: its standard deviation.
         results: everything the estimator said.
     """
 
     live: Floats
     trajectory: Floats
     stiffness: Floats
-    stiffness_std: Floats
     results: Results
 
 
@@ -192,7 +191,6 @@ def estimate(
         live=results.friction,
         trajectory=trajectory,
         stiffness=stiffness_factor * (results.parameters[:, column] if has_stiffness else ones),
-        stiffness_std=stiffness_factor * (results.parameter_std[:, column] if has_stiffness else 0.0 * ones),
         results=results,
     )
 

@@ -27,6 +27,12 @@ SCHEMA = 1
 LEAST_RECORDED = 0.95
 """Share of the samples that have an estimate, below which the figures do not stand for the whole run."""
 
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+RESULT = "result.json"
+_SHOWN = 0.4  # s in the pictures
+
 
 @dataclass(frozen=True)
 class Half:
@@ -158,13 +164,6 @@ def late_warnings(axis: str, without: Half, with_it: Half, units: Units) -> list
     ]
 
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-RESULT = "result.json"
-_SHOWN = 0.4  # s in the pictures
-
-
 @dataclass(frozen=True)
 class Presentation:
     """Result of a demonstration.
@@ -180,13 +179,14 @@ class Presentation:
     result: dict[str, Any]
 
 
-def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Presentation:
+def present(bag: Path, settings: Settings, switched_ns: int, answered_ns: int, out: Path) -> Presentation:
     """Evaluate the recording and write the report and result.json.
 
     Args:
         bag: the recording of both nodes.
         settings: what they ran with.
-        switched_ns: when the compensation was switched on [ns].
+        switched_ns: when the observer was told to compensate; the half without compensation ends [ns].
+        answered_ns: when it had answered; the half with compensation begins [ns].
         out: folder of the report.
 
     Raises:
@@ -203,7 +203,8 @@ def present(bag: Path, settings: Settings, switched_ns: int, out: Path) -> Prese
         switched = (switched_ns - int(stamps[0])) * 1e-9
         way = recorded_lateness(bag, axis, stamps, settings.sample_period)
         without = _half(run, way, SETTLE, switched)
-        with_it = _half(run, way, switched + SETTLE, float(run.time[-1]))
+        answered = (answered_ns - int(stamps[0])) * 1e-9
+        with_it = _half(run, way, answered + SETTLE, float(run.time[-1]))
         same, compared = _replayed(bag, settings, axis.name)
         lines += _lines(axis, without, with_it, same, compared)
         expected = 1.0 + run.time[-1] / (settings.publish_every * settings.sample_period)

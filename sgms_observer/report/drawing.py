@@ -54,6 +54,11 @@ _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
 }
 
+MAX_POINTS = 20_000
+"""Points of a line in the plot: at this many, a page of ten lines has about one megabyte of them."""
+_STILL_POINTS = 2_000
+"""Points of a line in the still picture: three for each pixel of its width."""
+
 
 @dataclass
 class Sheet:
@@ -145,12 +150,6 @@ def _of_the_page(svg: str, name: str, caption: str) -> str:
     body = re.sub(r'(url\(|href=")#', rf"\1#{prefix}-", body)
     names = {pair[0]: colour for colour, pair in COLOURS.items()}
     return head + re.sub("|".join(names), lambda found: f"var(--{names[found[0]]})", body)
-
-
-MAX_POINTS = 20_000
-"""Points of a line in the plot: at this many, a page of ten lines has about one megabyte of them."""
-_STILL_POINTS = 2_000
-"""Points of a line in the still picture: three for each pixel of its width."""
 
 
 @dataclass(frozen=True)

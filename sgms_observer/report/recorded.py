@@ -25,6 +25,9 @@ RECOVERY = 0.05
 
 _SAME = 1.0e-9  # N
 
+SETTLE = 1.0
+"""Time at the start of a run that does not count in a comparison with the simulated truth [s]."""
+
 
 @dataclass(frozen=True)
 class Lateness:
@@ -97,10 +100,6 @@ def judge_lateness(stamp_ns: Ints, applied_ns: Ints, applied: Floats, sent: Sent
     since = stamp_ns - late_ns[np.maximum(before, 0)] if len(late_ns) else np.zeros(count, np.int64)
     has_been = (before >= 0) & (since < round(RECOVERY * 1e9))
     return Lateness(True, is_late, ~has_been)
-
-
-SETTLE = 1.0
-"""Time at the start of a run that does not count in a comparison with the simulated truth [s]."""
 
 
 def signal_of(bag: Path, topic: str, axis: str) -> tuple[Ints, dict[str, Floats]]:

@@ -6,13 +6,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from sgms_observer.effects.effect import EffectSettings
+from sgms_observer.effects.effect import EffectSettings as EffectSettings
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.declaration import section, setting
 from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC, Scales, Units
 
 MODELS = ("sgms", "gms")
 RESETS = ("paper", "rate_independent")
+
+FILTERS = ("lowpass", "savgol", "kalman")
+ESTIMATORS = ("ekf", "mhe")
+ESTIMABLE = ("kappa", "viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity", "mass", "offset")
+
+REFERENCES = ("sine", "multi_sine", "point_to_point", "file", "topic")
+INTERPOLATIONS = ("linear", "cubic")
+
+#: Where ~/save_parameters writes unless the parameter file says otherwise.
+SAVE_FILE = "learnt.yaml"
 
 
 @dataclass(frozen=True)
@@ -42,11 +52,6 @@ class FrictionSettings:
         0.98, "ratio zeta at which an element starts to slip (eq. 6)", above=0.0, maximum=1.0
     )
     smoothing_gamma: float = setting(100.0, "slope gamma of the reset (eq. 7)", above=0.0)
-
-
-FILTERS = ("lowpass", "savgol", "kalman")
-ESTIMATORS = ("ekf", "mhe")
-ESTIMABLE = ("kappa", "viscous_coefficient", "coulomb_force", "static_force", "stribeck_velocity", "mass", "offset")
 
 
 @dataclass(frozen=True)
@@ -162,10 +167,6 @@ class CompensationSettings:
     timeout: float = setting(0.05, "without good samples for this long the compensation goes to zero", "s", above=0.0)
 
 
-REFERENCES = ("sine", "multi_sine", "point_to_point", "file", "topic")
-INTERPOLATIONS = ("linear", "cubic")
-
-
 @dataclass(frozen=True)
 class ControllerSettings:
     """Position controller: PD on the position error with integral action, gains from mass and bandwidth."""
@@ -229,12 +230,6 @@ class StageSettings:
         0.0, "delay from the controller's output to the force", "s", minimum=0.0, maximum=0.1
     )
     seed: int = setting(1, "seed of every random number of this stage", minimum=0)
-
-
-__all__ = ["SAVE_FILE", "AxisSettings", "EffectSettings", "Settings", "coupled_number"]
-
-#: Where ~/save_parameters writes unless the parameter file says otherwise.
-SAVE_FILE = "learnt.yaml"
 
 
 @dataclass(frozen=True)

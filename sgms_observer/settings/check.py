@@ -25,6 +25,15 @@ _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 _SHORT.maxlevel = 3
 
+Group = TypeVar("Group")
+
+_DIGITS = "[0-9]+(?:_[0-9]+)*"
+_NUMBER = re.compile(rf"[-+]?({_DIGITS}\.?({_DIGITS})?|\.{_DIGITS})([eE][-+]?[0-9]+)?")
+_TRUE = ("true", "yes", "on", "y")
+_FALSE = ("false", "no", "off", "n")
+_LARGEST_INTEGER = 2**63 - 1
+_NOT_MEANT = object()
+
 
 class Faults:
     """Sentences in the order in which they were found, and the parameters that they are about."""
@@ -78,16 +87,6 @@ def closest(word: str, words: Iterable[str]) -> str | None:
     known = {entry.lower(): entry for entry in words}
     found = difflib.get_close_matches(word[:80].lower(), known, n=1, cutoff=0.6)
     return known[found[0]] if found else None
-
-
-Group = TypeVar("Group")
-
-_DIGITS = "[0-9]+(?:_[0-9]+)*"
-_NUMBER = re.compile(rf"[-+]?({_DIGITS}\.?({_DIGITS})?|\.{_DIGITS})([eE][-+]?[0-9]+)?")
-_TRUE = ("true", "yes", "on", "y")
-_FALSE = ("false", "no", "off", "n")
-_LARGEST_INTEGER = 2**63 - 1
-_NOT_MEANT = object()
 
 
 def as_number(raw: Any) -> float | None:

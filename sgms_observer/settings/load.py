@@ -30,6 +30,13 @@ from sgms_observer.settings.units import JOINT_TYPES, PRISMATIC, Units
 _APART_IN_AXIS = ("effects", "stage", "friction")
 _APART_IN_STAGE = ("friction", "effects")
 
+AXES = Declared(
+    "axes", STRINGS, ("x",), "names of the axes, as in the messages; each has a group of settings of its own"
+)
+
+#: Joints of robots in one system are told apart by a slash: left/x.
+_AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(?:/[A-Za-z0-9_-]+)*")
+
 
 def checked_axis(
     name: str, tree: Any, period: float, folder: Path, catalogue: Catalogue | None, faults: Faults
@@ -140,19 +147,12 @@ def resolved(name: str, folder: Path) -> str:
     return beside if is_file(beside) else name
 
 
-AXES = Declared(
-    "axes", STRINGS, ("x",), "names of the axes, as in the messages; each has a group of settings of its own"
-)
-
 #: Switches that every rclpy node declares, and parameters of other ROS nodes, which do nothing here.
 ROS_SWITCHES = {
     name: Declared(name, BOOL, False, "a switch of every ROS node")
     for name in ("use_sim_time", "start_type_description_service")
 }
 ROS_PARAMETERS = (*ROS_SWITCHES, "qos_overrides", "diagnostic_updater")
-
-#: Joints of robots in one system are told apart by a slash: left/x.
-_AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(?:/[A-Za-z0-9_-]+)*")
 
 
 def installed_catalogue(effect_files: Sequence[str]) -> Catalogue:

@@ -23,6 +23,11 @@ _EFFECT_NUMBER = Declared("value", DOUBLE, 0.0, "a parameter of an effect")
 _EFFECT_NUMBERS = Declared("value", DOUBLES, (), "a list of an effect")
 _EFFECT_WORDS = Declared("value", STRINGS, (), "a list of words of an effect")
 
+Comments = Mapping[str, str]
+
+#: What ``_at`` returns where there is nothing, not even null.
+_MISSING = object()
+
 
 def normal_parameters(tree: Mapping[Any, Any], file_name: Callable[[str], str] = str) -> dict[Any, Any]:
     """Return a tree of parameters with every known value written as its declared type.
@@ -146,12 +151,6 @@ def _by_full_name(tree: Mapping[Any, Any], prefix: str) -> dict[str, Any]:
         elif value is not None and value != []:
             found[f"{prefix}{key}"] = value
     return found
-
-
-Comments = Mapping[str, str]
-
-#: What ``_at`` returns where there is nothing, not even null.
-_MISSING = object()
 
 
 def updated_tree(tree: Mapping[Any, Any], axis: str, changes: Mapping[str, Any]) -> dict[Any, Any]:

@@ -12,6 +12,19 @@ import yaml
 
 from sgms_observer.errors import ConfigurationError
 
+_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_DEEPEST = 100
+_INT = "tag:yaml.org,2002:int"
+_FLOAT = "tag:yaml.org,2002:float"
+_TIMESTAMP = "tag:yaml.org,2002:timestamp"
+
+#: Words that one of the parsers takes for something else than text.
+_RESERVED = re.compile(r"(y|n|yes|no|true|false|on|off|null|none|nan|inf|infinity)$", re.IGNORECASE)
+_SAFE_PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./*-]*$")
+
+_KEY = re.compile(r'( *)(?:"((?:[^"\\]|\\.)*)"|([^\s"#:\-][^:]*)):( .*)?$')
+_BEHIND = re.compile(r"""^((?:[^"'#]|"(?:[^"\\]|\\.)*"|'[^']*'|(?<!\s)#)*?)\s+#\s?(.*)$""")
+
 
 class PlainText(str):
     """Text that stood in the YAML without quotes."""
@@ -23,13 +36,6 @@ class Group(dict[Any, Any]):
     """A mapping that remembers which of its keys the file gives twice, as (key, line)."""
 
     repeated: tuple[tuple[str, int], ...] = ()
-
-
-_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_DEEPEST = 100
-_INT = "tag:yaml.org,2002:int"
-_FLOAT = "tag:yaml.org,2002:float"
-_TIMESTAMP = "tag:yaml.org,2002:timestamp"
 
 
 class _Reader(_SafeLoader):  # type: ignore[misc]
@@ -105,11 +111,6 @@ def parse(text: str, source_name: str) -> Any:
     raise ConfigurationError([f"{source_name}{where} is not YAML: {reason[:200]}; correct the line"])
 
 
-#: Words that one of the parsers takes for something else than text.
-_RESERVED = re.compile(r"(y|n|yes|no|true|false|on|off|null|none|nan|inf|infinity)$", re.IGNORECASE)
-_SAFE_PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./*-]*$")
-
-
 class _Writer(yaml.SafeDumper):  # type: ignore[misc]
     """Lists on one line, groups indented, numbers and words that neither parser mistakes."""
 
@@ -172,10 +173,6 @@ def text_of(tree: Any) -> str:
     except (RecursionError, yaml.YAMLError) as error:
         reason = " ".join(str(error).split())[:200]
         raise ConfigurationError([f"the parameters cannot be written as YAML: {reason}; make them plain"]) from None
-
-
-_KEY = re.compile(r'( *)(?:"((?:[^"\\]|\\.)*)"|([^\s"#:\-][^:]*)):( .*)?$')
-_BEHIND = re.compile(r"""^((?:[^"'#]|"(?:[^"\\]|\\.)*"|'[^']*'|(?<!\s)#)*?)\s+#\s?(.*)$""")
 
 
 @dataclass(frozen=True)

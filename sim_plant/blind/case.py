@@ -17,12 +17,18 @@ from numpy.typing import NDArray
 from sgms_observer.bags.writer import BagWriter
 from sim_plant.blind import menu
 from sim_plant.blind.hidden_effect import Hidden, Kind, Maker
-from sim_plant.blind.motion import HELD_OUT, PERIOD, Motion, held_out_motion, rich_motion
 from sim_plant.blind.owner import NominalModel, nominal_model, write_owner_file
 from sim_plant.blind.recording import NotShownError, Track, coloured_noise, measured_size, record, rms_size, sized
-from sim_plant.blind.stage import TrueStage, draw_stage
+from sim_plant.blind.stage import HELD_OUT, PERIOD, Motion, TrueStage, draw_stage, held_out_motion, rich_motion
 
 SEAL_FILE = "seal.txt"
+
+Floats = NDArray[np.float64]
+START_NS = 1_700_000_000_000_000_000
+JOINT_STATE = "sensor_msgs/msg/JointState"
+OTHER_AXIS_SHARE = 0.08
+"""Share of the seeds that record a second axis though nothing comes from it."""
+DRAWS = 5
 
 
 def digest(truth: dict[str, Any]) -> str:
@@ -60,14 +66,6 @@ def open_seal(truth_file: Path, case_folder: Path) -> dict[str, Any]:
     if digest(truth) != (case_folder / SEAL_FILE).read_text(encoding="utf-8").strip():
         raise ValueError(f"{truth_file} was changed after {case_folder} was sealed; make the case again")
     return truth
-
-
-Floats = NDArray[np.float64]
-START_NS = 1_700_000_000_000_000_000
-JOINT_STATE = "sensor_msgs/msg/JointState"
-OTHER_AXIS_SHARE = 0.08
-"""Share of the seeds that record a second axis though nothing comes from it."""
-DRAWS = 5
 
 
 @dataclass(frozen=True)

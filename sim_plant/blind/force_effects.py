@@ -9,8 +9,9 @@ from numpy.random import Generator
 
 from sim_plant.blind import slots as s
 from sim_plant.blind.hidden_effect import Around, Floats, Hidden, Kind, Maker
-from sim_plant.blind.motion import PERIOD, Motion
-from sim_plant.blind.stage import TrueStage
+from sim_plant.blind.stage import PERIOD, Motion, TrueStage
+
+TRIANGLE_FUNDAMENTAL = 0.9092  # of asin(0.95 sin) / asin(0.95), by quadrature
 
 
 def sign(rng: Generator) -> float:
@@ -168,9 +169,6 @@ FORCE_KINDS = (
     Kind("cross_axis_coupling", cross_axis_coupling, needs_other_axis=True),
     Kind("mass_error", mass_error, is_direct=True, smallest=0.1),
 )
-
-
-TRIANGLE_FUNDAMENTAL = 0.9092  # of asin(0.95 sin) / asin(0.95), by quadrature
 
 
 def position_periodic_friction(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:

@@ -10,8 +10,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from sim_plant.blind import slots
-from sim_plant.blind.motion import Motion
-from sim_plant.blind.stage import TrueStage
+from sim_plant.blind.stage import Motion, TrueStage
 
 Floats = NDArray[np.float64]
 

@@ -13,6 +13,11 @@ from sim_plant.blind.hidden_force import added_force, arriving_effort, placed_fa
 
 Floats = NDArray[np.float64]
 
+STEPS = 100  # per sample of 1 ms: 10 us
+
+# columns of what the plant puts out, one row per sample
+SHOWN, EFFORT, TRUE_X, TRUE_V, TRUE_A, HIDDEN, FRICTION, LEVEL = 0, 1, 2, 3, 4, 5, 6, 7
+
 
 @njit
 def sliding_curve(speed: float, low_speed_force: float, high_speed_force: float, knee: float) -> float:
@@ -69,12 +74,6 @@ def carry(
                 is_slipping[i] = True
         total += loads[i]
     return total
-
-
-STEPS = 100  # per sample of 1 ms: 10 us
-
-# columns of what the plant puts out, one row per sample
-SHOWN, EFFORT, TRUE_X, TRUE_V, TRUE_A, HIDDEN, FRICTION, LEVEL = 0, 1, 2, 3, 4, 5, 6, 7
 
 
 @njit

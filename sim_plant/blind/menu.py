@@ -11,8 +11,28 @@ from scipy.signal import lfilter
 from sim_plant.blind import slots as s
 from sim_plant.blind.force_effects import FORCE_KINDS, FRICTION_KINDS
 from sim_plant.blind.hidden_effect import Around, Floats, Hidden, Kind, Maker, Series
-from sim_plant.blind.motion import PERIOD, Motion
-from sim_plant.blind.stage import TrueStage
+from sim_plant.blind.stage import PERIOD, Motion, TrueStage
+
+NOTHING = "nothing"
+"""Name of a case with nothing hidden."""
+
+PAIRS = (
+    ("cogging", "asymmetric_coulomb"),
+    ("cogging", "actuator_delay"),
+    ("position_periodic_friction", "asymmetric_viscous"),
+    ("position_dependent_friction", "quadratic_drag"),
+    ("spring", "stribeck"),
+    ("spring", "thermal_drift"),
+    ("offset", "eddy_current"),
+    ("periodic_disturbance", "position_dependent_friction"),
+    ("flexible_mode", "cogging"),
+    ("wear_step", "asymmetric_coulomb"),
+    ("actuator_dead_zone", "spring"),
+    ("thermal_drift", "cogging"),
+    ("presliding", "offset"),
+    ("load_dependent_friction", "periodic_disturbance"),
+)
+"""Effects that are hidden together: no two of one pair are confusable with each other."""
 
 
 def actuator_delay(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
@@ -252,31 +272,11 @@ OUTSIDE_KINDS = (
 )
 
 
-NOTHING = "nothing"
-"""Name of a case with nothing hidden."""
-
 KINDS: dict[str, Kind] = {kind.name: kind for kind in (*FORCE_KINDS, *FRICTION_KINDS, *PATH_KINDS, *OUTSIDE_KINDS)}
 INSIDE = tuple(name for name, kind in KINDS.items() if kind.is_inside)
 """Effects the catalogue has a name for."""
 OUTSIDE = tuple(name for name, kind in KINDS.items() if not kind.is_inside)
 """Effects it has none for."""
-PAIRS = (
-    ("cogging", "asymmetric_coulomb"),
-    ("cogging", "actuator_delay"),
-    ("position_periodic_friction", "asymmetric_viscous"),
-    ("position_dependent_friction", "quadratic_drag"),
-    ("spring", "stribeck"),
-    ("spring", "thermal_drift"),
-    ("offset", "eddy_current"),
-    ("periodic_disturbance", "position_dependent_friction"),
-    ("flexible_mode", "cogging"),
-    ("wear_step", "asymmetric_coulomb"),
-    ("actuator_dead_zone", "spring"),
-    ("thermal_drift", "cogging"),
-    ("presliding", "offset"),
-    ("load_dependent_friction", "periodic_disturbance"),
-)
-"""Effects that are hidden together: no two of one pair are confusable with each other."""
 
 
 def names(effect: str) -> tuple[str, ...]:

@@ -12,9 +12,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from sim_plant.blind.motion import PERIOD
 from sim_plant.blind.slots import NOMINAL_RESOLUTION
-from sim_plant.blind.stage import TrueStage
+from sim_plant.blind.stage import PERIOD, TrueStage
 
 Floats = NDArray[np.float64]
 ELEMENTS = 4

@@ -12,13 +12,19 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from sim_plant.blind import kernel, slots
 from sim_plant.blind.hidden_effect import Around, Hidden, Kind, Maker
-from sim_plant.blind.motion import PERIOD, Motion
+from sim_plant.blind.stage import PERIOD, Motion
 
 Floats = NDArray[np.float64]
 NOISE_SHARE = 0.01
 """Rms of the force noise as a share of the Coulomb force."""
 FORCE_BAND = 100.0
 """Hz; what is hidden counts as a force only below this: 1 kHz samples of position show no force much above."""
+
+PEAK = 0.995
+"""Quantile of the hidden force's magnitude that counts as its peak: 150 ms of 30 s may lie above."""
+ROUNDS = 8
+CLOSE = 0.05
+VISIBLE = 0.5
 
 
 @dataclass(frozen=True)
@@ -119,13 +125,6 @@ def record(
         true_acceleration=out[:, kernel.TRUE_A],
         hidden_force=force,
     )
-
-
-PEAK = 0.995
-"""Quantile of the hidden force's magnitude that counts as its peak: 150 ms of 30 s may lie above."""
-ROUNDS = 8
-CLOSE = 0.05
-VISIBLE = 0.5
 
 
 class NotShownError(ValueError):

@@ -14,10 +14,9 @@ from sim_plant.blind import kernel, menu, slots
 from sim_plant.blind.case import chance, make_scene, recording_noise
 from sim_plant.blind.hidden_effect import Around, Hidden
 from sim_plant.blind.kernel import carry, sliding_curve
-from sim_plant.blind.motion import HELD_OUT, PERIOD, held_out_motion, rich_motion
 from sim_plant.blind.owner import nominal_model, reduce_contact, virgin_curve
 from sim_plant.blind.recording import NOISE_SHARE, coloured_noise, measured_size, record
-from sim_plant.blind.stage import draw_stage
+from sim_plant.blind.stage import HELD_OUT, PERIOD, draw_stage, held_out_motion, rich_motion
 
 needs_numba = pytest.mark.skipif(not HAS_NUMBA, reason="millions of steps in plain Python")
 FORBIDDEN = ("formulas", "effects", "friction", "diagnosis", "observer", "estimators")

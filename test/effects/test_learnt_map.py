@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.learnt_map import LearntMap, MotionPath, learnt_coordinates
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.arguments import read_arguments
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.load import load_settings, settings_from_tree
-from sgms_observer.settings.parameters import ParameterDeclaration, declare_all
+from sgms_observer.settings.node_parameters import ParameterDeclaration, declare_all, read_arguments
 from sgms_observer.settings.write import tree_of, write_yaml
 
 PERIOD = 1e-3

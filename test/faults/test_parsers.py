@@ -30,7 +30,7 @@ from sgms_observer.cli import main as command_line
 from sgms_observer.cli.main import COMMANDS
 from sgms_observer.errors import ConfigurationError, SgmsError
 from sgms_observer.settings import load
-from sgms_observer.settings.arguments import read_arguments
+from sgms_observer.settings.node_parameters import read_arguments
 from sim_plant.reference_file import read_reference_file
 
 CASES = int(os.environ.get("SGMS_CASES", "10000"))

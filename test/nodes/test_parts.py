@@ -14,7 +14,7 @@ import pytest
 
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bags.diagnostics_cdr import ERROR, WARN
-from sgms_observer.nodes.engine import Engine
+from sgms_observer.nodes.engine import Engine, parameter_changes
 from sgms_observer.nodes.intake import Intake, IntakeCounts
 from sgms_observer.nodes.pace import LONGEST_CATCH_UP, Pace
 from sgms_observer.nodes.report import NO_SAMPLES, axis_entry
@@ -22,7 +22,6 @@ from sgms_observer.nodes.statistics import AxisStatistics, Growth, Sentences, St
 from sgms_observer.nodes.transport import claim_domain
 from sgms_observer.observer.outgoing import COMPENSATION, ELEMENTS, ESTIMATE, Outgoing, OutgoingBlock
 from sgms_observer.observer.pairing import PairingCounts
-from sgms_observer.observer.parameter_changes import parameter_changes
 from sgms_observer.observer.samples import Estimates
 from sgms_observer.settings.load import settings_from_tree
 from sgms_observer.settings.units import Scales

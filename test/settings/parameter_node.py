@@ -11,8 +11,8 @@ from rclpy.executors import SingleThreadedExecutor
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.nodes.lifecycle import ManagedNode
-from sgms_observer.settings.arguments import read_arguments
 from sgms_observer.settings.load import checked_axis
+from sgms_observer.settings.node_parameters import read_arguments
 
 checked: list[str] = []
 temporary_files: list[str] = []

@@ -17,7 +17,7 @@ from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.check import as_number
 from sgms_observer.settings.declaration import Declared, declared_sections, declared_settings
 from sgms_observer.settings.load import installed_catalogue, load_settings, settings_from_tree
-from sgms_observer.settings.parameters import ParameterDeclaration, declare_all, tree_from_parameters
+from sgms_observer.settings.node_parameters import ParameterDeclaration, declare_all, tree_from_parameters
 from sgms_observer.settings.write import given_parameters, normal_parameters, tree_of, write_yaml, yaml_of
 from sgms_observer.settings.yaml_text import parse, text_of
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from sgms_observer.errors import ConfigurationError
-from sgms_observer.settings.arguments import read_arguments, refuse_incomplete
 from sgms_observer.settings.load import load_settings, settings_from_tree
-from sgms_observer.settings.parameters import tree_from_parameters
+from sgms_observer.settings.node_parameters import read_arguments, refuse_incomplete, tree_from_parameters
 
 CONFIG = Path(__file__).parents[2] / "config"
 

@@ -13,7 +13,7 @@ import pytest
 
 from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.load import load_settings, settings_from_tree
-from sgms_observer.settings.parameters import tree_from_parameters
+from sgms_observer.settings.node_parameters import tree_from_parameters
 
 pytest.importorskip("rclpy", reason="needs ROS 2, from a distribution or its wheels")
 

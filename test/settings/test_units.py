@@ -8,7 +8,7 @@ import pytest
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.load import settings_from_tree
-from sgms_observer.settings.parameters import tree_from_parameters
+from sgms_observer.settings.node_parameters import tree_from_parameters
 from sgms_observer.settings.units import Units
 
 
@@ -101,7 +101,7 @@ def test_sentences_about_a_revolute_axis_have_its_units() -> None:
 
 
 def test_declared_parameters_of_a_node_have_the_units_of_the_joint_type() -> None:
-    from sgms_observer.settings.parameters import ParameterDeclaration, declare_all
+    from sgms_observer.settings.node_parameters import ParameterDeclaration, declare_all
 
     found: dict[str, ParameterDeclaration] = {}
 

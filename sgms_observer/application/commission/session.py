@@ -22,6 +22,14 @@ FILE = "commission.json"
 SCHEMA = 1
 DONE, SKIPPED, FAILED = "done", "skipped", "failed"
 
+LEARN_BAG, OWN_BAG = "recordings/learn", "recordings/own"
+BEFORE_BAG, AFTER_BAG = "recordings/before", "recordings/after"
+EXCITATION, OWN_MOTION = "excitation.csv", "motion.csv"
+IDENTIFIED = "identification/identified.yaml"
+REPEATS = 3
+"""How often a motion is played again after a busy computer stopped it."""
+CANDIDATE, COMMISSIONED, REPORT = "candidate.yaml", "commissioned.yaml", "report.html"
+
 
 @dataclass(frozen=True)
 class Step:
@@ -146,15 +154,6 @@ class Ledger:
     def write(self) -> None:
         """Write the file, whole or not at all."""
         write_text(json.dumps(self.as_json(), indent=1) + "\n", self.folder / FILE)
-
-
-LEARN_BAG, OWN_BAG = "recordings/learn", "recordings/own"
-BEFORE_BAG, AFTER_BAG = "recordings/before", "recordings/after"
-EXCITATION, OWN_MOTION = "excitation.csv", "motion.csv"
-IDENTIFIED = "identification/identified.yaml"
-REPEATS = 3
-"""How often a motion is played again after a busy computer stopped it."""
-CANDIDATE, COMMISSIONED, REPORT = "candidate.yaml", "commissioned.yaml", "report.html"
 
 
 @dataclass(frozen=True)

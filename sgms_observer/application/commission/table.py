@@ -22,6 +22,23 @@ LEAD = 0.2
 
 Floats = NDArray[np.float64]
 
+STROKE_MARGIN = 0.05
+"""How far beyond the stroke a position may be, as a share of it: overshoot, not more."""
+SPEED_MARGIN = 1.5
+"""How much faster than the allowed speed an axis may be, for the ripple of a controller."""
+SPEED_WINDOW = 0.02
+"""Time over which the speed is taken [s]: longer than an encoder's step at any rate."""
+LARGEST_LAG = 0.05
+"""Following error that counts as not following, as a share of the stroke."""
+STALL_SHARE = 0.1
+"""An axis that goes less than this share of its set-point's way stalls."""
+STALL_WAY = 0.01
+"""Way of the set-point over which a stall is judged, as a share of the stroke."""
+LONGEST_GAP = 0.1
+"""Longest time between two stamps of the position [s]: behind a longer one the set-point has jumped."""
+WRONG_SIGN = -0.2
+"""Correlation of effort and velocity below which the effort is reversed: friction takes power, it gives none."""
+
 
 class HeldUp(DataError):
     """A motion that was stopped because a computer was busy: it may be played again."""
@@ -133,24 +150,6 @@ class Table(Protocol):
     def delays(self) -> tuple[float, float]:
         """Return the median and the 99th percentile of the time from a sample to its compensation [s]."""
         ...
-
-
-STROKE_MARGIN = 0.05
-"""How far beyond the stroke a position may be, as a share of it: overshoot, not more."""
-SPEED_MARGIN = 1.5
-"""How much faster than the allowed speed an axis may be, for the ripple of a controller."""
-SPEED_WINDOW = 0.02
-"""Time over which the speed is taken [s]: longer than an encoder's step at any rate."""
-LARGEST_LAG = 0.05
-"""Following error that counts as not following, as a share of the stroke."""
-STALL_SHARE = 0.1
-"""An axis that goes less than this share of its set-point's way stalls."""
-STALL_WAY = 0.01
-"""Way of the set-point over which a stall is judged, as a share of the stroke."""
-LONGEST_GAP = 0.1
-"""Longest time between two stamps of the position [s]: behind a longer one the set-point has jumped."""
-WRONG_SIGN = -0.2
-"""Correlation of effort and velocity below which the effort is reversed: friction takes power, it gives none."""
 
 
 def stall(axis: AxisSettings, way: float, gone: float) -> DataError:
