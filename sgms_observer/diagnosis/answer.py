@@ -13,7 +13,7 @@ from sgms_observer.diagnosis.advice import detectable, next_experiment
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_most
 from sgms_observer.diagnosis.decision import Decision
-from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
+from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, Diagnosis, Options
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps, range_tests
 from sgms_observer.diagnosis.free_form import FreeForm
@@ -25,7 +25,7 @@ from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.named import Named, measured_quantisation, named_effects
-from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
@@ -136,9 +136,13 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         ),
     )  # fmt: skip
     percent = 100.0 / data.effort
-    effects = named_effects(
-        diagnosis, final.accepted, final.fit, gap, lambda one: percent * data.rms(residuals(one, data.motions))
-    )
+    setup = diagnosis.written.setup
+
+    def gap_with(some: Sequence[EffectSettings]) -> float:
+        again = setup.fit(some, final.fit.logs, REFIT_STEPS)
+        return percent * data.rms(data.residuals(again, setup))
+
+    effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_with)
     effects += measured_quantisation(diagnosis)
     verdict = verdict_of(diagnosis, effects, unnamed_rest, bool(learnt), whole, trust)
     everywhere = locate(final.before, data.motions, options.seed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
@@ -12,7 +12,6 @@ from scipy import stats
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Round
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import Gap
-from sgms_observer.diagnosis.model import Model
 from sgms_observer.settings.axis import EffectSettings
 
 ONE_RECORDING_CONFIDENCE = 0.9
@@ -44,16 +43,18 @@ def named_effects(
     accepted: Sequence[Round],
     fit: Refit,
     gap: Gap,
-    gap_with: Callable[[Model], float],
+    gap_with: Callable[[Sequence[EffectSettings]], float],
 ) -> list[Named]:
     """Return the accepted effects in the order in which they reduce the gap most, each beside those before it.
+
+    The other parameters are fitted again for each choice of effects.
 
     Args:
         diagnosis: the diagnosis.
         accepted: rounds that named an effect.
         fit: model with all of them.
         gap: gap before and after.
-        gap_with: function that returns the gap of a model on the same recordings [%].
+        gap_with: function that returns the gap on the same recordings with some of the effects [%].
     """
     rounds = {item.accepted.candidate.name: item for item in accepted if item.accepted}
     left, listed, last = list(rounds), list[Named](), gap.before
@@ -62,7 +63,7 @@ def named_effects(
         if len(left) > 1:
             others = [[one for one in left if one != name] for name in left]
             gaps = {
-                name: gap_with(replace(fit.model, effects=tuple(e for e in fit.model.effects if e.name not in later)))
+                name: gap_with(tuple(one for one in fit.effects if one.name not in later))
                 for name, later in zip(left, others, strict=True)
             }
         name = min(gaps, key=lambda one: gaps[one])

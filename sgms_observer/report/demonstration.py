@@ -24,7 +24,7 @@ from sgms_observer.settings.units import Units
 from sgms_observer.whole_file import write_text
 
 SCHEMA = 1
-LEAST_RECORDED = 0.95
+MIN_RECORDED_SHARE = 0.95
 """Share of the samples that have an estimate, below which the figures do not stand for the whole run."""
 
 Floats = NDArray[np.float64]
@@ -138,7 +138,7 @@ def missing_warnings(axis: str, share: float) -> list[str]:
         axis: its name.
         share: of the samples of the run that have an estimate [-].
     """
-    if share >= LEAST_RECORDED:
+    if share >= MIN_RECORDED_SHARE:
         return []
     return [
         f"Warning: axis {axis}: only {100.0 * share:.0f} % of the samples have an estimate; the figures are about those"

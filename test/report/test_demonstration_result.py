@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from sgms_observer.report.demonstration import (
-    LEAST_RECORDED,
+    MIN_RECORDED_SHARE,
     Half,
     axis_result,
     headline,
@@ -69,6 +69,6 @@ def test_a_share_that_is_not_known_is_null() -> None:
 
 
 def test_a_run_of_which_much_is_missing_is_a_warning() -> None:
-    assert missing_warnings("x", LEAST_RECORDED) == []
+    assert missing_warnings("x", MIN_RECORDED_SHARE) == []
     (warning,) = missing_warnings("x", 0.22)
     assert "only 22 % of the samples" in warning and warning.startswith("Warning: axis x")
