@@ -246,7 +246,7 @@ def test_an_axis_of_defaults_is_an_empty_tree() -> None:
 def test_settings_need_no_ros() -> None:
     code = (
         "import sys\nsys.modules['rclpy'] = None\n"
-        "from sgms_observer.settings import arguments, document, load, parameters, write\n"
+        "from sgms_observer.settings import document, load, node_parameters, write\n"
         "load.load_settings('config/paper.yaml')\n"
         "assert not {'rcl_interfaces', 'casadi', 'numba'} & {name.split('.')[0] for name in sys.modules}\n"
     )
