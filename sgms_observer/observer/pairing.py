@@ -137,8 +137,7 @@ class Pairing:
             self._restart(stamp_ns)
         stream.last_ns = stamp_ns
         stream.queue.append((stamp_ns, position, _NAN))
-        if self.effort.queue or not self.effort.is_awaited:  # else there is nothing to join
-            self._join()
+        self._join()
         waiting = len(stream.queue)
         if waiting > self.reference_limit:
             if (

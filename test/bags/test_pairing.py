@@ -147,6 +147,16 @@ def test_blocks_give_what_single_messages_give(data: st.DataObject, limit: int, 
         assert (one.last_ns, waiting[0], one.is_awaited) == (other.last_ns, waiting[1], other.is_awaited)
 
 
+def test_a_reference_that_meets_no_effort_is_counted_alike_in_blocks() -> None:
+    events = [(2, 0, 0.0, 0.0), (0, 1 * STEP, 1.0, NAN), (0, 40 * STEP, 40.0, NAN)]
+    single, block = Pairing(PERIOD), Pairing(PERIOD)
+    for part in (events[:1], events[1:]):
+        push(single, part)
+        push_block(block, *[messages(part, stream) for stream in range(3)])
+    assert single.counts == block.counts
+    assert single.counts.unmatched_references == 1
+
+
 def test_one_effort_serves_one_position_in_blocks_too() -> None:
     events = [
         (0, STEP // 2, 1.0, NAN),
