@@ -13,7 +13,7 @@ from sgms_observer.diagnosis.advice import detectable, next_experiment
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_most
 from sgms_observer.diagnosis.decision import Decision
-from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, Diagnosis, Options
+from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, Diagnosis, Options, accepted_candidates
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps, range_tests
 from sgms_observer.diagnosis.free_form import FreeForm
@@ -135,6 +135,9 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
             _share_added_by_refit(data.rest(final.before), given, criteria), criteria.min_predictable_share,
         ),
     )  # fmt: skip
+    if not unnamed_rest.passed and any(one.has_to_explain for one in accepted_candidates(final.accepted)):
+        # What is left is predictable, so these effects describe a part of a contact law and not the whole difference.
+        return answer_of(replace(diagnosis, is_gap_explained=False), axis, options, contradiction)
     percent = 100.0 / data.effort
     setup = diagnosis.written.setup
 

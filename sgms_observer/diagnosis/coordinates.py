@@ -65,7 +65,7 @@ def coordinates_of(motion: Motion, names: Sequence[str]) -> Floats:
     Args:
         motion: the recording.
         names: ``position``, ``direction``, ``velocity``, ``acceleration``, ``time``, ``effort``,
-            ``time time_since reversal``, ``distance time_since reversal``, ``dwell``.
+            ``time since reversal``, ``distance since reversal``, ``dwell``.
 
     Returns:
         Shape (n, len(names)), SI units; the direction is -1, 0 or 1.

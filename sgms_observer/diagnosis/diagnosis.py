@@ -279,8 +279,8 @@ class Diagnosis:
     def accepted(self) -> list[Round]:
         """Return the rounds that added a named effect.
 
-        An effect that only describes another contact law is named if the gap is explained with it. Otherwise it counts
-        as a changed value of the file.
+        An effect that only describes another contact law is named if the gap is explained with it and no change of the
+        contact came before. Otherwise it counts as a changed value of the file.
         """
         added = [(item, item.accepted.candidate) for item in self.rounds if item.accepted]
         return [
@@ -294,6 +294,12 @@ class Diagnosis:
 
     @property
     def unnamed_contact_effects(self) -> frozenset[str]:
-        """Return the contact law effects that were accepted and are not named."""
-        listed = [] if self.is_gap_explained else accepted_candidates(self.rounds)
+        """Return the contact law effects that were accepted and are not named.
+
+        Beside a change of the contact they describe a part of the same change.
+        """
+        listed = accepted_candidates(self.rounds)
+        if self.is_gap_explained:
+            changes = [place for place, one in enumerate(listed) if one.settings is None]
+            listed = listed[changes[0] :] if changes else []
         return frozenset(one.name for one in listed if one.has_to_explain)

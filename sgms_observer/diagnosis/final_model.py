@@ -12,6 +12,7 @@ from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_cont
 from sgms_observer.diagnosis.criteria import Test, at_least, at_most
 from sgms_observer.diagnosis.decision import within_range
 from sgms_observer.diagnosis.diagnosis import Round, accepted_candidates
+from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
@@ -119,7 +120,8 @@ def _with_another_map(
             continue
         more = with_map(learnt, found, units)
         total = residuals(final.fit.model.with_effects([item.settings for item in more]), data.motions)
-        if data.rms(total) <= data.rms(left):  # the gap as reported must not grow either
+        gain = improvement(data.rest(left).blocks(criteria.block), data.rest(total).blocks(criteria.block))
+        if gain.z_score >= criteria.interval_z_score:  # the gap as reported has to shrink surely, too
             return more
     return None
 

@@ -230,6 +230,7 @@ def refit(
     nominal_columns: Floats | None = None,
     freedom: Freedom = Freedom(),
     workers: int = 1,
+    is_nominal_held: bool = False,
 ) -> Refit:
     """Fit nominal parameters and effects by Levenberg-Marquardt with numerical derivatives.
 
@@ -245,6 +246,7 @@ def refit(
             known: they hardly change while an effect is fitted.
         freedom: nominal parameters that may move beyond the tolerance.
         workers: number of threads for the derivatives.
+        is_nominal_held: whether the nominal parameters keep their start.
 
     Returns:
         The fit with the smallest cost.
@@ -274,6 +276,8 @@ def refit(
     if any(item.name in PARTS_OF_SLIDING_FORCE for item in effects):
         low[[COULOMB, STATIC]] = -1.0
     x = np.clip(x, low, high)
+    moves = np.ones(len(x), dtype=bool)
+    moves[:n] = not is_nominal_held
 
     def unpack(z: Floats) -> tuple[Model, tuple[EffectSettings, ...]]:
         lists = [list(e.values) for e in effects]
@@ -311,7 +315,9 @@ def refit(
             improved = 0.0
             for _attempt in range(6):
                 lhs = normal + damping * np.diag(np.diag(normal) + 1e-12)
-                candidate = np.clip(x - np.linalg.solve(lhs, gradient), low, high)
+                candidate = x.copy()
+                candidate[moves] -= np.linalg.solve(lhs[np.ix_(moves, moves)], gradient[moves])
+                candidate = np.clip(candidate, low, high)
                 there = residual(candidate)
                 new_cost = 0.5 * float(there @ there)
                 if np.isfinite(new_cost) and new_cost < cost:
@@ -372,6 +378,7 @@ class RefitSetup:
         steps: int,
         fixed: Sequence[tuple[int, int]] | None = None,
         columns: Floats | None = None,
+        is_nominal_held: bool = False,
     ) -> Refit:
         """Return the fit with these effects.
 
@@ -381,6 +388,7 @@ class RefitSetup:
             steps: largest number of steps.
             fixed: parameters that keep their value, see ``refit``; those that are never fitted if None.
             columns: derivatives with respect to the nominal parameters if they are known, see ``refit``.
+            is_nominal_held: whether the nominal parameters keep their start.
         """
         all_fixed = [*(fixed_parameters(effects) if fixed is None else fixed), *self.fixed_effect_parameters(effects)]
         return refit(
@@ -394,6 +402,7 @@ class RefitSetup:
             columns,
             self.freedom,
             self.workers,
+            is_nominal_held,
         )
 
     def fixed_effect_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:

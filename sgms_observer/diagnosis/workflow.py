@@ -25,7 +25,7 @@ from sgms_observer.diagnosis.diagnosis import (
 )
 from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
-from sgms_observer.diagnosis.evidence import improvement
+from sgms_observer.diagnosis.evidence import improvement, preference
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.map_fit import MAP_NAMES
@@ -247,7 +247,8 @@ def _search(
         current = finish_fit(setup, found.state.current)  # as many steps as for the hypotheses
         state = replace(found.state, current=current)
         evaluation = state.evaluation(options)
-        if found.rounds and evaluation.is_gap_closed(current.model):
+        is_closed = bool(found.rounds) and evaluation.is_gap_closed(current.model)
+        if is_closed and not _noise_hides_effect(found.rounds[-1], options):
             return replace(found, states=(*found.states[:-1], state))
         earlier = evidence_of(current, evaluation)
         screen = Screen(setup.data, current, options.tolerance, setup.freedom, names, options.workers)
@@ -261,6 +262,17 @@ def _search(
         best = select_hypothesis(eligible, state.bounded(evaluation), listed)
         found = _with_best(found, state, Round(screen.screenings, tuple(decisions), None, {}), best, listed, options)
     return found
+
+
+def _noise_hides_effect(last: Round, options: Options) -> bool:
+    """Return whether a rejected effect predicts the recordings to learn from significantly better than the accepted
+    hypothesis. The noise is fitted to what that one leaves, so it contains the effect."""
+    accepted = last.accepted
+    return accepted is not None and any(
+        preference(item.evidence.fit, accepted.evidence.fit) > options.criteria.min_z_score
+        for item in last.decisions
+        if item.candidate.settings is not None
+    )
 
 
 def _with_best(
@@ -309,7 +321,7 @@ def select_hypothesis(
 def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> Decision:
     """Return the hypothesis that predicts best, in order of credibility.
 
-    1. An effect that closes the gap to the floor is returned.
+    1. An effect that closes the gap to the floor is returned; one that only describes another contact law comes last.
     2. An effect that only describes another contact law must predict significantly better than every passing change of
        the contact, which describes it too.
     3. Any other effect is preferred to a change of the contact that moves more values, unless that change or another
@@ -322,7 +334,7 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
     criteria, most = evaluation.criteria, evaluation.criteria.min_z_score
     effects = [item for item in passed if item.candidate.settings is not None]
     if not evaluation.is_noise(evaluation.gap):
-        for item in effects:
+        for item in sorted(effects, key=lambda one: one.candidate.has_to_explain):  # stable
             if evaluation.is_gap_closed(item.candidate.refit.model):
                 return item
     changes = [item for item in passed if item.candidate.settings is None]

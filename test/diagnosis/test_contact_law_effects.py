@@ -74,6 +74,29 @@ def test_a_large_effect_beside_it_does_not_explain_for_it() -> None:
     assert "effects.stribeck.share" in [item.name for item in answer.changed]
 
 
+def test_beside_a_change_of_the_contact_that_came_first_it_is_a_part_of_the_change() -> None:
+    found = diagnose([made((FALL,), 1)], [made((FALL,), 2)], AXIS, OPTIONS)
+    with_effect = next(item for item in found.rounds if item.accepted)
+    freed = next(one for one in with_effect.decisions if one.candidate.settings is None)
+    with_change = replace(with_effect, accepted=freed)
+    assert [one.accepted for one in found.accepted] == [with_effect.accepted]
+    after, before = (
+        replace(found, rounds=rounds) for rounds in ((with_change, with_effect), (with_effect, with_change))
+    )
+    assert not after.accepted and after.unnamed_contact_effects == {"stribeck"}
+    assert before.accepted == [with_effect] and not before.unnamed_contact_effects
+
+
+def test_beside_a_predictable_remainder_it_is_a_changed_value(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The spring is not looked for. A map learns it, so the fall is not all that the model misses."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("stribeck",))
+    hidden = (FALL, EffectSettings("spring", (10.0, 0.0)))
+    found = diagnose([made(hidden, 1)], [made(hidden, 2)], AXIS, OPTIONS)
+    answer = answer_of(replace(found, is_gap_explained=True), AXIS, OPTIONS)
+    assert answer.remainder == "learnt" and not answer.effects
+    assert "effects.stribeck.share" in [item.name for item in answer.changed]
+
+
 def test_a_drag_that_gives_energy_has_no_name() -> None:
     top = float(np.max(np.abs(np.gradient(made((), 1).position, PERIOD))))
     gives = answered(EffectSettings("quadratic_drag", (-1.5 / top**2,)))

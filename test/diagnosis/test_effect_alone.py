@@ -1,0 +1,80 @@
+"""An effect fitted alone where drifting parameters hide it, and effects that a fitted noise hides."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from workflow_case import AXIS, evaluation_of, record
+
+from sgms_observer.diagnosis import workflow
+from sgms_observer.diagnosis.candidates import Candidate
+from sgms_observer.diagnosis.decision import HELD_OUT_GAP, decide
+from sgms_observer.diagnosis.diagnosis import Options, accepted_candidates
+from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
+from sgms_observer.diagnosis.fit import RefitSetup
+from sgms_observer.diagnosis.gap import residuals
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.effects.learnt_map import LearntMap
+from sgms_observer.settings.axis import EffectSettings
+
+OFFSET, SPRING = EffectSettings("offset", (0.4,)), EffectSettings("spring", (20.0, 0.0))
+NOTHING = replace(OFFSET, values=(0.0,))
+BLIND = 1.0e-4
+"""Weight of samples that the evidence hardly counts."""
+
+
+@pytest.fixture(scope="module")
+def evaluation() -> EvaluationData:
+    """Return the evidence of two recordings with an offset."""
+    learn, judge = (motion_of(record((OFFSET,), seed=seed, duration=12.0)) for seed in (1, 2))
+    return evaluation_of([learn], Model.of(AXIS).with_effects((OFFSET,)), [judge])
+
+
+def test_an_effect_is_fitted_beside_held_values(evaluation: EvaluationData) -> None:
+    setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
+    start = np.full(len(setup.nominal.parameter_names()), 0.01)
+    free, held = (setup.fit((NOTHING,), start, 8, is_nominal_held=one) for one in (False, True))
+    assert np.array_equal(held.logs, start) and not np.array_equal(free.logs, start)
+    assert held.effects[0].values[0] == pytest.approx(0.4, rel=0.05)
+    assert np.all(np.any(held.jacobian != 0.0, axis=0))  # intervals still know that the values of the file may be wrong
+
+
+def test_where_drift_hides_the_gap_the_effect_counts_alone(evaluation: EvaluationData) -> None:
+    """The fit of all values errs where the evidence is blind; the gap as reported is not."""
+    setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
+    before = setup.fit((), None, 1)
+    drifted = setup.fit((OFFSET,), None, 1)
+    grid, force = np.linspace(0.0, 12.0, 25), np.zeros(25)
+    force[8:11] = 4.0
+    drift = LearntMap.zero(("time",), (tuple(grid.tolist()),), 1.0e-7).filled(force).settings()
+    erring = drifted.model.with_effects((drift,))
+    right, wrong = (residuals(model, evaluation.motions)[0] for model in (drifted.model, erring))
+    weights = np.where(np.abs(wrong - right) > 0.01, BLIND, 1.0)
+    evaluation = replace(evaluation, held_out_data=replace(evaluation.held_out_data, weights=(weights,)))
+    candidate = Candidate("offset", setup, replace(drifted, model=erring), 1)
+    earlier = evidence_of(before, evaluation)
+    found = decide(candidate, before, earlier, evaluation)
+    assert found.passed and found.candidate is not candidate
+    assert np.array_equal(found.candidate.refit.logs, before.logs)
+    # Where the effect fails another test, too, it is not tried alone.
+    weak = replace(evaluation, criteria=replace(evaluation.criteria, min_closed_share=2.0))
+    failed = decide(candidate, before, earlier, weak)
+    assert failed.candidate is candidate
+    assert HELD_OUT_GAP in [test.name for test in failed.tests if not test.passed]
+
+
+@pytest.mark.parametrize("preference, goes_on", [(10.0, True), (-10.0, False)])
+def test_noise_does_not_end_the_search_where_it_holds_an_effect(
+    monkeypatch: pytest.MonkeyPatch, preference: float, goes_on: bool
+) -> None:
+    """With the gap within the noise the search goes on only if a rejected effect fits better than the added one."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset", "spring"))
+    monkeypatch.setattr(EvaluationData, "is_gap_closed", lambda *_: True)
+    monkeypatch.setattr(workflow, "preference", lambda *_: preference)
+    hidden = (EffectSettings("offset", (1.5,)), SPRING)
+    one, other = (record(hidden, seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
+    found = workflow.diagnose([one], [other], AXIS, Options(workers=1, band=25.0))
+    assert (len(accepted_candidates(found.rounds)) > 1) is goes_on
