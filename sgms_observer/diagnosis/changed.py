@@ -9,6 +9,8 @@ import numpy as np
 
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.effects.catalogue import effect
+from sgms_observer.settings.axis import FrictionSettings
+from sgms_observer.settings.declaration import declared_settings
 
 if TYPE_CHECKING:
     from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
@@ -22,7 +24,7 @@ class Changed:
         name: path below the axis, for instance ``friction.coulomb_force``.
         before: value in the file.
         after: fitted value.
-        std_error: standard error of ``after``.
+        std_error: standard error of ``after``; 0 if it is not known.
         closes: share of the closable gap that all changed values together close.
     """
 
@@ -31,6 +33,16 @@ class Changed:
     after: float | str
     std_error: float
     closes: float
+
+    @property
+    def unit(self) -> str:
+        """Return the unit that the value has on a prismatic axis; empty for none."""
+        group, *path = self.name.split(" ")[0].split(".")
+        if group == "friction":
+            unit = declared_settings(FrictionSettings)[path[0]].unit
+        else:
+            unit = next(one.unit for one in effect(path[0]).parameters if one.name == path[1])
+        return "" if unit == "-" else unit
 
 
 def changed_values(diagnosis: Diagnosis, fit: Refit, options: Options) -> tuple[Changed, ...]:

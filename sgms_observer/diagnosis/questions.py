@@ -46,7 +46,7 @@ def questions_of(
         _tolerance(answer, options),
         _explained(answer),
         *(_effect(item, answer, units) for item in answer.effects),
-        *_changed(answer),
+        *_changed(answer, units),
         _rest(answer),
         _feedforward(answer, checks, units),
         _tracking(tracking, units),
@@ -176,7 +176,7 @@ def with_unit(value: float, unit: str, units: Units) -> str:
     return f"{number.rstrip('.')} {name}".strip()
 
 
-def _changed(answer: Answer) -> list[Light]:
+def _changed(answer: Answer, units: Units) -> list[Light]:
     """Ask whether values of the file changed, if some did."""
     if not answer.changed:
         return []
@@ -184,9 +184,11 @@ def _changed(answer: Answer) -> list[Light]:
     for item in answer.changed:
         if isinstance(item.before, str) or isinstance(item.after, str):
             listed.append(f"{item.name} from {item.before} to {item.after}")
-        else:
-            half = NINETY * item.std_error
-            listed.append(f"{item.name} from {item.before:.3g} to {item.after:.3g} (90 %: +- {half:.2g})")
+            continue
+        interval = f" (90 %: +- {NINETY * item.std_error:.2g})" if item.std_error > 0.0 else ""
+        listed.append(
+            f"{item.name} from {item.before:.3g} to {item.after:.3g} {units.of(item.unit)}".strip() + interval
+        )
     return [Light(BELIEVABILITY, "Did values of the file change?", GOOD, f"{'; '.join(listed)}.")]
 
 

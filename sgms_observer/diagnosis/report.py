@@ -181,7 +181,7 @@ def _answer(answer: Answer, units: Units) -> Section:
     return Section(
         "What the model misses",
         text,
-        [*effect_tables(answer, units), *changed_table(answer), gap_table(answer)],
+        [*effect_tables(answer, units), *changed_table(answer, units), gap_table(answer)],
         maps,
     )
 

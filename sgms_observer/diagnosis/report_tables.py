@@ -28,13 +28,17 @@ def gap_table(answer: Answer) -> Table:
     return Table(("part", "size", "meaning"), rows, "Parts of the gap; their squares add up", is_folded=True)
 
 
-def changed_table(answer: Answer) -> list[Table]:
+def changed_table(answer: Answer, units: Units) -> list[Table]:
     """Return the table of changed values of the file, if there are any."""
     rows = [
-        (item.name, _number(item.before), _number(item.after), f"{item.std_error:.2g}", f"{100.0 * item.closes:.0f} %")
+        (
+            item.name, _number(item.before), _number(item.after),
+            f"{item.std_error:.2g}" if item.std_error > 0.0 else "not known",
+            units.of(item.unit), f"{100.0 * item.closes:.0f} %",
+        )
         for item in answer.changed
-    ]
-    header = ("value of the file", "in the file", "in the recordings", "standard error", "closes together")
+    ]  # fmt: skip
+    header = ("value of the file", "in the file", "in the recordings", "standard error", "unit", "closes together")
     return [Table(header, rows, "Values of the file that moved beyond their tolerance")] if rows else []
 
 

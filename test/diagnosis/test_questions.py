@@ -115,7 +115,13 @@ def test_all_is_well() -> None:
         ({"tests": with_test("friction not", -1.0)}, "Does the feedforward leave less friction with the new model?",
          UNSURE, "may be chance"),
         ({"changed": (Changed("friction.coulomb_force", 6.0, 4.6, 0.1, 0.7),)}, "Did values of the file change?", GOOD,
-         "from 6 to 4.6 (90 %: +- 0.16)"),
+         "from 6 to 4.6 N (90 %: +- 0.16)"),
+        ({"changed": (Changed("friction.element_stiffness (sum)", 2.0, 3.0, 0.0, 0.7),)},
+         "Did values of the file change?", GOOD, "element_stiffness (sum) from 2 to 3 N/m."),
+        ({"changed": (Changed("effects.stribeck.share", 0.0, 0.2, 0.01, 0.7),)}, "Did values of the file change?", GOOD,
+         "effects.stribeck.share from 0 to 0.2 (90 %: +- 0.016)"),
+        ({"changed": (Changed("friction.model", "sgms", "gms", 0.0, 0.7),)}, "Did values of the file change?", GOOD,
+         "from sgms to gms"),
     ],
 )  # fmt: skip
 def test_what_is_not_well_is_said(changes: dict[str, Any], question: str, state: str, says: str) -> None:
