@@ -257,8 +257,8 @@ class Diagnosis:
         warnings: sentences for the user.
         is_poor: whether the excitation is too poor for any result.
         tests: tests of the whole model.
-        is_gap_explained: whether the final model leaves too little of the gap before the first contact law effect to
-            count as predictable.
+        is_gap_explained: whether the final model, with the first contact law effect alone, leaves too little of the gap
+            before that effect to count as predictable.
     """
 
     nominal: Model
@@ -279,8 +279,8 @@ class Diagnosis:
     def accepted(self) -> list[Round]:
         """Return the rounds that added a named effect.
 
-        An effect that only describes another contact law is named if the gap is explained with it and no change of the
-        contact came before. Otherwise it counts as a changed value of the file.
+        An effect that only describes another contact law is named if the gap is explained with it, and neither a change
+        of the contact nor another one of them came before. Otherwise it counts as a changed value of the file.
         """
         added = [(item, item.accepted.candidate) for item in self.rounds if item.accepted]
         return [
@@ -296,10 +296,11 @@ class Diagnosis:
     def unnamed_contact_effects(self) -> frozenset[str]:
         """Return the contact law effects that were accepted and are not named.
 
-        Beside a change of the contact they describe a part of the same change.
+        Beside a change of the contact, or another one of them, they describe a part of the same contact law.
         """
         listed = accepted_candidates(self.rounds)
-        if self.is_gap_explained:
-            changes = [place for place, one in enumerate(listed) if one.settings is None]
-            listed = listed[changes[0] :] if changes else []
-        return frozenset(one.name for one in listed if one.has_to_explain)
+        found = [one.name for one in listed if one.has_to_explain]
+        first = next((one for one in listed if one.settings is None or one.has_to_explain), None)
+        if self.is_gap_explained and found and first is not None and first.name == found[0]:
+            found = found[1:]
+        return frozenset(found)

@@ -103,7 +103,7 @@ def diagnose(
         nominal, known_effects, file_state, state, written, rounds, evaluation, audited.resolution, audited.notes,
         tuple(warnings), audited.is_poor,
         is_gap_explained=evaluation.is_gap_explained(
-            state.current.model, _before_contact_effects(file_state.current.model, rounds)
+            _with_one_contact_effect(state, rounds), _before_contact_effects(file_state.current.model, rounds)
         ),
     )  # fmt: skip
 
@@ -121,6 +121,20 @@ def _before_contact_effects(first: Model, rounds: Sequence[Round]) -> Model:
             break
         model = item.accepted.candidate.refit.model
     return model
+
+
+def _with_one_contact_effect(state: FitState, rounds: Sequence[Round]) -> Model:
+    """Return the model without contact law effects but the first: the gap is explained by one of them, or by none.
+
+    Args:
+        state: state with everything that was accepted.
+        rounds: rounds of the search.
+    """
+    others = {one.name for one in [item for item in accepted_candidates(rounds) if item.has_to_explain][1:]}
+    if not others:
+        return state.current.model
+    effects = [item for item in state.current.effects if item.name not in others]
+    return state.setup.fit(effects, state.current.logs, REFIT_STEPS).model
 
 
 def choose_element_freedom(state: FitState, options: Options) -> FitState:

@@ -173,3 +173,14 @@ def test_an_effect_that_leaves_more_than_another_hypothesis_does_not_end_the_sea
     monkeypatch.setattr(pruning, "z_score_between", lambda *_: 10.0)
     _, rounds = pruning.compared_again(found.final_state, found.rounds, [], options)
     assert rounds[0].accepted is change
+
+
+@pytest.mark.parametrize("fall, named", [(0.25, []), (0.6, ["stribeck"])])
+def test_of_several_the_first_has_to_explain_alone(fall: float, named: list[str]) -> None:
+    """The drag is small beside the deep fall of the friction, and as large as the shallow one."""
+    top = float(np.max(np.abs(np.gradient(made((), 1).position, PERIOD))))
+    drag = EffectSettings("quadratic_drag", (1.5 / top**2,))
+    answer = answered(EffectSettings("stribeck", (fall, 0.02)), drag)
+    assert {"stribeck", "quadratic_drag"} <= {item.name for item in answer.model.effects}
+    assert [item.settings.name for item in answer.effects] == named
+    assert "effects.quadratic_drag.coefficient" in [item.name for item in answer.changed]
