@@ -135,8 +135,10 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
             _share_added_by_refit(data.rest(final.before), given, criteria), criteria.min_predictable_share,
         ),
     )  # fmt: skip
-    if not unnamed_rest.passed and any(one.has_to_explain for one in accepted_candidates(final.accepted)):
-        # What is left is predictable, so these effects describe a part of a contact law and not the whole difference.
+    predicted, closed = predictable_share * rest.rms**2, data.rms(final.before) ** 2 - rest.rms**2
+    is_part = predicted > criteria.min_predictable_share * (predicted + closed)
+    if is_part and any(one.has_to_explain for one in accepted_candidates(final.accepted)):
+        # Too much of what is left is predictable: these effects describe a part of the difference of a contact law.
         return answer_of(replace(diagnosis, is_gap_explained=False), axis, options, contradiction)
     percent = 100.0 / data.effort
     setup = diagnosis.written.setup
