@@ -23,7 +23,6 @@ Floats = NDArray[np.float64]
 
 _TURN = 5.0e-4  # s from one look at the clock to the next
 _FIRST_POSITION_TIME = 10.0  # s to wait for the table's position, and for a listener
-_MEETING_TIME = 1.0  # s without a new listener, after which the motion begins: nodes announce themselves once in it
 _CLOCK_TIME = 0.1  # s of positions from which the table's clock is read
 _LEAD = 5.0e-3  # s that a set-point is sent before its stamp, so that the observer has it with its sample
 _LATEST = 0.25  # s of delay after which the motion is stopped rather than caught up
@@ -75,7 +74,8 @@ def play_reference(
         position, velocity = reference_from(_standing_at(node, axis, stop).position)
         set_points = SetPoints(node, axis)
         _await(lambda: set_points.reader_count > 0, stop, "no node subscribes to reference; start the table")
-        _meet_all(lambda: set_points.subscription_count, stop)
+        while not set_points.has_met_all() and not stop.is_set():
+            time.sleep(0.02)
         clock = _standing_at(node, axis, stop)  # anew: a simulated table may have caught up meanwhile
         begun = time.monotonic()
         samples = math.ceil((begun + _LEAD - clock.heard_at) / sample_period)
@@ -118,15 +118,6 @@ def _await(condition: Callable[[], bool], stop: threading.Event, sentence: str) 
         if stop.is_set() or time.monotonic() > end:
             raise RecordingError(sentence)
         time.sleep(0.02)
-
-
-def _meet_all(count: Callable[[], int], stop: threading.Event) -> None:
-    """Wait until no further listener has come for a while."""
-    known, since = count(), time.monotonic()
-    while time.monotonic() < since + _MEETING_TIME and not stop.is_set():
-        time.sleep(0.02)
-        if count() != known:
-            known, since = count(), time.monotonic()
 
 
 class _Standing(NamedTuple):

@@ -25,6 +25,7 @@ from sgms_observer.settings.axis import AxisSettings
 Floats = NDArray[np.float64]
 
 _LATEST = 0.05  # s that a set-point may be sent behind its stamp; then the motion is stopped rather than caught up
+_MEETING_TIME = 1.0  # s without a new listener, after which a motion may begin: nodes announce themselves once in it
 _START = 0.2  # s from the first message to the first set-point's stamp, beyond the lead
 _ACK_TIME = 2.0  # s for the last set-points to arrive
 
@@ -59,16 +60,22 @@ class SetPoints:
         self._encoder = JointStateEncoder((axis.name,), ("position", "velocity"))
         self._publisher = node.create_publisher(JointState, REFERENCE, SAMPLE_QOS)
         self._ahead = node.create_publisher(JointTrajectory, REFERENCE_HORIZON, HORIZON_QOS)
+        self._known = (0, -math.inf)  # subscriptions, and when their number was new
 
     @property
     def reader_count(self) -> int:
         """Return how many nodes subscribe to the set-points."""
         return int(self._publisher.get_subscription_count())
 
-    @property
-    def subscription_count(self) -> int:
-        """Return how many subscriptions the set-points and the motion ahead have together."""
-        return self.reader_count + int(self._ahead.get_subscription_count())
+    def has_met_all(self) -> bool:
+        """Return whether a node subscribes to the set-points and no further one has come for a while.
+
+        A recorder may be found before the table, which then misses the first set-points.
+        """
+        count, now = self.reader_count + int(self._ahead.get_subscription_count()), time.monotonic()
+        if count != self._known[0]:
+            self._known = count, now
+        return self.reader_count > 0 and now >= self._known[1] + _MEETING_TIME
 
     def send(self, stamp_ns: int, position: float, velocity: float) -> bytes:
         """Publish one set-point and return its message.

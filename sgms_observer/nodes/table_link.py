@@ -197,6 +197,9 @@ class TableLink:
             lambda: self._set_points.reader_count > 0,
             f"no node subscribes to {REFERENCE}; start the table, or remap its topic",
         )
+        while not self._set_points.has_met_all() and not self._signals.first:
+            self._conductor.watch()
+            self._spin(0.02)
         playing = Playing(self._set_points, self._listener, motion, origin, self.lead)
         self._listener.span = playing.begin_ns + recorded * round(motion.period * 1e9), playing.end_ns
         self._listener.forget()
