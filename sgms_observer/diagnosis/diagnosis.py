@@ -259,6 +259,7 @@ class Diagnosis:
         tests: tests of the whole model.
         is_gap_explained: whether the final model, with the first contact law effect alone, leaves too little of the gap
             before that effect to count as predictable.
+        has_changed_contact: whether a friction value of the file is beyond its tolerance in the final model.
     """
 
     nominal: Model
@@ -274,6 +275,7 @@ class Diagnosis:
     is_poor: bool = False
     tests: tuple[Test, ...] = field(default=())
     is_gap_explained: bool = True
+    has_changed_contact: bool = False
 
     @property
     def accepted(self) -> list[Round]:
@@ -300,7 +302,7 @@ class Diagnosis:
         """
         listed = accepted_candidates(self.rounds)
         found = [one.name for one in listed if one.has_to_explain]
-        first = next((one for one in listed if one.settings is None or one.has_to_explain), None)
-        if self.is_gap_explained and found and first is not None and first.name == found[0]:
+        parts = [one for one in listed if one.has_to_explain or (one.settings is None and self.has_changed_contact)]
+        if self.is_gap_explained and found and parts[0].name == found[0]:
             found = found[1:]
         return frozenset(found)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, effect_candidates, finish_fit
+from sgms_observer.diagnosis.changed import changed_values
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_freed, changed_candidate
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.decision import Decision, comparisons, decide, preferred, z_score_between
@@ -99,13 +100,15 @@ def diagnose(
     report("refit of the file's own elements", 0.85)
     state, rounds, written = without_insignificant_effects(file_state, state, rounds, nominal, options)
     evaluation = state.evaluation(options)
-    return Diagnosis(
+    found = Diagnosis(
         nominal, known_effects, file_state, state, written, rounds, evaluation, audited.resolution, audited.notes,
         tuple(warnings), audited.is_poor,
         is_gap_explained=evaluation.is_gap_explained(
             _with_one_contact_effect(state, rounds), _before_contact_effects(file_state.current.model, rounds)
         ),
     )  # fmt: skip
+    moved = [one.name for one in changed_values(found, written.after, options)]
+    return replace(found, has_changed_contact=any(name.startswith("friction.") for name in moved))
 
 
 def _before_contact_effects(first: Model, rounds: Sequence[Round]) -> Model:

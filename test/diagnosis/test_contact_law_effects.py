@@ -80,11 +80,14 @@ def test_beside_a_change_of_the_contact_that_came_first_it_is_a_part_of_the_chan
     freed = next(one for one in with_effect.decisions if one.candidate.settings is None)
     with_change = replace(with_effect, accepted=freed)
     assert [one.accepted for one in found.accepted] == [with_effect.accepted]
+    moved = replace(found, has_changed_contact=True)
     after, before = (
-        replace(found, rounds=rounds) for rounds in ((with_change, with_effect), (with_effect, with_change))
+        replace(moved, rounds=rounds) for rounds in ((with_change, with_effect), (with_effect, with_change))
     )
     assert not after.accepted and after.unnamed_contact_effects == {"stribeck"}
     assert before.accepted == [with_effect] and not before.unnamed_contact_effects
+    undone = replace(after, has_changed_contact=False)  # beside the effect no value of the file is beyond its tolerance
+    assert not undone.unnamed_contact_effects
 
 
 def test_beside_a_predictable_remainder_it_is_a_changed_value(monkeypatch: pytest.MonkeyPatch) -> None:
