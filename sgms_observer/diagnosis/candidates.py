@@ -179,7 +179,7 @@ def effect_candidates(setup: RefitSetup, screen: Screen, before: Refit, workers:
     ]
     promising += [name for name in ABSORBED_BY_NOMINAL if name in screenings and name not in promising]
     jobs = [start for name in promising for start in screen.starts(name)]
-    one_thread = replace(setup, workers=1)  # one thread a candidate
+    one_thread = replace(setup, workers=1)
 
     def first(start: EffectSettings) -> Refit:
         return first_fit(with_free_effect(one_thread, start.name), before, start, screen.nominal_columns)

@@ -21,9 +21,9 @@ from sgms_observer.diagnosis.diagnosis import (
     accepted_candidates,
 )
 from sgms_observer.diagnosis.evaluation import evidence_of, sliding_shares
-from sgms_observer.diagnosis.evidence import improvement, in_blocks
+from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit, data_with_own_noise
-from sgms_observer.diagnosis.gap import residuals, weighted
+from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
 
@@ -171,15 +171,11 @@ def _reported_tests(names: Sequence[str], written: WrittenFits, state: FitState,
     criteria, evaluation, after = options.criteria, state.evaluation(options), written.after
     later = residuals(after.model, evaluation.motions)
 
-    def blocks(left: Sequence[Floats], weights: Sequence[Floats]) -> list[Floats]:
-        return in_blocks(weighted(left, weights), evaluation.motions, criteria.block)
-
     def closed_beside(others: Model) -> tuple[float, float]:
         earlier = residuals(others, evaluation.motions)
-        gap, reported = (
-            improvement(blocks(earlier, weights), blocks(later, weights))
-            for weights in (evaluation.weights, evaluation.gap_weights)
-        )
+        rests = [WeightedResidual(evaluation.motions, left, evaluation.weights) for left in (earlier, later)]
+        as_reported = [replace(rest, weights=evaluation.gap_weights) for rest in rests]
+        gap, reported = (improvement(*(rest.blocks(criteria.block) for rest in pair)) for pair in (rests, as_reported))
         return reported.z_score, replace(evaluation, gap=evaluation.rms(others)).closed_share(gap)
 
     tests = []

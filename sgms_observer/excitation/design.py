@@ -140,6 +140,8 @@ class Design:
                 for copies in (1, -1, -2, -int(counts[number])):
                     other = counts.copy()
                     other[number] = max(0, other[number] + copies)
+                    if other[number] == counts[number]:
+                        continue
                     other = self._filled(self._shortened(other))
                     new = float(self.value(other.astype(float)))
                     if new > value + _GAIN:
