@@ -135,18 +135,19 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
             _share_added_by_refit(data.rest(final.before), given, criteria), criteria.min_predictable_share,
         ),
     )  # fmt: skip
-    predicted, closed = predictable_share * rest.rms**2, data.rms(final.before) ** 2 - rest.rms**2
-    is_part = predicted > criteria.min_predictable_share * (predicted + closed)
-    if is_part and any(one.has_to_explain for one in accepted_candidates(final.accepted)):
-        # Too much of what is left is predictable: these effects describe a part of the difference of a contact law.
-        return answer_of(replace(diagnosis, is_gap_explained=False), axis, options, contradiction)
-    percent = 100.0 / data.effort
-    setup = diagnosis.written.setup
+    percent, setup = 100.0 / data.effort, diagnosis.written.setup
 
     def gap_with(some: Sequence[EffectSettings]) -> float:
         again = setup.fit(some, final.fit.logs, REFIT_STEPS)
         return percent * data.rms(data.residuals(again, setup))
 
+    contact_effects = {one.name for one in accepted_candidates(final.accepted) if one.is_contact_law}
+    if contact_effects and predictable_share > 0.0:
+        predicted = predictable_share * gap.after**2
+        closed = gap_with([one for one in final.fit.effects if one.name not in contact_effects]) ** 2 - gap.after**2
+        if predicted > criteria.min_predictable_share * (predicted + closed):
+            # Too much of the rest is predictable: these effects describe a part of the difference of a contact law.
+            return answer_of(replace(diagnosis, names_contact_effects=False), axis, options, contradiction)
     effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_with)
     effects += measured_quantisation(diagnosis)
     verdict = verdict_of(diagnosis, effects, unnamed_rest, bool(learnt), whole, trust)

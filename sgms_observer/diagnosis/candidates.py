@@ -65,11 +65,8 @@ class Candidate:
         return next((item for item in self.refit.effects if item.name == self.name), None)
 
     @property
-    def has_to_explain(self) -> bool:
-        """Return whether the effect has a name only if the gap is explained with it.
-
-        This holds for the effects that only describe another contact law and for their special cases.
-        """
+    def is_contact_law(self) -> bool:
+        """Return whether the effect only describes another contact law, or is a special case of one that does."""
         if self.settings is None:
             return False
         entry = effect(self.name)

@@ -77,9 +77,8 @@ def changed_values(diagnosis: Diagnosis, fit: Refit, options: Options) -> tuple[
         listed.append(Changed("friction.element_damping (sum)", 0.0, total, 0.0, closes))
     if (fit.model.is_unsmoothed or new.model == "gms") and not (diagnosis.nominal.is_unsmoothed or old.model == "gms"):
         listed.append(Changed("friction.model", old.model, "gms", 0.0, closes))
-    standard_errors = fit.standard_errors()
     file_values = {item.name: item.values for item in diagnosis.file_effects}
-    for column, (place, number) in enumerate(fit.free):
+    for (place, number), error in fit.standard_errors().items():
         item = fit.effects[place]
         parameter, after = effect(item.name).parameters[number], float(item.values[number])
         if item.name in file_values:
@@ -89,7 +88,6 @@ def changed_values(diagnosis: Diagnosis, fit: Refit, options: Options) -> tuple[
         else:
             continue
         if before != after:
-            error = float(standard_errors[column])
             listed.append(Changed(f"effects.{item.name}.{parameter.name}", before, after, error, closes))
     return tuple(listed)
 

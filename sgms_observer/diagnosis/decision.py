@@ -12,21 +12,22 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, alone
 from sgms_observer.diagnosis.coordinates import free_form_coordinates, is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
+from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR
 from sgms_observer.diagnosis.evaluation import EvaluationData, Evidence, evidence_of
 from sgms_observer.diagnosis.evidence import Improvement, improvement, preference
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.motion import HELD_LAG, Motion
 from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
-MIN_DELAY = 0.5
-"""Holding the effort between samples causes this delay, in sample periods. A named delay is surely longer."""
+MAX_LAG_WITHOUT_DELAY = HELD_LAG + MAX_STAMP_ERROR
+"""Largest lag of the effort without a delay, in samples: the effort is held, and its stamps are inexact."""
 HELD_OUT_GAP = "held-out gap: z-score"
 """Test that the gap of held-out recordings shrinks, both where the contact slides and as reported."""
 RANGE_END_TOLERANCE = 1.0e-6
@@ -173,7 +174,10 @@ def physical_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
         )
     if settings.name == "actuator_delay":
         shortest = values["delay"] * (1.0 - least / max(ratio, least))
-        tests.append(at_least(item.name, "shortest likely delay over sample period", shortest * rate, MIN_DELAY))
+        lag = min(motion.lag for motion in evaluation.fit_motions) + shortest * rate
+        tests.append(
+            at_least(item.name, "shortest likely lag of the effort over sample period", lag, MAX_LAG_WITHOUT_DELAY)
+        )
     if settings.name == "actuator_saturation":
         effort = np.abs(np.concatenate([motion.effort for motion in evaluation.fit_motions]))
         tests.append(
@@ -190,8 +194,10 @@ def strength(item: Candidate) -> float:
     assert item.settings is not None
     found = item.refit
     place = [one.name for one in found.effects].index(item.settings.name)
-    errors = {j: error for (i, j), error in zip(found.free, found.standard_errors(), strict=True) if i == place}
-    return strength_over_error(item.settings, errors)
+    parameters = effect(item.settings.name).parameters
+    held = {(i, j) for i, j in found.free if i == place and not parameters[j].is_strength}
+    errors = found.standard_errors(held)
+    return strength_over_error(item.settings, {j: error for (i, j), error in errors.items() if i == place})
 
 
 def strength_over_error(settings: EffectSettings, errors: Mapping[int, float]) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -203,22 +203,22 @@ class WrittenFits:
         before: fit of the file within its tolerance.
         after: fit with everything that was accepted.
         setup: setup of ``after``.
-        free: index (effect, parameter) of each free effect parameter of ``after``.
-        estimates: of these parameters.
+        estimates: of the free effect parameters of ``after``.
+        strengths: of those among them that are strengths, where all effects keep the shapes of ``after``.
     """
 
     before: Refit
     after: Refit
     setup: RefitSetup
-    free: tuple[tuple[int, int], ...]
     estimates: RecordingEstimates
+    strengths: RecordingEstimates
 
     @cached_property
     def errors(self) -> Mapping[tuple[int, int], float]:
         """Return the standard error of each free effect parameter, with the scatter between recordings, SI units."""
-        return dict(zip(self.free, self.estimates.std_errors.tolist(), strict=True))
+        return dict(zip(self.estimates.free, self.estimates.std_errors.tolist(), strict=True))
 
-    def strength(self, name: str, least: float) -> float:
+    def strength_elsewhere(self, name: str, least: float) -> float:
         """Return the strength of an effect over its standard error, in held-out recordings too.
 
         Args:
@@ -228,14 +228,18 @@ class WrittenFits:
         Returns:
             Infinite if the effect has no free strength parameter.
         """
+        return self._largest(name, lambda column, zero: self.strengths.smaller_z_score(column, zero, least))
+
+    def strength_over_scatter(self, name: str) -> float:
+        """Return the strength of an effect over its scatter between recordings; infinite without a free strength."""
+        return self._largest(name, self.strengths.strength_over_scatter)
+
+    def _largest(self, name: str, value: Callable[[int, float], float]) -> float:
+        """Return the largest value of the strength parameters of an effect, from their columns and defaults."""
         place = [item.name for item in self.after.effects].index(name)
         parameters = effect(name).parameters
         return max(
-            (
-                self.estimates.smaller_z_score(column, parameters[j].default, least)
-                for column, (i, j) in enumerate(self.free)
-                if i == place and parameters[j].is_strength
-            ),
+            (value(column, parameters[j].default) for column, (i, j) in enumerate(self.strengths.free) if i == place),
             default=math.inf,
         )
 
@@ -257,8 +261,7 @@ class Diagnosis:
         warnings: sentences for the user.
         is_poor: whether the excitation is too poor for any result.
         tests: tests of the whole model.
-        is_gap_explained: whether the final model, with the first contact law effect alone, leaves too little of the gap
-            before that effect to count as predictable.
+        names_contact_effects: whether a contact law effect may have a name: not if too much of the rest is predictable.
         has_changed_contact: whether a friction value of the file is beyond its tolerance in the final model.
     """
 
@@ -274,15 +277,15 @@ class Diagnosis:
     warnings: tuple[str, ...] = field(default=())
     is_poor: bool = False
     tests: tuple[Test, ...] = field(default=())
-    is_gap_explained: bool = True
+    names_contact_effects: bool = True
     has_changed_contact: bool = False
 
     @property
     def accepted(self) -> list[Round]:
         """Return the rounds that added a named effect.
 
-        An effect that only describes another contact law is named if the gap is explained with it, and neither a change
-        of the contact nor another one of them came before. Otherwise it counts as a changed value of the file.
+        An effect that only describes another contact law is named if little of the rest is predictable, and neither a
+        change of the contact nor another one of them came before. Otherwise it counts as a changed value of the file.
         """
         added = [(item, item.accepted.candidate) for item in self.rounds if item.accepted]
         return [
@@ -301,8 +304,8 @@ class Diagnosis:
         Beside a change of the contact, or another one of them, they describe a part of the same contact law.
         """
         listed = accepted_candidates(self.rounds)
-        found = [one.name for one in listed if one.has_to_explain]
-        parts = [one for one in listed if one.has_to_explain or (one.settings is None and self.has_changed_contact)]
-        if self.is_gap_explained and found and parts[0].name == found[0]:
+        found = [one.name for one in listed if one.is_contact_law]
+        parts = [one for one in listed if one.is_contact_law or (one.settings is None and self.has_changed_contact)]
+        if self.names_contact_effects and found and parts[0].name == found[0]:
             found = found[1:]
         return frozenset(found)

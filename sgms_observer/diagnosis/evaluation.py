@@ -90,16 +90,6 @@ class EvaluationData:
         """Return whether the residual of a model on ``motions`` is not above the floor."""
         return self.is_noise(self.rms(model))
 
-    def is_gap_explained(self, model: Model, first: Model) -> bool:
-        """Return whether the share of the first squared gap that a model leaves is too small to count as predictable.
-
-        Args:
-            model: the final model.
-            first: the file refitted within its tolerance.
-        """
-        left, closable = (self.rms(one) ** 2 - self.floor**2 for one in (model, first))
-        return left <= self.criteria.min_predictable_share * closable
-
     def is_noise(self, residual: float) -> bool:
         """Return whether an rms weighted residual [N] is not above the floor."""
         return self.criteria.is_noise(residual, self.floor)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -209,14 +209,18 @@ class Refit:
     free: tuple[tuple[int, int], ...]
     is_converged: bool = True
 
-    def standard_errors(self) -> Floats:
-        """Return the standard error of each free effect parameter, SI units."""
-        n = len(self.free)
-        if n == 0:
-            return np.zeros(0)
-        normal = self.jacobian.T @ self.jacobian
-        covariance = np.linalg.pinv(normal)
-        return np.sqrt(np.maximum(np.diag(covariance)[-n:], 0.0)) * self.scales
+    def standard_errors(self, held: Set[tuple[int, int]] = frozenset()) -> dict[tuple[int, int], float]:
+        """Return the standard error of each free effect parameter, SI units.
+
+        Args:
+            held: effect parameters that count as known.
+        """
+        n = self.jacobian.shape[1] - len(self.free)
+        free = [k for k, index in enumerate(self.free) if index not in held]
+        columns = self.jacobian[:, [*range(n), *(n + k for k in free)]]
+        variance = np.diag(np.linalg.pinv(columns.T @ columns))[n:]
+        errors = np.sqrt(np.maximum(variance, 0.0)) * self.scales[free]
+        return {self.free[k]: float(error) for k, error in zip(free, errors, strict=True)}
 
 
 def refit(

@@ -22,10 +22,11 @@ from sgms_observer.diagnosis.diagnosis import (
 )
 from sgms_observer.diagnosis.evaluation import evidence_of, sliding_shares
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import Refit, data_with_own_noise
+from sgms_observer.diagnosis.fit import Refit, RefitSetup, data_with_own_noise
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
+from sgms_observer.effects.catalogue import effect
 
 Floats = NDArray[np.float64]
 
@@ -180,7 +181,6 @@ def _reported_tests(names: Sequence[str], written: WrittenFits, state: FitState,
 
     tests = []
     for name in names:
-        strength = written.strength(name, criteria.min_z_score)
         effects = tuple(one for one in after.effects if one.name != name)
         found = [closed_beside(written.setup.fit(effects, after.logs, REFIT_STEPS).model)]
         if len(names) == 1:
@@ -188,8 +188,12 @@ def _reported_tests(names: Sequence[str], written: WrittenFits, state: FitState,
         z_score, share = max(found)
         tests += [
             at_least(
-                name, "strength over its standard error, in held-out recordings too", strength,
+                name, "strength over its scatter between recordings", written.strength_over_scatter(name),
                 criteria.interval_z_score,
+            ),
+            at_least(
+                name, "strength over its standard error, in held-out recordings too",
+                written.strength_elsewhere(name, criteria.min_z_score), criteria.interval_z_score,
             ),
             at_least(name, "share of the closable squared gap beside the others", share, criteria.min_closed_share),
             at_least(name, "gap as reported beside the others: z-score", z_score, criteria.interval_z_score),
@@ -226,7 +230,7 @@ def _as_written(found: FitState, state: FitState, nominal: Model) -> WrittenFits
     first = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
     before = first.fit(found.current.effects, None, LAST_STEPS)
     if state is found:
-        return WrittenFits(before, before, first, (), RecordingEstimates(np.zeros((1, 0)), np.zeros((1, 0))))
+        return WrittenFits(before, before, first, RecordingEstimates.none(), RecordingEstimates.none())
     fine = state.setup.nominal
     later = replace(nominal, is_unsmoothed=fine.is_unsmoothed, relaxation=fine.relaxation)
     if state.setup.freedom.elements:
@@ -239,7 +243,23 @@ def _as_written(found: FitState, state: FitState, nominal: Model) -> WrittenFits
         starts.append(state.current.logs)
     tried = [last.fit(state.current.effects, start, LAST_STEPS) for start in starts]
     after = min(tried, key=lambda fit: fit.cost)
-    free = set(after.free)
-    fixed = [(i, j) for i, e in enumerate(after.effects) for j in range(len(e.values)) if (i, j) not in free]
-    fresh = last.fit(after.effects, after.logs, 1, fixed)  # computes the derivatives
-    return WrittenFits(before, after, last, fresh.free, recording_estimates(last, fresh, state.held_out_motions))
+    estimates, strengths = (
+        recording_estimates(last, _with_derivatives(last, after, only_strengths), state.held_out_motions)
+        for only_strengths in (False, True)
+    )
+    return WrittenFits(before, after, last, estimates, strengths)
+
+
+def _with_derivatives(setup: RefitSetup, found: Refit, only_strengths: bool) -> Refit:
+    """Return a fit with its own derivatives, with respect to the effect parameters that are free in it.
+
+    Args:
+        setup: setup of the fit.
+        found: the fit.
+        only_strengths: whether effects keep their shapes. A free shape is not determined where an effect is absent, and
+            then its strength over its error is not normally distributed (Davies 1987, Biometrika 74(1)).
+    """
+    parameters = [effect(item.name).parameters for item in found.effects]
+    free = {(i, j) for i, j in found.free if parameters[i][j].is_strength or not only_strengths}
+    fixed = [(i, j) for i, e in enumerate(found.effects) for j in range(len(e.values)) if (i, j) not in free]
+    return setup.fit(found.effects, found.logs, 1, fixed)

@@ -43,12 +43,19 @@ class RecordingEstimates:
     """Estimates of the free effect parameters of a fit: of the fit itself, and of each other recording alone.
 
     Attributes:
+        free: index (effect, parameter) of each of them.
         values: shape (1 + number of other recordings, number of parameters), SI units; the fit first.
         errors: standard error of each value; 0 if a recording does not determine the parameter.
     """
 
+    free: tuple[tuple[int, int], ...]
     values: Floats
     errors: Floats
+
+    @classmethod
+    def none(cls) -> RecordingEstimates:
+        """Return the estimates of a fit without free effect parameters."""
+        return cls((), np.zeros((1, 0)), np.zeros((1, 0)))
 
     @property
     def std_errors(self) -> Floats:
@@ -84,6 +91,20 @@ class RecordingEstimates:
             return z_score_of_fit
         weights = 1.0 / errors[shows] ** 2
         return min(z_score_of_fit, float(np.sign(strengths[0]) * (weights @ strengths[shows]) / np.sqrt(weights.sum())))
+
+    def strength_over_scatter(self, column: int, default: float) -> float:
+        """Return the strength of the fit over its standard deviation in another recording.
+
+        Args:
+            column: of the parameter.
+            default: its value without the effect.
+
+        Returns:
+            Infinite if the fit has no error of the parameter.
+        """
+        values, errors = self.values[:, column], self.errors[:, column]
+        deviation = math.hypot(errors[0], math.sqrt(between_variance(values, errors)))
+        return abs(float(values[0]) - default) / deviation if errors[0] > 0.0 else math.inf
 
 
 def series_length(motion: Motion, noise: Noise) -> int:
@@ -178,7 +199,7 @@ def recording_estimates(setup: RefitSetup, found: Refit, others: Sequence[Motion
         fit = alone.fit(found.effects, found.logs, SINGLE_RECORDING_STEPS, fixed)
         values.append([fit.effects[i].values[j] for i, j in fit.free])
         errors.append(standard_errors(fit, alone.data))
-    return RecordingEstimates(np.array(values), np.array(errors))
+    return RecordingEstimates(found.free, np.array(values), np.array(errors))
 
 
 def between_deviation(values: Floats, errors: Floats) -> float:

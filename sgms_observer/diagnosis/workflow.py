@@ -99,45 +99,12 @@ def diagnose(
         state, rounds = compared_again(state, rounds, [item.name for item in known_effects], options)
     report("refit of the file's own elements", 0.85)
     state, rounds, written = without_insignificant_effects(file_state, state, rounds, nominal, options)
-    evaluation = state.evaluation(options)
     found = Diagnosis(
-        nominal, known_effects, file_state, state, written, rounds, evaluation, audited.resolution, audited.notes,
-        tuple(warnings), audited.is_poor,
-        is_gap_explained=evaluation.is_gap_explained(
-            _with_one_contact_effect(state, rounds), _before_contact_effects(file_state.current.model, rounds)
-        ),
+        nominal, known_effects, file_state, state, written, rounds, state.evaluation(options), audited.resolution,
+        audited.notes, tuple(warnings), audited.is_poor,
     )  # fmt: skip
     moved = [one.name for one in changed_values(found, written.after, options)]
     return replace(found, has_changed_contact=any(name.startswith("friction.") for name in moved))
-
-
-def _before_contact_effects(first: Model, rounds: Sequence[Round]) -> Model:
-    """Return the last model before the first effect was accepted that has a name only if it explains the gap.
-
-    Args:
-        first: the file refitted within its tolerance.
-        rounds: rounds of the search.
-    """
-    model = first
-    for item in rounds:
-        if item.accepted is None or item.accepted.candidate.has_to_explain:
-            break
-        model = item.accepted.candidate.refit.model
-    return model
-
-
-def _with_one_contact_effect(state: FitState, rounds: Sequence[Round]) -> Model:
-    """Return the model without contact law effects but the first: the gap is explained by one of them, or by none.
-
-    Args:
-        state: state with everything that was accepted.
-        rounds: rounds of the search.
-    """
-    others = {one.name for one in [item for item in accepted_candidates(rounds) if item.has_to_explain][1:]}
-    if not others:
-        return state.current.model
-    effects = [item for item in state.current.effects if item.name not in others]
-    return state.setup.fit(effects, state.current.logs, REFIT_STEPS).model
 
 
 def choose_element_freedom(state: FitState, options: Options) -> FitState:
@@ -204,9 +171,8 @@ def _best_search(
 
     The search adds one hypothesis at a time. A change of the contact has many parameters and may take the place of two
     effects, but only in part. Where such a change was preferred to an effect that passed every test, and more than
-    noise is left, the search is repeated from there with effects before changes. That one counts if it leaves only
-    noise and the first one does not predict significantly better, or if it explains the gap and predicts significantly
-    better itself.
+    noise is left, the search is repeated from there with effects before changes. That one counts if it predicts
+    significantly better, or if it leaves only noise and the first one does not predict significantly better.
     """
     listed, most = [item.name for item in known_effects], options.criteria.min_z_score
     first = _search(_Search((state,)), listed, options, report)
@@ -224,8 +190,7 @@ def _best_search(
     if evaluation.is_gap_closed(model):
         counts = improvement(later, earlier).z_score <= most
     else:
-        is_explained = evaluation.is_gap_explained(model, state.current.model)
-        counts = is_explained and improvement(earlier, later).z_score > most
+        counts = improvement(earlier, later).z_score > most
     return (second.state, second.rounds) if counts else (first.state, first.rounds)
 
 
@@ -351,13 +316,13 @@ def _best_hypothesis(passed: Sequence[Decision], evaluation: EvaluationData) -> 
     criteria, most = evaluation.criteria, evaluation.criteria.min_z_score
     effects = [item for item in passed if item.candidate.settings is not None]
     if not evaluation.is_noise(evaluation.gap):
-        for item in sorted(effects, key=lambda one: one.candidate.has_to_explain):  # stable
+        for item in sorted(effects, key=lambda one: one.candidate.is_contact_law):  # stable
             if evaluation.is_gap_closed(item.candidate.refit.model):
                 return item
     changes = [item for item in passed if item.candidate.settings is None]
     waiting = [
         item for item in effects
-        if item.candidate.has_to_explain
+        if item.candidate.is_contact_law
         and any(z_score_between(item.evidence, change.evidence, criteria) <= most for change in changes)
     ]  # fmt: skip
     first = passed[0]

@@ -233,8 +233,9 @@ def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
     assert all(test.passed for test in range_tests(item("cogging", 0.5, 0.2 * stroke, 0.1, 0.0, 0.0), evaluation))
 
 
-def test_a_delay_that_may_come_from_holding_the_effort_fails() -> None:
-    motion = moved()
+@pytest.mark.parametrize("lag", [0.0, 0.5])
+def test_a_delay_that_a_held_effort_or_inexact_stamps_may_make_fails(lag: float) -> None:
+    motion = replace(moved(), lag=lag)
     evaluation = evaluation_of((motion,), MODEL)
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
     plain = setup.fit((), None, 2)
@@ -245,8 +246,8 @@ def test_a_delay_that_may_come_from_holding_the_effort_fails() -> None:
         refit = replace(plain, effects=(delay,), jacobian=np.array([[rate / error]]), scales=np.ones(1), free=((0, 0),))
         return Candidate("actuator_delay", setup, refit, 1)
 
-    for samples, error, is_long in ((0.54, 0.01, True), (0.52, 0.01, False), (0.54, 0.02, False), (0.4, 0.001, False)):
-        *_, test = physical_tests(delayed(samples, error), evaluation)
-        assert test.name == "shortest likely delay over sample period"
-        assert test.value == pytest.approx(samples - CRITERIA.min_z_score * error)
+    for total, error, is_long in ((0.66, 0.01, True), (0.64, 0.01, False), (0.66, 0.02, False), (0.52, 0.001, False)):
+        *_, test = physical_tests(delayed(total - lag, error), evaluation)
+        assert test.name == "shortest likely lag of the effort over sample period"
+        assert test.value == pytest.approx(max(lag, total - CRITERIA.min_z_score * error))
         assert test.passed == is_long

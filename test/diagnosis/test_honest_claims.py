@@ -168,7 +168,7 @@ def test_an_effect_has_to_appear_in_the_held_out_recording_to_be_named(there: fl
 def estimates(*pairs: tuple[float, float]) -> RecordingEstimates:
     """Return estimates of one parameter: value and standard error of the fit, then of each other recording."""
     values, errors = zip(*pairs, strict=True)
-    return RecordingEstimates(np.array(values)[:, None], np.array(errors)[:, None])
+    return RecordingEstimates(((0, 0),), np.array(values)[:, None], np.array(errors)[:, None])
 
 
 def test_a_strength_counts_as_far_as_the_other_recordings_show_it() -> None:
@@ -184,6 +184,17 @@ def test_a_strength_counts_as_far_as_the_other_recordings_show_it() -> None:
     assert z_score((0.6, 0.05), (0.0, 0.5)) == pytest.approx(12.0), "would not surely show it"
     assert z_score((0.6, 0.05), (9.0, 0.0)) == pytest.approx(12.0), "says nothing of it"
     assert z_score((0.6, 0.05), (0.2, 0.1), (0.3, 0.1)) == pytest.approx(0.25 / 0.1 * np.sqrt(2.0)), "the mean of two"
+
+
+def test_a_strength_counts_as_far_as_recordings_agree_on_it() -> None:
+    def over_scatter(*pairs: tuple[float, float], default: float = 0.0) -> float:
+        return estimates(*pairs).strength_over_scatter(0, default)
+
+    assert over_scatter((0.6, 0.05)) == pytest.approx(12.0)
+    assert over_scatter((0.6, 0.05), (0.58, 0.05), (0.62, 0.05)) == pytest.approx(12.0), "within their errors"
+    assert 1.645 < over_scatter((0.6, 0.05), (0.45, 0.01)) < 12.0, "a size may differ"
+    assert over_scatter((0.6, 0.01), (0.1, 0.01), (1.5, 0.01)) < 1.645, "each sure, but of no common size"
+    assert over_scatter((1.2, 0.05), (1.2, 0.05), default=1.0) == pytest.approx(4.0), "of a gain: from one"
 
 
 def test_the_strength_of_a_gain_is_how_far_it_is_from_one() -> None:
@@ -203,7 +214,7 @@ def test_errors_grow_with_what_comes_back_in_every_block_and_hold_for_plain_nois
         columns = np.column_stack([found.jacobian[: len(found.residual)], found.residual])
         whole = sum(np.sum(part**2, axis=0) for part in as_time_series(columns, data))
         assert whole == pytest.approx(np.sum(columns**2, axis=0), rel=1e-9)
-        sizes.append(float(standard_errors(found, data)[0] / found.standard_errors()[0]))
+        sizes.append(float(standard_errors(found, data)[0] / found.standard_errors()[0, 0]))
     assert 1.0 <= sizes[0] < 2.0
     assert sizes[1] > 2.0 * sizes[0]
 
@@ -245,5 +256,5 @@ def test_what_an_effect_improves_is_the_square_of_its_strength_over_its_error() 
     data = data_with_own_noise((motion,), MODEL.with_effects([OFFSET]))
     found = refit(data, MODEL, 0.05, (OFFSET,), iterations=3)
     without = refit(data, MODEL, 0.05, (), iterations=6)
-    power = (found.effects[0].values[0] / found.standard_errors()[0]) ** 2
+    power = (found.effects[0].values[0] / found.standard_errors()[0, 0]) ** 2
     assert power == pytest.approx(2.0 * (without.cost - found.cost), rel=0.2)

@@ -71,7 +71,12 @@ def check(answer: Answer, learn: Recording) -> None:
         (shrinks,) = [test for test in answer.tests if test.name == "gap as reported: z-score"]
         assert shrinks.passed and shrinks.value >= CRITERIA.interval_z_score
         assert answer.verdict in ("effect_found", "ambiguous")
-        assert gap.before >= CRITERIA.min_gap_over_floor * gap.noise
+        for item in named:
+            agrees = [
+                test for test in answer.tests
+                if test.of == item.settings.name and test.name == "strength over its scatter between recordings"
+            ]  # fmt: skip
+            assert agrees and all(test.passed for test in agrees)
     if answer.verdict == "no_effect":
         assert not named and rest.passed and whole.passed
     rate = 1.0 / learn.period

@@ -119,5 +119,16 @@ def test_a_dead_zone_that_is_not_there_has_no_width() -> None:
     evaluation = evaluation_of([motion_of(record(seed=seed, duration=12.0)) for seed in (1, 2)], Model.of(AXIS))
     setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
     found = setup.fit((EffectSettings("actuator_dead_zone", (0.2,)),), None, 12)
-    [width], [error] = found.effects[0].values, found.standard_errors()
+    [width], [error] = found.effects[0].values, found.standard_errors().values()
     assert 0.0 <= width < 0.02 and (width == 0.0 or width < 3.0 * error)
+
+
+def test_an_effect_below_the_noise_has_a_name_where_the_evidence_is_sure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its gap is not closable in per cent: the noise is as large. Its z-scores count, as for every other effect."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("cogging", "spring", "offset"))
+    small = (EffectSettings("cogging", (0.018, 0.005, 0.3, 0.0, 0.0)),)
+    options = Options(workers=1)
+    answer = answer_of(workflow.diagnose([record(small, 1)], [record(small, 2)], AXIS, options), AXIS, options)
+    assert options.criteria.is_noise(answer.gap.before, answer.gap.noise) and answer.gap.closure is None
+    assert [item.settings.name for item in answer.effects] == ["cogging"]
+    assert answer.effects[0].settings.values[1] == pytest.approx(0.005, rel=0.01)

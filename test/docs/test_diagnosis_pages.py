@@ -32,7 +32,7 @@ PATHS = [*(ROOT / "sgms_observer" / "diagnosis").glob("*.py"), ROOT / "sgms_obse
 SOURCE = "\n".join(path.read_text(encoding="utf-8") for path in PATHS)
 ROWS = re.findall(r"^\| ([^|]+) \| [^|]+ \| (`\w+`|-) \| ([\d.]+) \|$", PAGE, re.MULTILINE)
 NATURAL = {
-    "shortest likely delay over sample period": 0.5,
+    "shortest likely lag of the effort over sample period": 0.62,
     "parameters at the end of their range": 0.0,
     "gap as reported, as a share of the effort": 1.0,
     "what the coordinates of a contact still predict, over what it closes": 1.0,
