@@ -190,7 +190,10 @@ def physical_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
 
 
 def strength(item: Candidate) -> float:
-    """Return the strength of a hypothesis over its standard error, see ``strength_over_error``."""
+    """Return the strength of a hypothesis over its standard error with the shape as it was fitted.
+
+    A free shape is not determined where the effect is absent (Davies 1987, Biometrika 74(1)).
+    """
     assert item.settings is not None
     found = item.refit
     place = [one.name for one in found.effects].index(item.settings.name)

@@ -243,10 +243,10 @@ def _as_written(found: FitState, state: FitState, nominal: Model) -> WrittenFits
         starts.append(state.current.logs)
     tried = [last.fit(state.current.effects, start, LAST_STEPS) for start in starts]
     after = min(tried, key=lambda fit: fit.cost)
-    estimates, strengths = (
-        recording_estimates(last, _with_derivatives(last, after, only_strengths), state.held_out_motions)
-        for only_strengths in (False, True)
-    )
+    fresh, of_strengths = (_with_derivatives(last, after, only_strengths) for only_strengths in (False, True))
+    estimates = strengths = recording_estimates(last, fresh, state.held_out_motions)
+    if of_strengths.free != fresh.free:
+        strengths = recording_estimates(last, of_strengths, state.held_out_motions)
     return WrittenFits(before, after, last, estimates, strengths)
 
 
