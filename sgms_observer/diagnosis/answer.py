@@ -22,7 +22,7 @@ from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
 from sgms_observer.diagnosis.homing import homing_warnings
 from sgms_observer.diagnosis.locate import Located, locate
 from sgms_observer.diagnosis.map_fit import FittedMap
-from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.model import PERIODIC_DISTURBANCE, Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.named import Named, measured_quantisation, named_effects
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
@@ -175,7 +175,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         ),
         doubtful=tuple(test for test in by_name if not test.passed),
         usable=whole.passed and not diagnosis.is_poor,
-        warnings=_warnings(diagnosis, gap, verdict, whole, over_noise, axis.units),
+        warnings=_warnings(diagnosis, effects, gap, verdict, whole, over_noise, axis.units),
         model=model,
         diagnosis=diagnosis,
         motions=data.motions,
@@ -245,11 +245,22 @@ def _gap(data: GapData, given: Sequence[Floats], final: FinalModel, floor: float
 
 
 def _warnings(
-    diagnosis: Diagnosis, gap: Gap, verdict: str, whole: Test, over_noise: float, units: Units
+    diagnosis: Diagnosis,
+    effects: Sequence[Named],
+    gap: Gap,
+    verdict: str,
+    whole: Test,
+    over_noise: float,
+    units: Units,
 ) -> tuple[str, ...]:
     """Return the sentences for the user."""
     models = [decision.candidate.refit.model for item in diagnosis.rounds for decision in item.decisions]
     warnings = [*diagnosis.warnings, *homing_warnings(models, diagnosis.evaluation, units)]
+    if any(item.settings.name == PERIODIC_DISTURBANCE for item in effects):
+        warnings.append(
+            f"the phase of {PERIODIC_DISTURBANCE} is that of the first recording, and another in every run: leave the"
+            " effect out of the file of the observer, unless the disturbance starts together with the observer"
+        )
     if not whole.passed:
         warnings.append(
             f"unusable model: {gap.after:.0f} % of the effort is unexplained; identify the axis first, or record more"

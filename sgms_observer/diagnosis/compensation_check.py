@@ -11,6 +11,7 @@ from scipy import signal
 
 from sgms_observer.compensation.feedforward_kernel import standstill_velocity
 from sgms_observer.diagnosis.evidence import blocks_of
+from sgms_observer.diagnosis.model import Model, with_phases_of
 from sgms_observer.diagnosis.motion import HELD_LAG, PLAY_HALF_WIDTH, Motion, delayed, motion_of, play_operator
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
@@ -53,6 +54,8 @@ class CompensationCheck:
 def check_compensation(record: Recording, axis: AxisSettings, band: float, block: float) -> CompensationCheck:
     """Run observer and compensation over a recording, along its measured motion and its reference if it has one.
 
+    A periodic disturbance has its phase in this recording.
+
     Args:
         record: position and effort.
         axis: settings with the model.
@@ -63,7 +66,8 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
         axis.compensation, enabled=True, gain=1.0, limit=1.0e6, slew_limit=1.0e9, fade_std=1.0e6,
         look_ahead=0.0,  # the recorded effort is the effort of its own sample
     )  # fmt: skip
-    axis = replace(axis, compensation=whole)
+    motion = motion_of(record, HELD_LAG if axis.filter.effort_is_held else 0.0, band)
+    axis = replace(axis, compensation=whole, effects=with_phases_of(Model.of(axis), motion).effects)
     n, period = len(record.position), record.period
     stamp = np.round(np.arange(n) * period * 1e9).astype(np.int64)
     nothing = np.full(n, np.nan)
@@ -71,7 +75,6 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
     estimates = AxisObserver(axis, period).step(samples)
     good = np.arange(n) * period > SKIPPED
     innovation = estimates.innovation[good & np.isfinite(estimates.innovation)]
-    motion = motion_of(record, HELD_LAG if axis.filter.effort_is_held else 0.0, band)
     needed = motion.effort - axis.mass * motion.acceleration  # the force of an added mass is part of the feedforward
     counted = motion.thinned(motion.time) > SKIPPED
 

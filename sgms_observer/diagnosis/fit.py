@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis.model import (
     COULOMB,
     DAMPING,
+    PERIODIC_DISTURBANCE,
+    PHASE,
     STATIC,
     Model,
     hidden_friction_drop,
     predict,
     unknown_initial_friction,
+    with_phases_of,
 )
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.noise import Noise, fit_noise, largest_noise
@@ -37,8 +40,11 @@ FREED_ELEMENTS = np.log(3.0)
 """Prior standard deviation of the logarithm of a free element's stiffness and share: a factor of three."""
 DERIVATIVE_STEP = 1.0e-4
 """Step of numerical derivatives, in units of the parameters."""
-REFERENCE_PARAMETERS = {"nonlinear_viscous": (2,), "thermal_drift": (3,), "dwell_breakaway": (3,), "gravity": (2,)}
-"""Parameters that are a reference value or follow from the joint. They are never fitted: (effect, indices)."""
+REFERENCE_PARAMETERS = {
+    "nonlinear_viscous": (2,), "thermal_drift": (3,), "dwell_breakaway": (3,), "gravity": (2,),
+    PERIODIC_DISTURBANCE: (PHASE,),
+}  # fmt: skip
+"""Parameters that are a reference value or follow from joint or recording. They are never fitted: (effect, indices)."""
 JACOBIAN_REFRESH_STEPS = 3
 """Number of steps between computations of the derivatives with respect to the nominal parameters."""
 FITTED_BY_LOGARITHM = (
@@ -339,6 +345,9 @@ def refit(
                 break
             age = 0 if is_small else (age + 1) % JACOBIAN_REFRESH_STEPS
     model, moved = unpack(x)
+    if any(effects[i].name == PERIODIC_DISTURBANCE for i, _ in free):
+        model = with_phases_of(model, data.motions[0])
+        moved = model.effects[len(model.effects) - len(moved) :]
     units = np.where(ratio, scales * np.exp(x[n:] * ratio), scales)
     return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free, is_small)
 

@@ -24,10 +24,15 @@ Floats = NDArray[np.float64]
 
 stribeck_level = vectorised("friction").stribeck_level
 asymmetric_coulomb = vectorised("effects").asymmetric_coulomb
+periodic_disturbance = vectorised("effects").periodic_disturbance
 ASYMMETRIC_COULOMB = "asymmetric_coulomb"
 """The effect with a separate sliding force for each direction, which is chosen by the displacement within a step."""
 NEED_SLIDING_FORCE = ("frictional_lag", "backlash")
 """Effects that depend on the sliding force."""
+PERIODIC_DISTURBANCE = "periodic_disturbance"
+"""The effect whose phase is another in every recording: nobody starts a pump or the mains with the recording."""
+PHASE = 2
+"""Index of its phase."""
 
 DAMPING = "element_damping"
 """Name of the parameter that scales the damping of all elements."""
@@ -159,15 +164,19 @@ class Prediction:
         friction: simulated element friction [N].
         stick_indicator: 0 where the contact slides, 1 where it sticks or creeps and the encoder resolution matters;
             empty if the contact was not simulated.
+        phases: phase of each periodic disturbance in this recording [rad].
     """
 
     residual: Floats
     friction: Floats
     stick_indicator: Floats
+    phases: tuple[float, ...] = ()
 
 
 def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) -> Prediction:
     """Return the prediction of a model along a motion.
+
+    A periodic disturbance has the phase that fits this motion best, whatever its settings say.
 
     Args:
         model: the model.
@@ -178,8 +187,9 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
     friction = model.friction
     on_sliding_force = tuple(item for item in model.effects if effect(item.name).place is Place.LEVEL_FACTOR)
     on_path = tuple(item for item in model.effects if effect(item.name).place is Place.EFFORT_PATH)
+    periodic = tuple(item for item in model.effects if item.name == PERIODIC_DISTURBANCE)
     corrected = _corrected_motion(
-        tuple(item for item in model.effects if item not in on_sliding_force + on_path), friction, motion
+        tuple(item for item in model.effects if item not in on_sliding_force + on_path + periodic), friction, motion
     )
     sides = (1.0, 1.0)
     for item in on_sliding_force:
@@ -219,8 +229,60 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
     needed = (
         mass * corrected.acceleration + friction.viscous_coefficient * corrected.velocity + elements + corrected.force
     )
-    command = needed_command(on_path, needed, motion)
-    return Prediction(motion.effort - command, elements, stick_indicator)
+    command, phases = needed_command(on_path, needed, motion), []
+    for item in periodic:
+        phases.append(_phase_in(item, on_path, needed, command, motion))
+        needed = needed + _periodic_force(item, phases[-1], motion)
+        command = needed_command(on_path, needed, motion)
+    return Prediction(motion.effort - command, elements, stick_indicator, tuple(phases))
+
+
+def with_phases_of(model: Model, motion: Motion) -> Model:
+    """Return the model whose periodic disturbances have their phases in one recording.
+
+    Args:
+        model: the model.
+        motion: the recording.
+    """
+    if not any(item.name == PERIODIC_DISTURBANCE for item in model.effects):
+        return model
+    phases = iter(predict(model, motion).phases)
+    return replace(
+        model,
+        effects=tuple(
+            EffectSettings(item.name, (*item.values[:PHASE], next(phases)))
+            if item.name == PERIODIC_DISTURBANCE
+            else item
+            for item in model.effects
+        ),
+    )
+
+
+def _phase_in(
+    item: EffectSettings, on_path: Sequence[EffectSettings], needed: Floats, command: Floats, motion: Motion
+) -> float:
+    """Return the phase with which a periodic disturbance predicts the effort of a recording best [rad].
+
+    Args:
+        item: the disturbance.
+        on_path: effects on the path of the effort.
+        needed: force that the motion needs without it [N], shape (n,).
+        command: the command for that force [N], shape (n,).
+        motion: the recording.
+    """
+    if item.values[0] == 0.0:
+        return item.values[PHASE]
+    sides = np.array([
+        needed_command(on_path, needed + _periodic_force(item, phase, motion), motion) - command
+        for phase in (0.0, 0.5 * np.pi)
+    ])  # fmt: skip
+    (sine, cosine), *_ = np.linalg.lstsq(sides @ sides.T, sides @ (motion.effort - command), rcond=None)
+    return float(np.arctan2(cosine, sine))
+
+
+def _periodic_force(item: EffectSettings, phase: float, motion: Motion) -> Floats:
+    """Return the force of a periodic disturbance with a phase along a recording [N]."""
+    return np.asarray(periodic_disturbance(motion.time, (*item.values[:PHASE], phase)), dtype=np.float64)
 
 
 def needed_command(on_path: Sequence[EffectSettings], needed: Floats, motion: Motion) -> Floats:

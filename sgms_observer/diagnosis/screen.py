@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from sgms_observer.diagnosis import search
 from sgms_observer.diagnosis.fit import DERIVATIVE_STEP, Freedom, Refit, WhitenedData, prior_widths
-from sgms_observer.diagnosis.model import predict, stribeck
+from sgms_observer.diagnosis.model import PERIODIC_DISTURBANCE, predict, stribeck
 from sgms_observer.diagnosis.sliding_force import BACKLASH, PARTS_OF_SLIDING_FORCE, share_of_sliding_force
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
@@ -22,8 +23,6 @@ from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
-PERIODIC_DISTURBANCE = "periodic_disturbance"
-"""The effect that is screened over the spectrum of the residual instead of a grid of shapes."""
 SIMULATED_EFFECTS = ("asymmetric_coulomb",)
 """Effects on the sliding force whose column needs a simulation: at rest they differ from an added force."""
 SECOND_START_SHARE = {BACKLASH: 0.5}
@@ -157,10 +156,7 @@ class Screen:
     def _screened(self, name: str) -> Screening:
         """Return the screening of one effect, with one shape in memory at a time."""
         if name == PERIODIC_DISTURBANCE:
-            reduction, best = self._strongest_sine(self._left)
-            return Screening(
-                () if best is None else ((reduction, best),), 1, 1.0 if best is None else best.independent_share
-            )
+            return self._strongest_sine()
         found: list[tuple[float, Columns]] = []
         shares: list[float] = []
         shapes = search.shapes(name, self.data.motions, self.model)
@@ -175,24 +171,46 @@ class Screen:
                 found = sorted([*found, (reduction, item)], key=lambda pair: -pair[0])[:MAX_SHAPES]
         return Screening(tuple(found), len(shapes), float(np.median(shares)) if shares else 0.0)
 
-    def _strongest_sine(self, left: Floats) -> tuple[float, Columns | None]:
-        """Return chi2_reduction and columns of the best sine in time near the largest line of the spectrum."""
-        motion, noise = self.data.motions[0], self.data.noise[0]
-        grid = np.fft.rfftfreq(len(self._thin[0]["t"]), noise.period)
-        grid = grid[grid <= noise.band]
-        real, imaginary = left[: len(grid)], left[len(grid) : 2 * len(grid) - 1]
-        power = real[1:] ** 2 + imaginary**2
-        start = int(np.searchsorted(grid[1:], MIN_PERIODS / float(motion.time[-1])))
-        peak = grid[1:][start + int(np.argmax(power[start:]))]
-        size = search.TRIAL_SHARE * self.model.friction.coulomb_force
+    def _strongest_sine(self) -> Screening:
+        """Return the screening of sines in time near the largest line of all spectra; every line counts as a trial.
+
+        Each recording has a phase of its own, hence a sine and a cosine of its own.
+        """
+        trials, place, largest, peak = 0, 0, 0.0, (0.0, 1.0)
+        for motion, noise, thin in zip(self.data.motions, self.data.noise, self._thin, strict=True):
+            grid = np.fft.rfftfreq(len(thin["t"]), noise.period)
+            grid = grid[grid <= noise.band]
+            real, imaginary = self._left[place : place + len(grid)], self._left[place + len(grid) :][: len(grid) - 1]
+            place += 2 * len(grid) - 1
+            duration = float(motion.time[-1])
+            start = max(1, int(np.searchsorted(grid, MIN_PERIODS / duration)))
+            power = real[start:] ** 2 + imaginary[start - 1 :] ** 2
+            trials += len(power)
+            if len(power) and power.max() > largest:
+                largest, peak = float(power.max()), (float(grid[start + int(np.argmax(power))]), duration)
         best: tuple[float, Columns | None] = (0.0, None)
-        for offset in (-0.6, -0.3, 0.0, 0.3, 0.6):
-            shape = search.sine_and_cosine(PERIODIC_DISTURBANCE, size, peak + offset / float(motion.time[-1]))
-            raw = np.column_stack([self._column(PERIODIC_DISTURBANCE, item.values) for item in shape.columns()])
-            item = self._orthonormal(shape, raw)
-            if item is not None and (reduction := item.chi2_reduction(left)) > best[0]:
+        for offset in (-0.6, -0.3, 0.0, 0.3, 0.6) if largest > 0.0 else ():
+            item = self._sines(peak[0] + offset / peak[1])
+            if item is not None and (reduction := item.chi2_reduction(self._left)) > best[0]:
                 best = (reduction, item)
-        return best
+        reduction, found = best
+        return (
+            Screening((), trials, 1.0)
+            if found is None
+            else Screening(((reduction, found),), trials, found.independent_share)
+        )
+
+    def _sines(self, frequency: float) -> Columns | None:
+        """Return a sine and a cosine in time for each recording, as columns of one shape."""
+        size, count = search.TRIAL_SHARE * self.model.friction.coulomb_force, len(self.data.motions)
+        pair = search.sine_and_cosine(PERIODIC_DISTURBANCE, size, frequency)
+        sides = [self._thin_parts(effect(PERIODIC_DISTURBANCE), item.values) for item in pair.columns()]
+
+        def combine(c: Floats) -> tuple[float, ...]:
+            return (size * float(np.linalg.norm(c)) / np.sqrt(count), *pair.combine(c[:2])[1:])
+
+        raw = linalg.block_diag(*(np.column_stack(parts) for parts in zip(*sides, strict=True)))
+        return self._orthonormal(search.Shape(PERIODIC_DISTURBANCE, pair.bases * count, combine), raw)
 
     def starts(self, name: str) -> list[EffectSettings]:
         """Return the starts of a fit: the best shape, and a clearly different one that is nearly as good."""
@@ -265,6 +283,10 @@ class Screen:
 
     def _thin_column(self, entry: Effect, values: tuple[float, ...]) -> Floats:
         """Return the column of an effect without memory, computed at the rate of residuals."""
+        return np.concatenate(self._thin_parts(entry, values))
+
+    def _thin_parts(self, entry: Effect, values: tuple[float, ...]) -> list[Floats]:
+        """Return the part of that column in each recording."""
         formula = getattr(vectorised(entry.output.__module__), entry.output.__name__)
         wanted = inspect.signature(formula).parameters
         parts = []
@@ -273,4 +295,4 @@ class Screen:
             result = formula(*(known[key] for key in wanted))
             force = thin["friction"] * (result - 1.0) if entry.place is Place.LEVEL_FACTOR else result
             parts.append(noise.whitened(-np.broadcast_to(force, thin["q"].shape), weights))
-        return np.concatenate(parts)
+        return parts

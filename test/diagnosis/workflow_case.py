@@ -46,7 +46,10 @@ def record(
     is_unsmoothed: bool = False,
     period: float = PERIOD,
 ) -> Recording:
-    """Return a recording of a stage with ``effects`` and force noise of 1 % of the Coulomb force."""
+    """Return a recording of a stage with ``effects`` and force noise of 1 % of the Coulomb force.
+
+    A periodic disturbance is added to the effort, because a prediction has the phase of the recording.
+    """
     raw = np.round(rich_position(duration, seed, period) / 1e-8) * 1e-8
     rng = np.random.default_rng([seed, 5])
     white = rng.standard_normal(len(raw))
@@ -54,9 +57,15 @@ def record(
     noise[0] = 0.0
     for k in range(1, len(raw)):
         noise[k] = 0.85 * noise[k - 1] + 0.527 * white[k]
-    truth = Model(mass, FRICTION, is_unsmoothed=is_unsmoothed).with_effects(effects)
+    periodic = [one for one in effects if one.name == "periodic_disturbance"]
+    truth = Model(mass, FRICTION, is_unsmoothed=is_unsmoothed).with_effects(
+        [one for one in effects if one not in periodic]
+    )
     motion = motion_of(Recording("test", period, raw, np.zeros(len(raw))))
     needed = -predict(truth, motion).residual + 0.04 * noise
+    for one in periodic:
+        amplitude, frequency, phase = one.values
+        needed = needed + amplitude * np.sin(2.0 * np.pi * frequency * motion.time + phase)
     held = np.empty(len(raw))
     held[0] = needed[0]
     for k in range(1, len(raw)):  # the effort whose mean over the samples before and after is what is needed, damped
