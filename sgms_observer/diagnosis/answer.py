@@ -258,7 +258,7 @@ def _warnings(
     warnings = [*diagnosis.warnings, *homing_warnings(models, diagnosis.evaluation, units)]
     if any(item.settings.name == PERIODIC_DISTURBANCE for item in effects):
         warnings.append(
-            f"the phase of {PERIODIC_DISTURBANCE} is that of the first recording, and another in every run: leave the"
+            "the phase of periodic_disturbance is that of the first recording, and another in every run: leave the"
             " effect out of the file of the observer, unless the disturbance starts together with the observer"
         )
     if not whole.passed:
