@@ -12,7 +12,7 @@ from scipy import signal
 from sgms_observer.compensation.feedforward_kernel import standstill_velocity
 from sgms_observer.diagnosis.evidence import blocks_of
 from sgms_observer.diagnosis.model import Model, with_phases_of
-from sgms_observer.diagnosis.motion import HELD_LAG, PLAY_HALF_WIDTH, Motion, delayed, motion_of, play_operator
+from sgms_observer.diagnosis.motion import HELD_LAG, PLAY_HALF_WIDTH, Motion, delayed, motion_of, without_jitter
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.recording import Recording
@@ -84,7 +84,7 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
         return motion.low_pass(needed - applied)[counted]
 
     measured = np.asarray(signal.sosfiltfilt(motion.smoothing, record.position), dtype=np.float64)
-    left_along_measured = left_along(play_operator(measured, PLAY_HALF_WIDTH * motion.resolution))
+    left_along_measured = left_along(without_jitter(measured, PLAY_HALF_WIDTH * motion.resolution))
     standstill = axis.compensation.standstill_velocity or standstill_velocity(axis.filter, period)
     slides = motion.thinned(np.abs(estimates.velocity)[:: motion.step] > standstill)[counted]
     reference = record.whole_reference

@@ -13,7 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.contact import element_friction
-from sgms_observer.diagnosis.motion import PLAY_HALF_WIDTH, Motion, play_operator, second_difference, split_at_reversals
+from sgms_observer.diagnosis.motion import (
+    PLAY_HALF_WIDTH,
+    Motion,
+    second_difference,
+)
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place
@@ -329,12 +333,11 @@ def _corrected_motion(
         effects = CompiledEffects(others, motion.period)
         state = effects.initial_state()
         if effects.has_position:
-            position = motion.smoothed(effects.corrected_position(motion.raw))
+            raw = effects.corrected_position(motion.raw)
+            position = motion.smoothed(raw)
             velocity = np.gradient(position, motion.period)
             acceleration = second_difference(position, motion.period)
-            first, second = split_at_reversals(
-                play_operator(position, PLAY_HALF_WIDTH * motion.resolution), motion.period
-            )
+            first, second = motion.contact_motion(raw)
         moved = compensated_for_hold(acceleration) if effects.added_mass != 0.0 else acceleration
         force, _factor = effects.evaluate(
             position, velocity, moved, motion.time, motion.effort, np.full(n, motion.period),

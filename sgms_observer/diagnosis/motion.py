@@ -7,6 +7,7 @@ recording has no lag.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -14,7 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import ndimage, signal
 
 from sgms_observer.errors import DataError
 from sgms_observer.jit import njit
@@ -44,6 +45,8 @@ MAX_CACHED = 4
 """Number of cached results per motion and kind: a parameter outside the contact needs no new simulation."""
 REST_SHARE = 2.0e-3
 """The stage counts as resting below this share of the 99.5 % quantile of the speed."""
+_GAUSSIAN_WIDTH = math.sqrt(math.log(2.0)) / (2.0 * math.pi)
+"""Standard deviation of a Gaussian low-pass in time, times its corner at -3 dB."""
 EDGE_TIME = 0.1
 """Time dropped at either end for the transients of the low-pass [s]."""
 
@@ -65,6 +68,7 @@ class Motion:
         has_other: whether there is another axis.
         thinning: factor from the working rate to the rate of residuals.
         smoothing: the low-pass of the motion at the rate of the recording.
+        contact_width: standard deviation of the Gaussian low-pass of the contact's motion, in samples of the recording.
         step: factor from the rate of the recording to the working rate.
         raw: position as recorded [m].
         resolution: encoder step; 0 if none is visible [m].
@@ -86,6 +90,7 @@ class Motion:
     has_other: bool
     thinning: int
     smoothing: Floats
+    contact_width: float
     step: int
     raw: Floats
     resolution: float
@@ -95,6 +100,10 @@ class Motion:
     def smoothed(self, raw: Floats) -> Floats:
         """Return a position as recorded, filtered like ``position`` [m]."""
         return np.asarray(signal.sosfiltfilt(self.smoothing, raw)[:: self.step], dtype=np.float64)
+
+    def contact_motion(self, raw: Floats) -> tuple[Floats, Floats]:
+        """Return ``first`` and ``second`` for another position as recorded."""
+        return contact_motion(raw, self.contact_width, self.step, self.period, self.resolution)
 
     def low_pass(self, values: Floats) -> Floats:
         """Return ``values`` below the band, at the rate of residuals, edges dropped."""
@@ -214,7 +223,8 @@ def motion_of(record: Recording, lag: float = HELD_LAG, band: float = BAND) -> M
         other_a = second_difference(other, period)
     velocity = np.gradient(position, period)
     resolution = record.encoder_step
-    first, second = split_at_reversals(play_operator(position, PLAY_HALF_WIDTH * resolution), period)
+    width = _GAUSSIAN_WIDTH / (corner * record.period)
+    first, second = contact_motion(record.position, width, step, period, resolution)
     rest = 0.5 / (period * band * 1.25)
     return Motion(
         record.name,
@@ -231,6 +241,7 @@ def motion_of(record: Recording, lag: float = HELD_LAG, band: float = BAND) -> M
         record.other_position is not None,
         max(1, int(rest)),
         smooth,
+        width,
         step,
         record.position,
         resolution,
@@ -258,6 +269,23 @@ def _apply_play(position: Floats, half: float, out: Floats) -> None:
         out[k] = place
 
 
+def contact_motion(raw: Floats, width: float, step: int, period: float, resolution: float) -> tuple[Floats, Floats]:
+    """Return the motion of the contact: the displacement of each step before and after a reversal in it [m].
+
+    The low-pass is a Gaussian one. It has no negative weights, so that a stage that stops at once stops in the filtered
+    motion too, instead of moving back a little, which would release the friction.
+
+    Args:
+        raw: position as recorded [m].
+        width: standard deviation of the Gaussian, in samples of the recording.
+        step: factor from the rate of the recording to the working rate.
+        period: working period [s].
+        resolution: encoder step [m].
+    """
+    smooth = ndimage.gaussian_filter1d(raw, width, mode="nearest")[::step]
+    return split_at_reversals(without_jitter(smooth, PLAY_HALF_WIDTH * resolution), period)
+
+
 def play_operator(position: Floats, half: float) -> Floats:
     """Return a position filtered by the play operator (hysteresis) of half width ``half`` [m], which removes jitter."""
     if half <= 0.0:
@@ -265,6 +293,48 @@ def play_operator(position: Floats, half: float) -> Floats:
     out = np.empty_like(position)
     _apply_play(position, half, out)
     return out
+
+
+def without_jitter(position: Floats, half: float) -> Floats:
+    """Return a position without encoder jitter, without lag, and with its turns where they were [m].
+
+    Forward, the play operator turns late at each reversal; backward, it turns as much too early. A lag of the motion
+    would look like a delay of the effort, or like backlash. Their mean has no lag, but moves half as fast within a
+    width of the operator around each turn, so that it turns ``half`` too early. This is undone.
+
+    Args:
+        position: shape (n,) [m].
+        half: half width of the play operator [m].
+    """
+    if half <= 0.0:
+        return position
+    mean = 0.5 * (play_operator(position, half) + play_operator(position[::-1], half)[::-1])
+    return mean + _lost_at_turns(mean, half)
+
+
+def _lost_at_turns(position: Floats, most: float) -> Floats:
+    """Return what a position that moves half as fast near its turns has lost of them [m].
+
+    It is largest at the turn, up to ``most`` and up to half of the travel to the turns before and after, and falls by
+    as much as the position has moved away from the turn.
+    """
+    step = np.diff(position)
+    moving = np.flatnonzero(step)
+    direction = np.sign(step[moving])
+    last = np.flatnonzero(np.diff(direction)) + 1
+    turns, outward = moving[last], -direction[last]  # where the position begins to move back, and out of which side
+    if len(turns) == 0:
+        return np.zeros_like(position)
+    place = position[turns]
+    travel = np.abs(np.diff(place, prepend=position[:1], append=position[-1:]))
+    lost = np.minimum(most, 0.5 * np.minimum(travel[:-1], travel[1:]))
+    later = np.searchsorted(turns, np.arange(len(position)))
+    found = np.zeros_like(position)
+    for side in (later - 1, later):
+        known = (side >= 0) & (side < len(turns))
+        at = side[known]
+        found[known] += outward[at] * np.maximum(0.0, lost[at] - np.abs(position[known] - place[at]))
+    return found
 
 
 def split_at_reversals(position: Floats, period: float) -> tuple[Floats, Floats]:

@@ -1,5 +1,7 @@
 """Parts of the workflow by themselves."""
 
+from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,8 +16,9 @@ from sgms_observer.diagnosis.decision import Decision, comparisons
 from sgms_observer.diagnosis.evaluation import Evidence
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise, refit
+from sgms_observer.diagnosis.gap import rms
 from sgms_observer.diagnosis.model import Model, predict
-from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, motion_of, play_operator
+from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, motion_of, play_operator, without_jitter
 from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, fit_noise
 from sgms_observer.diagnosis.replicates import coloured, replicate_of
 from sgms_observer.diagnosis.screen import Screen
@@ -39,6 +42,34 @@ def test_play_takes_flicker_off_and_nothing_else() -> None:
     assert np.ptp(play_operator(flicker, 0.6e-8)[1:]) == 0.0  # settled after the first step
     travel = np.linspace(0.0, 1e-3, 1000)
     assert np.ptp(play_operator(travel, 0.6e-8)) == pytest.approx(1e-3, rel=1e-4)
+
+
+def test_a_motion_without_jitter_turns_where_and_when_the_position_turns() -> None:
+    half, corners = 0.05, [0.0, 1.0, 0.2, 0.6, 0.55, 0.9]  # the step back of 0.05 is narrower than the play
+    there_and_back = np.concatenate([np.linspace(*pair, 400) for pair in pairwise(corners)])
+    found = without_jitter(there_and_back, half)
+    np.testing.assert_allclose(found[::-1], without_jitter(there_and_back[::-1], half), atol=1.0e-12)
+    np.testing.assert_allclose(found[60:1050], there_and_back[60:1050], atol=1.0e-12)
+    assert np.all(np.diff(found[1200:]) >= 0.0)  # the step back is taken for jitter
+    late = play_operator(there_and_back, half)
+    assert np.flatnonzero(np.diff(late) < 0.0)[0] > 440 and abs(np.flatnonzero(np.diff(found) < 0.0)[0] - 399) <= 1
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_coarse_encoder_hides_less_of_the_friction_than_a_late_play_operator(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The effort follows the fine motion, the model the one that an encoder of 1 um shows."""
+    fine = record(seed=seed, duration=12.0)
+    read = replace(fine, position=np.round(fine.position / 1.0e-6) * 1.0e-6, recorded_step=1.0e-6)
+
+    def rest() -> float:
+        motion = motion_of(read)
+        return rms([motion.low_pass(predict(Model.of(AXIS), motion).residual)])
+
+    without_lag = rest()
+    monkeypatch.setattr("sgms_observer.diagnosis.motion.without_jitter", play_operator)
+    assert without_lag < 0.7 * rest()
 
 
 def test_a_short_record_is_one_sentence_and_a_slow_one_is_judged_below_its_own_rate() -> None:
