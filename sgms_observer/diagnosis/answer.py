@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -104,20 +104,17 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     given = residuals(replace(Model.of(axis), effects=diagnosis.file_effects), data.motions)
     final = final_model(data, contradiction)
     rest = data.rest(final.after)
-    over_noise = ratio_to_noise(rest.rms, final.noise)
     learnt: list[FittedMap] = []
-    free: FreeForm | None = None
-    unnamed: Decision | None = None
-    by_name = range_tests(data, final)
-    if over_noise >= criteria.min_gap_over_floor:
-        free = data.predictable(data.evidence(final.after), final.fit.model)
-        by_name += coordinate_tests(data, final, axis.units)
-        unnamed = _best_unnamed(diagnosis, criteria)
-        if not diagnosis.is_poor and contradiction is None:
-            learnt = learnt_maps(data, final, axis.units)
+    free = data.predictable(data.evidence(final.after), final.fit.model)
+    by_name = [*range_tests(data, final), *coordinate_tests(data, final, axis.units)]
+    unnamed = _best_unnamed(diagnosis, criteria)
+    if not diagnosis.is_poor and contradiction is None:
+        learnt = learnt_maps(data, final, axis.units)
     model = final.fit.model.with_effects([item.settings for item in learnt])
     total = residuals(model, data.motions) if learnt else final.after
-    floor = _floor(data, final, total, free, unnamed)
+    floor = _left_by_predictors(data, final, total, free, unnamed)
+    final = replace(final, noise=min(final.noise, floor))  # it was fitted to what these still predict
+    over_noise = ratio_to_noise(rest.rms, final.noise)
     predictable_share = max(
         _share_of_both(rest, free) if free else 0.0,
         unnamed.significant_share(criteria) if unnamed else 0.0,
@@ -137,17 +134,16 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     )  # fmt: skip
     percent, setup = 100.0 / data.effort, diagnosis.written.setup
 
-    def gap_with(some: Sequence[EffectSettings]) -> float:
-        again = setup.fit(some, final.fit.logs, REFIT_STEPS)
-        return percent * data.rms(data.residuals(again, setup))
+    def residuals_with(some: Sequence[EffectSettings]) -> tuple[Floats, ...]:
+        return data.residuals(setup.fit(some, final.fit.logs, REFIT_STEPS), setup)
 
-    contact_effects = {one.name for one in accepted_candidates(final.accepted) if one.is_contact_law}
-    if contact_effects and predictable_share > 0.0:
-        predicted = predictable_share * gap.after**2
-        closed = gap_with([one for one in final.fit.effects if one.name not in contact_effects]) ** 2 - gap.after**2
-        if predicted > criteria.min_predictable_share * (predicted + closed):
-            # Too much of the rest is predictable: these effects describe a part of the difference of a contact law.
-            return answer_of(replace(diagnosis, names_contact_effects=False), axis, options, contradiction)
+    def gap_with(some: Sequence[EffectSettings]) -> float:
+        return percent * data.rms(residuals_with(some))
+
+    contact_tests = _contact_law_tests(data, final, residuals_with, predictable_share)
+    failed = [test for test in contact_tests if not test.passed]
+    if failed:
+        return answer_of(replace(diagnosis, refused_contact_effects=failed[0]), axis, options, contradiction)
     effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_with)
     effects += measured_quantisation(diagnosis)
     verdict = verdict_of(diagnosis, effects, unnamed_rest, bool(learnt), whole, trust)
@@ -170,8 +166,8 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         next_experiment=next_experiment(verdict, effects, significant, diagnosis, axis.units),
         tests=(
             *(test for item in diagnosis.rounds for test in item.tests),
-            *final.tests, *by_name, whole, unnamed_rest, *trust,
-            *([] if contradiction is None else [contradiction]),
+            *final.tests, *by_name, *contact_tests, whole, unnamed_rest, *trust,
+            *(test for test in (diagnosis.refused_contact_effects, contradiction) if test is not None),
         ),
         doubtful=tuple(test for test in by_name if not test.passed),
         usable=whole.passed and not diagnosis.is_poor,
@@ -186,6 +182,40 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     )  # fmt: skip
 
 
+def _contact_law_tests(
+    data: GapData,
+    final: FinalModel,
+    residuals_with: Callable[[Sequence[EffectSettings]], tuple[Floats, ...]],
+    predictable_share: float,
+) -> list[Test]:
+    """Return the tests that named effects which another contact law can imitate explain most of what is left of it.
+
+    Where they do not, they describe a part of the difference between the contact laws.
+
+    Args:
+        data: recordings of the gap.
+        final: models without and with the named effects.
+        residuals_with: function that returns the residuals with some of the effects, everything else fitted again [N].
+        predictable_share: share of the squared rest that surely is predictable.
+    """
+    names = {one.name for one in accepted_candidates(final.accepted) if one.is_contact_law}
+    if not names:
+        return []
+    after = data.rms(final.after) ** 2
+    others = residuals_with([one for one in final.fit.effects if one.name not in names])
+    closed = max(data.rms(others) ** 2 - after, 1.0e-300)
+    predicted, of = predictable_share * after, ", ".join(sorted(names))
+    return [
+        at_most(
+            of, "what is left above the noise, over what it closes", max(after - final.noise**2, 0.0) / closed, 1.0
+        ),
+        at_most(
+            of, "predictable rest, as a share of what it and the effect close", predicted / (predicted + closed),
+            data.options.criteria.min_predictable_share,
+        ),
+    ]  # fmt: skip
+
+
 def _share_of_both(rest: WeightedResidual, free: FreeForm) -> float:
     """Return the share of the squared gap that a free-form regression predicts, the smaller one of two weightings.
 
@@ -197,10 +227,10 @@ def _share_of_both(rest: WeightedResidual, free: FreeForm) -> float:
     return max(0.0, min(free.improvement.share, reported))
 
 
-def _floor(
+def _left_by_predictors(
     data: GapData, final: FinalModel, total: Sequence[Floats], free: FreeForm | None, unnamed: Decision | None
 ) -> float:
-    """Return the rms residual that no predictor removes [N]: the larger of noise and smallest residual of a predictor.
+    """Return the smallest rms residual of a predictor [N].
 
     Args:
         data: recordings of the gap.
@@ -215,7 +245,7 @@ def _floor(
         gaps.append(rest.minus(free.predicted).rms)
     if unnamed is not None:
         gaps.append(rest.rms * math.sqrt(max(0.0, 1.0 - unnamed.reported.share)))
-    return max(final.noise, min(gaps))
+    return min(gaps)
 
 
 def _gap(data: GapData, given: Sequence[Floats], final: FinalModel, floor: float) -> Gap:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR
 from sgms_observer.diagnosis.evaluation import EvaluationData, Evidence, evidence_of
 from sgms_observer.diagnosis.evidence import Improvement, improvement, preference
-from sgms_observer.diagnosis.fit import Refit
+from sgms_observer.diagnosis.fit import Refit, limits
 from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
@@ -104,9 +104,12 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     tests += range_tests(item, evaluation)
     if item.settings is not None:
-        tests += physical_tests(item, evaluation)
+        found = strength(item)
+        if found < criteria.min_z_score:
+            found = max(found, strength_beyond_tolerance(item, before))
+        tests += physical_tests(item, found, evaluation)
         if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
-            tests += free_form_tests(item, before, evaluation)
+            tests += free_form_tests(item, before, gap, evaluation)
     return Decision(item, later, gain, gap, reported, tuple(tests))
 
 
@@ -158,11 +161,17 @@ def within_range(settings: EffectSettings, motions: Sequence[Motion], nominal: M
     return at_most(settings.name, "parameters at the end of their range", at_end, 0.0)
 
 
-def physical_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
-    """Return tests that the recordings can show the effect: strength, frequency, delay and limit."""
+def physical_tests(item: Candidate, ratio: float, evaluation: EvaluationData) -> list[Test]:
+    """Return tests that the recordings can show the effect: strength, frequency, delay and limit.
+
+    Args:
+        item: the hypothesis.
+        ratio: its strength over its standard error.
+        evaluation: the recordings.
+    """
     settings = item.settings
     assert settings is not None
-    ratio, least = strength(item), evaluation.criteria.min_z_score
+    least = evaluation.criteria.min_z_score
     tests = [at_least(item.name, "strength over its standard error", ratio, least)]
     values = dict(zip((p.name for p in effect(settings.name).parameters), settings.values, strict=True))
     rate = min(motion.step / motion.period for motion in evaluation.fit_motions)
@@ -189,18 +198,41 @@ def physical_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
     return tests
 
 
-def strength(item: Candidate) -> float:
+def strength(item: Candidate, held: Set[int] = frozenset()) -> float:
     """Return the strength of a hypothesis over its standard error with the shape as it was fitted.
 
     A free shape is not determined where the effect is absent (Davies 1987, Biometrika 74(1)).
+
+    Args:
+        item: the hypothesis, an effect.
+        held: nominal parameters that count as known.
     """
     assert item.settings is not None
     found = item.refit
     place = [one.name for one in found.effects].index(item.settings.name)
     parameters = effect(item.settings.name).parameters
-    held = {(i, j) for i, j in found.free if i == place and not parameters[j].is_strength}
-    errors = found.standard_errors(held)
+    shape = {(i, j) for i, j in found.free if i == place and not parameters[j].is_strength}
+    errors = found.standard_errors(shape, held)
     return strength_over_error(item.settings, {j: error for (i, j), error in errors.items() if i == place})
+
+
+def strength_beyond_tolerance(item: Candidate, before: Refit) -> float:
+    """Return the strength over its standard error of what an effect adds to values at the end of their tolerance.
+
+    The tolerance of the file is a hard bound. A value that lies at its end without the effect cannot be what makes the
+    rest: a mass error beyond the tolerance is sure, although the mass within the tolerance is not known.
+
+    Args:
+        item: the hypothesis, an effect.
+        before: fit without it.
+
+    Returns:
+        0 if no value lies at the end of its tolerance.
+    """
+    setup = item.setup
+    bound = limits(setup.nominal, setup.tolerance, setup.freedom)
+    at_end = frozenset(np.flatnonzero(np.abs(before.logs) >= (1.0 - RANGE_END_TOLERANCE) * bound).tolist())
+    return strength(alone(item, before), at_end) if at_end else 0.0
 
 
 def strength_over_error(settings: EffectSettings, errors: Mapping[int, float]) -> float:
@@ -222,15 +254,17 @@ def strength_over_error(settings: EffectSettings, errors: Mapping[int, float]) -
     return max(found, default=math.inf)
 
 
-def free_form_tests(item: Candidate, before: Refit, evaluation: EvaluationData) -> list[Test]:
-    """Return the test that a free-form regression over the same coordinates predicts no better than the effect.
+def free_form_tests(item: Candidate, before: Refit, closed: Improvement, evaluation: EvaluationData) -> list[Test]:
+    """Return the test that a free-form regression over the same coordinates predicts hardly better than the effect.
 
     The residual may contain other effects, and a recording correlates coordinates: a stage that repeats one move has
-    the same velocity at the same position. Both sides may therefore also use all other coordinates.
+    the same velocity at the same position. Both sides may therefore also use all other coordinates. What the regression
+    surely predicts better is a share of what it and the effect close.
 
     Args:
         item: the hypothesis.
         before: fit without it.
+        closed: improvement of the weighted residual by the hypothesis [N^2].
         evaluation: the recordings.
     """
     names = free_form_coordinates(item.name)
@@ -238,12 +272,14 @@ def free_form_tests(item: Candidate, before: Refit, evaluation: EvaluationData) 
         return []
     others = tuple(name for name in ALL if name not in names)
     without_effect = min((_rest(before.model, one, evaluation) for one in (names, ALL)), key=lambda rest: rest.rms)
-    block, most = evaluation.criteria.block, evaluation.criteria.min_z_score
-    title = f"z-score of a free-form term over {', '.join(names)}"
+    criteria = evaluation.criteria
+    title = f"share that a free-form term over {', '.join(names)} surely predicts better"
     for one in ((), others):  # the second regression takes time and is needed only if the effect alone does not match
         with_effect = _rest(item.refit.model, one, evaluation)
-        better = improvement(with_effect.blocks(block), without_effect.blocks(block))
-        test = at_most(item.name, title, better.z_score, most)
+        better = improvement(with_effect.blocks(criteria.block), without_effect.blocks(criteria.block))
+        share = better.decrease / (max(closed.decrease, 0.0) + better.decrease) if better.decrease > 0.0 else 0.0
+        is_sure = better.z_score > criteria.min_z_score
+        test = at_most(item.name, title, share if is_sure else 0.0, criteria.min_predictable_share)
         if test.passed:
             break
     return [test]

@@ -261,7 +261,7 @@ class Diagnosis:
         warnings: sentences for the user.
         is_poor: whether the excitation is too poor for any result.
         tests: tests of the whole model.
-        names_contact_effects: whether a contact law effect may have a name: not if too much of the rest is predictable.
+        refused_contact_effects: failed test of contact law effects, which then have no name; None if they may have.
         has_changed_contact: whether a friction value of the file is beyond its tolerance in the final model.
     """
 
@@ -277,15 +277,16 @@ class Diagnosis:
     warnings: tuple[str, ...] = field(default=())
     is_poor: bool = False
     tests: tuple[Test, ...] = field(default=())
-    names_contact_effects: bool = True
+    refused_contact_effects: Test | None = None
     has_changed_contact: bool = False
 
     @property
     def accepted(self) -> list[Round]:
         """Return the rounds that added a named effect.
 
-        An effect that only describes another contact law is named if little of the rest is predictable, and neither a
-        change of the contact nor another one of them came before. Otherwise it counts as a changed value of the file.
+        An effect that only describes another contact law is named if it closes more of the gap than it leaves, if
+        little of the rest is predictable, and if neither a change of the contact nor another one of them came before.
+        Otherwise it counts as a changed value of the file.
         """
         added = [(item, item.accepted.candidate) for item in self.rounds if item.accepted]
         return [
@@ -306,6 +307,6 @@ class Diagnosis:
         listed = accepted_candidates(self.rounds)
         found = [one.name for one in listed if one.is_contact_law]
         parts = [one for one in listed if one.is_contact_law or (one.settings is None and self.has_changed_contact)]
-        if self.names_contact_effects and found and parts[0].name == found[0]:
+        if self.refused_contact_effects is None and found and parts[0].name == found[0]:
             found = found[1:]
         return frozenset(found)

@@ -215,16 +215,20 @@ class Refit:
     free: tuple[tuple[int, int], ...]
     is_converged: bool = True
 
-    def standard_errors(self, held: Set[tuple[int, int]] = frozenset()) -> dict[tuple[int, int], float]:
+    def standard_errors(
+        self, held: Set[tuple[int, int]] = frozenset(), held_nominal: Set[int] = frozenset()
+    ) -> dict[tuple[int, int], float]:
         """Return the standard error of each free effect parameter, SI units.
 
         Args:
             held: effect parameters that count as known.
+            held_nominal: nominal parameters that count as known.
         """
         n = self.jacobian.shape[1] - len(self.free)
         free = [k for k, index in enumerate(self.free) if index not in held]
-        columns = self.jacobian[:, [*range(n), *(n + k for k in free)]]
-        variance = np.diag(np.linalg.pinv(columns.T @ columns))[n:]
+        nominal = [k for k in range(n) if k not in held_nominal]
+        columns = self.jacobian[:, [*nominal, *(n + k for k in free)]]
+        variance = np.diag(np.linalg.pinv(columns.T @ columns))[len(nominal) :]
         errors = np.sqrt(np.maximum(variance, 0.0)) * self.scales[free]
         return {self.free[k]: float(error) for k, error in zip(free, errors, strict=True)}
 

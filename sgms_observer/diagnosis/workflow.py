@@ -13,7 +13,14 @@ from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, effect_c
 from sgms_observer.diagnosis.changed import changed_values
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_freed, changed_candidate
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.decision import Decision, comparisons, decide, preferred, z_score_between
+from sgms_observer.diagnosis.decision import (
+    Decision,
+    comparisons,
+    decide,
+    free_form_prediction,
+    preferred,
+    z_score_between,
+)
 from sgms_observer.diagnosis.diagnosis import (
     FIT_STEPS,
     REFIT_STEPS,
@@ -28,6 +35,7 @@ from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement, preference
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise
+from sgms_observer.diagnosis.free_form import ALL
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.map_fit import MAP_NAMES
 from sgms_observer.diagnosis.model import Model
@@ -230,7 +238,9 @@ def _search(
         state = replace(found.state, current=current)
         evaluation = state.evaluation(options)
         is_closed = bool(found.rounds) and evaluation.is_gap_closed(current.model)
-        if is_closed and not _noise_hides_effect(found.rounds[-1], options):
+        if is_closed and not (
+            _noise_hides_effect(found.rounds[-1], options) or _is_predictable(current.model, evaluation)
+        ):
             return replace(found, states=(*found.states[:-1], state))
         earlier = evidence_of(current, evaluation)
         screen = Screen(setup.data, current, options.tolerance, setup.freedom, names, options.workers)
@@ -244,6 +254,14 @@ def _search(
         best = select_hypothesis(eligible, state.bounded(evaluation), listed)
         found = _with_best(found, state, Round(screen.screenings, tuple(decisions), None, {}), best, listed, options)
     return found
+
+
+def _is_predictable(model: Model, evaluation: EvaluationData) -> bool:
+    """Return whether a regression surely predicts a share of the residual that is worth a name, although the residual
+    looks like noise: the noise is fitted to it."""
+    criteria = evaluation.criteria
+    found = free_form_prediction(ALL, model, evaluation).improvement
+    return found.z_score > criteria.min_z_score and found.share > criteria.min_predictable_share
 
 
 def _noise_hides_effect(last: Round, options: Options) -> bool:

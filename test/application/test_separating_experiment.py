@@ -60,7 +60,7 @@ def test_the_designed_motions_separate_what_the_first_recording_does_not(tmp_pat
     friction = axis.friction
     deflections = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
     first_motion = learning_motion(limits, PERIOD, 2.0 * float(deflections.max()), friction.stribeck_velocity, 25.0)
-    learn = played(first_motion, "learn", 2)
+    learn = played(first_motion, "learn", 5)
     bags, latest = [learn], "diagnosis"
     answers = [named(bags, latest)]
     assert [(one["name"], one["alternatives"]) for one in answers[0]] == [("asymmetric_coulomb", ["offset"])]
@@ -69,7 +69,7 @@ def test_the_designed_motions_separate_what_the_first_recording_does_not(tmp_pat
         found = separating([("asymmetric_coulomb", "offset")], with_noise_of(learn, model), limits, 0.0, PERIOD)
         assert found is not None
         number = len(answers)
-        bags, latest = [*bags, played(found.motion, f"experiment_{number}", 2 + number)], f"diagnosis_{number}"
+        bags, latest = [*bags, played(found.motion, f"experiment_{number}", 5 + number)], f"diagnosis_{number}"
         answers.append(named(bags, latest))
     assert [(one["name"], one["alternatives"]) for one in answers[-1]] == [("asymmetric_coulomb", [])]
 

@@ -66,14 +66,19 @@ def test_where_drift_hides_the_gap_the_effect_counts_alone(evaluation: Evaluatio
     assert HELD_OUT_GAP in [test.name for test in failed.tests if not test.passed]
 
 
-@pytest.mark.parametrize("preference, goes_on", [(10.0, True), (-10.0, False)])
+@pytest.mark.parametrize(
+    "preference, is_predictable, goes_on", [(10.0, False, True), (-10.0, True, True), (-10.0, False, False)]
+)
 def test_noise_does_not_end_the_search_where_it_holds_an_effect(
-    monkeypatch: pytest.MonkeyPatch, preference: float, goes_on: bool
+    monkeypatch: pytest.MonkeyPatch, preference: float, is_predictable: bool, goes_on: bool
 ) -> None:
-    """With the gap within the noise the search goes on only if a rejected effect fits better than the added one."""
+    """With the gap within the noise the search goes on only if a rejected effect fits better than the added one, or a
+    regression predicts a part of the rest."""
     monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset", "spring"))
     monkeypatch.setattr(EvaluationData, "is_gap_closed", lambda *_: True)
     monkeypatch.setattr(workflow, "preference", lambda *_: preference)
+    if not is_predictable:
+        monkeypatch.setattr(workflow, "_is_predictable", lambda *_: False)
     hidden = (EffectSettings("offset", (1.5,)), SPRING)
     one, other = (record(hidden, seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
     found = workflow.diagnose([one], [other], AXIS, Options(workers=1, band=25.0))

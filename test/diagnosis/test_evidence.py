@@ -10,7 +10,15 @@ from workflow_case import AXIS, evaluation_of, record
 
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.criteria import Criteria, at_least, at_most
-from sgms_observer.diagnosis.decision import decide, free_form_prediction, free_form_tests, physical_tests, range_tests
+from sgms_observer.diagnosis.decision import (
+    decide,
+    free_form_prediction,
+    free_form_tests,
+    physical_tests,
+    range_tests,
+    strength,
+    strength_beyond_tolerance,
+)
 from sgms_observer.diagnosis.evaluation import evidence_of
 from sgms_observer.diagnosis.evidence import (
     Improvement,
@@ -187,9 +195,10 @@ def test_a_name_is_earned_where_a_free_form_term_over_its_coordinates_does_no_be
     for start, is_earned in ((COGGING, True), (EffectSettings("spring", (10.0, 0.0)), False)):
         found = setup.fit((start,), None, 8)
         item = Candidate(start.name, setup, found, 1)
-        (test,) = free_form_tests(item, plain, evaluation)
+        closed = improvement(evidence_of(plain, evaluation).force, evidence_of(found, evaluation).force)
+        (test,) = free_form_tests(item, plain, closed, evaluation)
         assert test.passed == is_earned, (start.name, test.value)
-        assert test.name == "z-score of a free-form term over position"
+        assert test.name == "share that a free-form term over position surely predicts better"
 
 
 def test_a_hypothesis_that_fails_says_which_test_with_its_value() -> None:
@@ -218,11 +227,11 @@ def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
         effects = (EffectSettings(name, values),)
         return Candidate(name, setup, replace(plain, effects=effects), 1)
 
-    assert all(test.passed for test in physical_tests(item("periodic_disturbance", 0.1, 0.39 * rate, 0.0), evaluation))
-    assert not all(
-        test.passed for test in physical_tests(item("periodic_disturbance", 0.1, 0.41 * rate, 0.0), evaluation)
-    )
-    assert not all(test.passed for test in physical_tests(item("actuator_saturation", 1e-3 * most), evaluation))
+    slow, fast = (item("periodic_disturbance", 0.1, share * rate, 0.0) for share in (0.39, 0.41))
+    assert all(test.passed for test in physical_tests(slow, math.inf, evaluation))
+    assert not all(test.passed for test in physical_tests(fast, math.inf, evaluation))
+    low = item("actuator_saturation", 1e-3 * most)
+    assert not all(test.passed for test in physical_tests(low, math.inf, evaluation))
     assert not all(test.passed for test in range_tests(item("actuator_saturation", most), evaluation))
     assert not all(
         test.passed for test in range_tests(item("mass_error", -0.9 * MODEL.mass), evaluation)
@@ -247,7 +256,20 @@ def test_a_delay_that_a_held_effort_or_inexact_stamps_may_make_fails(lag: float)
         return Candidate("actuator_delay", setup, refit, 1)
 
     for total, error, is_long in ((0.66, 0.01, True), (0.64, 0.01, False), (0.66, 0.02, False), (0.52, 0.001, False)):
-        *_, test = physical_tests(delayed(total - lag, error), evaluation)
+        candidate = delayed(total - lag, error)
+        *_, test = physical_tests(candidate, strength(candidate), evaluation)
         assert test.name == "shortest likely lag of the effort over sample period"
         assert test.value == pytest.approx(max(lag, total - CRITERIA.min_z_score * error))
         assert test.passed == is_long
+
+
+@pytest.mark.parametrize(("mass", "is_beyond"), [(5.4, True), (5.1, False)])
+def test_a_mass_beyond_its_tolerance_is_sure_though_the_mass_within_is_not(mass: float, is_beyond: bool) -> None:
+    motion = motion_of(record(duration=10.0, mass=mass))
+    setup = RefitSetup(data_with_own_noise([motion], MODEL), MODEL, 0.05)
+    before = setup.fit((), None, 6)
+    error = EffectSettings("mass_error", (0.1,))
+    item = Candidate("mass_error", setup, setup.fit((error,), before.logs, 6), 1)
+    assert strength(item) < CRITERIA.min_z_score
+    beyond = strength_beyond_tolerance(item, before)
+    assert beyond > CRITERIA.min_z_score if is_beyond else beyond == 0.0

@@ -153,7 +153,7 @@ def test_a_second_map_is_learnt_where_the_first_leaves_something_predictable() -
 
 
 def test_a_small_effect_is_named_beside_one_that_closes_nearly_everything() -> None:
-    spring, drag = EffectSettings("spring", (150.0, 0.0)), EffectSettings("quadratic_drag", (60.0,))
+    spring, drag = EffectSettings("spring", (150.0, 0.0)), EffectSettings("quadratic_drag", (100.0,))
     answer = answered((made((spring, drag), 1), made((spring, drag), 2)), AXIS)
     assert [item.settings.name for item in answer.effects] == ["spring", "quadratic_drag"]
     closed = answer.effects[0].gap_before ** 2 - answer.effects[0].gap_after ** 2

@@ -187,5 +187,5 @@ def test_a_missing_element_is_found_where_the_others_have_bent_to_stand_in_for_i
     assert np.abs(shifted_fit.logs[STRIBECK_VELOCITY + 1 :]).max() > 0.5
     columns = Screen(data, shifted_fit, 0.05, Freedom(), ()).nominal_columns
     setup = RefitSetup(data, fine, 0.05)
-    found = first_fit(setup, shifted_fit, EffectSettings("presliding", (0.6, 2e-4)), columns)
+    found = finish_fit(setup, first_fit(setup, shifted_fit, EffectSettings("presliding", (0.6, 2e-4)), columns))
     assert found.effects[0].values == pytest.approx((1.6, 3e-5), rel=0.25)

@@ -36,6 +36,7 @@ NATURAL = {
     "parameters at the end of their range": 0.0,
     "gap as reported, as a share of the effort": 1.0,
     "what the coordinates of a contact still predict, over what it closes": 1.0,
+    "what is left above the noise, over what it closes": 1.0,
     "friction not cancelled by the feedforward: z-score of its growth": 3.0,
 }
 """Thresholds that nobody could choose otherwise."""
