@@ -33,7 +33,7 @@ CRITERION_OF = {
     "z-score on data not fitted to": "min_z_score",
     "z-score over all recordings": "min_z_score",
     "strength over its standard error": "min_z_score",
-    "share that a free-form term": "min_predictable_share",
+    "share that is surely predicted better": "min_predictable_share",
     "z-score beside the other effects": "min_z_score",
     "held-out gap: z-score": "interval_z_score",
     "gap as reported: z-score": "interval_z_score",

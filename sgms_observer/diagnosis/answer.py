@@ -230,7 +230,7 @@ def _share_of_both(rest: WeightedResidual, free: FreeForm) -> float:
 def _left_by_predictors(
     data: GapData, final: FinalModel, total: Sequence[Floats], free: FreeForm | None, unnamed: Decision | None
 ) -> float:
-    """Return the smallest rms residual of a predictor [N].
+    """Return the smallest rms residual that the model, a learnt map or another sure predictor leaves [N].
 
     Args:
         data: recordings of the gap.
@@ -264,7 +264,7 @@ def _gap(data: GapData, given: Sequence[Floats], final: FinalModel, floor: float
         given=percent * data.rms(given),
         before=percent * before.rms,
         after=percent * after.rms,
-        floor=percent * min(floor, after.rms),
+        floor=percent * floor,
         noise=percent * final.noise,
         interval_before=interval(before, criteria, seed),
         interval_after=interval(after, criteria, seed),

@@ -273,7 +273,7 @@ def free_form_tests(item: Candidate, before: Refit, closed: Improvement, evaluat
     others = tuple(name for name in ALL if name not in names)
     without_effect = min((_rest(before.model, one, evaluation) for one in (names, ALL)), key=lambda rest: rest.rms)
     criteria = evaluation.criteria
-    title = f"share that a free-form term over {', '.join(names)} surely predicts better"
+    title = f"share that is surely predicted better by a free-form term over {', '.join(names)}"
     for one in ((), others):  # the second regression takes time and is needed only if the effect alone does not match
         with_effect = _rest(item.refit.model, one, evaluation)
         better = improvement(with_effect.blocks(criteria.block), without_effect.blocks(criteria.block))

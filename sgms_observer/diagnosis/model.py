@@ -13,11 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.contact import element_friction
-from sgms_observer.diagnosis.motion import (
-    PLAY_HALF_WIDTH,
-    Motion,
-    second_difference,
-)
+from sgms_observer.diagnosis.motion import PLAY_HALF_WIDTH, Motion, second_difference
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place

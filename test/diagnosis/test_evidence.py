@@ -198,7 +198,7 @@ def test_a_name_is_earned_where_a_free_form_term_over_its_coordinates_does_no_be
         closed = improvement(evidence_of(plain, evaluation).force, evidence_of(found, evaluation).force)
         (test,) = free_form_tests(item, plain, closed, evaluation)
         assert test.passed == is_earned, (start.name, test.value)
-        assert test.name == "share that a free-form term over position surely predicts better"
+        assert test.name == "share that is surely predicted better by a free-form term over position"
 
 
 def test_a_hypothesis_that_fails_says_which_test_with_its_value() -> None:
