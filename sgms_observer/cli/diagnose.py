@@ -70,6 +70,7 @@ def run(args: argparse.Namespace) -> int | Outcome:
     """Do the job, as ``main.Command``."""
     from sgms_observer.application.diagnose import FILES, DiagnoseRequest, diagnose_bags
     from sgms_observer.cli.progress import Progress
+    from sgms_observer.diagnosis.report import sentence
     from sgms_observer.effects.catalogue import effect
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.whole_file import refuse_existing_files
@@ -99,6 +100,7 @@ def run(args: argparse.Namespace) -> int | Outcome:
     for note in done.notes:
         print(f"note: {note}")
     print(f"verdict: {answer.verdict} (seed {args.seed})")
+    print(f"  {sentence(answer)}")
     for item in answer.effects:
         entry = effect(item.settings.name)
         values = ", ".join(

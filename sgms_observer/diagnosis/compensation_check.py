@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from sgms_observer.compensation.feedforward_kernel import standstill_velocity
 from sgms_observer.diagnosis.evidence import blocks_of
 from sgms_observer.diagnosis.model import Model, with_phases_of
-from sgms_observer.diagnosis.motion import HELD_LAG, PLAY_HALF_WIDTH, Motion, delayed, motion_of, without_jitter
+from sgms_observer.diagnosis.motion import HELD_LAG, Motion, contact_position, delayed, motion_of
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.recording import Recording
@@ -83,8 +82,7 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
         applied = delayed(np.nan_to_num(feedforward), motion.lag)[:: motion.step]
         return motion.low_pass(needed - applied)[counted]
 
-    measured = np.asarray(signal.sosfiltfilt(motion.smoothing, record.position), dtype=np.float64)
-    left_along_measured = left_along(without_jitter(measured, PLAY_HALF_WIDTH * motion.resolution))
+    left_along_measured = left_along(contact_position(record.position, motion.contact_width, 1, motion.resolution))
     standstill = axis.compensation.standstill_velocity or standstill_velocity(axis.filter, period)
     slides = motion.thinned(np.abs(estimates.velocity)[:: motion.step] > standstill)[counted]
     reference = record.whole_reference

@@ -272,18 +272,30 @@ def _apply_play(position: Floats, half: float, out: Floats) -> None:
 def contact_motion(raw: Floats, width: float, step: int, period: float, resolution: float) -> tuple[Floats, Floats]:
     """Return the motion of the contact: the displacement of each step before and after a reversal in it [m].
 
+    Args:
+        raw: position as recorded [m].
+        width: standard deviation of the low-pass, in samples of the recording.
+        step: factor from the rate of the recording to the working rate.
+        period: working period [s].
+        resolution: encoder step [m].
+    """
+    return split_at_reversals(contact_position(raw, width, step, resolution), period)
+
+
+def contact_position(raw: Floats, width: float, step: int, resolution: float) -> Floats:
+    """Return the position of the contact, at every ``step``-th sample [m].
+
     The low-pass is a Gaussian one. It has no negative weights, so that a stage that stops at once stops in the filtered
     motion too, instead of moving back a little, which would release the friction.
 
     Args:
         raw: position as recorded [m].
         width: standard deviation of the Gaussian, in samples of the recording.
-        step: factor from the rate of the recording to the working rate.
-        period: working period [s].
+        step: factor between the rates.
         resolution: encoder step [m].
     """
     smooth = ndimage.gaussian_filter1d(raw, width, mode="nearest")[::step]
-    return split_at_reversals(without_jitter(smooth, PLAY_HALF_WIDTH * resolution), period)
+    return without_jitter(smooth, PLAY_HALF_WIDTH * resolution)
 
 
 def play_operator(position: Floats, half: float) -> Floats:

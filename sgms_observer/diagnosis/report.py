@@ -143,6 +143,12 @@ def sentence(answer: Answer) -> str:
         case "cannot_tell":
             return "These recordings cannot show whether the model misses anything."
         case _:
+            if answer.changed:
+                values = ", ".join(item.name for item in answer.changed)
+                return (
+                    "No effect is missing that these recordings could show, but the fit moves"
+                    f" {values} beyond the tolerance of the file: {shrink}."
+                )
             return (
                 f"Nothing is missing that these recordings could show; the gap is {gap.after:.3g} % of the rms effort."
             )

@@ -29,6 +29,7 @@ from sgms_observer.diagnosis.diagnosis import (
     Options,
     Recordings,
     Round,
+    WrittenFits,
     accepted_candidates,
 )
 from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG
@@ -56,6 +57,8 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings
 Report = Callable[[str, float], None]
 Floats = NDArray[np.float64]
 
+LAST_SHARE = 0.85
+"""Share of the work that is done when the search ends."""
 NOT_SEARCHED = ("quantisation", *MAP_NAMES)
 """Effects that are not searched: the encoder resolution is measured directly, learnt maps are fitted at the end."""
 
@@ -101,18 +104,65 @@ def diagnose(
     if axis.filter.effort_is_held and state.recordings.lag < MIN_HELD_LAG:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
     file_state = state
-    rounds: tuple[Round, ...] = ()
-    if not audited.is_poor:
-        state, rounds = without_redundant_effects(*_best_search(state, known_effects, options, report), options)
-        state, rounds = compared_again(state, rounds, [item.name for item in known_effects], options)
-    report("refit of the file's own elements", 0.85)
-    state, rounds, written = without_insignificant_effects(file_state, state, rounds, nominal, options)
+    if audited.is_poor:
+        report("refit of the file's own elements", LAST_SHARE)
+        state, rounds, written = without_insignificant_effects(file_state, state, (), nominal, options)
+    else:
+        state, rounds, written = _searched(file_state, nominal, known_effects, options, report)
     found = Diagnosis(
         nominal, known_effects, file_state, state, written, rounds, state.evaluation(options), audited.resolution,
         audited.notes, tuple(warnings), audited.is_poor,
     )  # fmt: skip
     moved = [one.name for one in changed_values(found, written.after, options)]
     return replace(found, has_changed_contact=any(name.startswith("friction.") for name in moved))
+
+
+def _searched(
+    file_state: FitState,
+    nominal: Model,
+    known_effects: Sequence[EffectSettings],
+    options: Options,
+    report: Report,
+) -> tuple[FitState, tuple[Round, ...], WrittenFits]:
+    """Return the state with everything that is accepted in the end, the rounds, and the fits as they are written.
+
+    An effect may take the place of others and fail a test of the whole result only. It is removed then, and the search
+    is repeated from what is left, without it: what it displaced may come back.
+
+    Args:
+        file_state: state after the refit within the tolerance.
+        nominal: the given model.
+        known_effects: effects of the file.
+        options: options of the diagnosis.
+        report: called with the current step and the completed share.
+    """
+    listed = [item.name for item in known_effects]
+    state, rounds = _best_search(file_state, known_effects, options, report)
+    removed: frozenset[str] = frozenset()
+    while True:
+        state, rounds = compared_again(*without_redundant_effects(state, rounds, options), listed, options)
+        accepted = _names_of(rounds)
+        report("refit of the file's own elements", LAST_SHARE)
+        state, rounds, written = without_insignificant_effects(file_state, state, rounds, nominal, options)
+        kept = _names_of(rounds)
+        if kept == accepted:
+            return state, rounds, written
+        removed |= accepted - kept
+        effects = sum(one.settings is not None for one in accepted_candidates(rounds))
+        rest = replace(
+            options, excluded=options.excluded | removed | kept,
+            criteria=replace(options.criteria, max_effects=options.criteria.max_effects - effects),
+        )  # fmt: skip
+        found, added = _best_search(state, known_effects, rest, report)
+        rounds = (*rounds, *added)
+        if not _names_of(added):
+            return state, rounds, written
+        state = found
+
+
+def _names_of(rounds: Sequence[Round]) -> frozenset[str]:
+    """Return the names of what these rounds added."""
+    return frozenset(one.name for one in accepted_candidates(rounds))
 
 
 def choose_element_freedom(state: FitState, options: Options) -> FitState:
