@@ -34,7 +34,7 @@ from sgms_observer.diagnosis.diagnosis import (
 )
 from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
-from sgms_observer.diagnosis.evidence import improvement, preference
+from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise
 from sgms_observer.diagnosis.free_form import ALL
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
@@ -287,11 +287,10 @@ def _search(
         current = finish_fit(setup, found.state.current)  # as many steps as for the hypotheses
         state = replace(found.state, current=current)
         evaluation = state.evaluation(options)
-        is_closed = bool(found.rounds) and evaluation.is_gap_closed(current.model)
-        if is_closed and not (
-            _noise_hides_effect(found.rounds[-1], options) or _is_predictable(current.model, evaluation)
-        ):
-            return replace(found, states=(*found.states[:-1], state))
+        if found.rounds and evaluation.is_gap_closed(current.model) and not _is_predictable(current.model, evaluation):
+            changed = []  # they explain what surely is more than noise
+            if not _leaves_a_sure_prediction(found.rounds[-1]):
+                return replace(found, states=(*found.states[:-1], state))
         earlier = evidence_of(current, evaluation)
         screen = Screen(setup.data, current, options.tolerance, setup.freedom, names, options.workers)
         report("full fits", share + 0.02)
@@ -314,15 +313,11 @@ def _is_predictable(model: Model, evaluation: EvaluationData) -> bool:
     return found.z_score > criteria.min_z_score and found.share > criteria.min_predictable_share
 
 
-def _noise_hides_effect(last: Round, options: Options) -> bool:
-    """Return whether a rejected effect predicts the recordings to learn from significantly better than the accepted
-    hypothesis. The noise is fitted to what that one leaves, so it contains the effect."""
-    accepted = last.accepted
-    return accepted is not None and any(
-        preference(item.evidence.fit, accepted.evidence.fit) > options.criteria.min_z_score
-        for item in last.decisions
-        if item.candidate.settings is not None
-    )
+def _leaves_a_sure_prediction(last: Round) -> bool:
+    """Return whether another effect than the accepted hypothesis predicted significantly better than the model without
+    either. The noise is fitted to what the accepted one leaves, so it may contain the other."""
+    assert last.accepted is not None
+    return any(item.tests[0].passed for item in last.decisions if item.candidate is not last.accepted.candidate)
 
 
 def _with_best(

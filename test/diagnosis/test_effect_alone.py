@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from workflow_case import AXIS, evaluation_of, record
 
-from sgms_observer.diagnosis import workflow
+from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.candidates import Candidate
+from sgms_observer.diagnosis.criteria import at_least
 from sgms_observer.diagnosis.decision import HELD_OUT_GAP, decide
-from sgms_observer.diagnosis.diagnosis import Options, accepted_candidates
+from sgms_observer.diagnosis.diagnosis import FitState, Options, Round, accepted_candidates
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.fit import RefitSetup
 from sgms_observer.diagnosis.gap import residuals
@@ -67,19 +69,47 @@ def test_where_drift_hides_the_gap_the_effect_counts_alone(evaluation: Evaluatio
 
 
 @pytest.mark.parametrize(
-    "preference, is_predictable, goes_on", [(10.0, False, True), (-10.0, True, True), (-10.0, False, False)]
+    "is_sure, is_predictable, goes_on", [(True, False, True), (False, True, True), (False, False, False)]
 )
 def test_noise_does_not_end_the_search_where_it_holds_an_effect(
-    monkeypatch: pytest.MonkeyPatch, preference: float, is_predictable: bool, goes_on: bool
+    monkeypatch: pytest.MonkeyPatch, is_sure: bool, is_predictable: bool, goes_on: bool
 ) -> None:
-    """With the gap within the noise the search goes on only if a rejected effect fits better than the added one, or a
-    regression predicts a part of the rest."""
+    """With the gap within the noise the search goes on only if another effect than the added one surely predicted, as
+    the spring does here, or a regression predicts a part of the rest."""
     monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset", "spring"))
     monkeypatch.setattr(EvaluationData, "is_gap_closed", lambda *_: True)
-    monkeypatch.setattr(workflow, "preference", lambda *_: preference)
+    if not is_sure:
+        monkeypatch.setattr(workflow, "_leaves_a_sure_prediction", lambda *_: False)
     if not is_predictable:
         monkeypatch.setattr(workflow, "_is_predictable", lambda *_: False)
     hidden = (EffectSettings("offset", (1.5,)), SPRING)
     one, other = (record(hidden, seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
     found = workflow.diagnose([one], [other], AXIS, Options(workers=1, band=25.0))
     assert (len(accepted_candidates(found.rounds)) > 1) is goes_on
+
+
+def test_after_an_effect_is_removed_the_search_goes_on_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset", "asymmetric_coulomb"))
+    monkeypatch.setattr(workflow, "CHANGE_HYPOTHESES", ())
+    monkeypatch.setattr(workflow._Search, "can_go_on", lambda search, *_: not search.rounds)  # one effect at a time
+
+    def without_offset(found: FitState, state: FitState, rounds: tuple[Round, ...], *others: Any) -> Any:
+        """Remove the offset in the end, as a failed test does."""
+        failed = at_least("offset", "a test of the whole result", 0.0, 1.0)
+        rounds = tuple(item.with_test(failed) if added(item) == "offset" else item for item in rounds)
+        state = state if any(item.accepted for item in rounds) else found
+        return pruning.without_insignificant_effects(found, state, rounds, *others)
+
+    monkeypatch.setattr(workflow, "without_insignificant_effects", without_offset)
+    one, other = (record((OFFSET,), seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
+    found = workflow.diagnose([one], [other], AXIS, Options(workers=1, band=25.0))
+    assert [sorted(item.screenings) for item in found.rounds] == [
+        ["asymmetric_coulomb", "offset"],
+        ["asymmetric_coulomb"],
+    ]
+    assert [added(item) for item in found.rounds] == ["", "asymmetric_coulomb"]
+
+
+def added(item: Round) -> str:
+    """Return what a round added."""
+    return item.accepted.candidate.name if item.accepted else ""
