@@ -52,6 +52,8 @@ def next_experiment(
     """Return one sentence on what to record next, or None."""
     if verdict == "cannot_tell":
         sentence = diagnosis.warnings[0] if diagnosis.is_poor else "identify the axis first, or record more motion"
+        if diagnosis.is_contact_hidden and not diagnosis.is_poor:
+            sentence = "record the position with a finer encoder, the motor's for example"
         return sentence[0].upper() + sentence[1:] + "."
     if verdict == "ambiguous":
         for item in named:

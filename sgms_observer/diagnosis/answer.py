@@ -125,13 +125,16 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     unnamed_rest = at_most(
         "model", "surely predictable share of the rest", predictable_share, criteria.min_predictable_share
     )
-    trust = (
+    trust = [
         at_most("model", "gap over noise, where nothing predicts it", over_noise, criteria.max_gap_over_noise),
         at_most(
             "model", "share of the squared gap that the refit adds",
             _share_added_by_refit(data.rest(final.before), given, criteria), criteria.min_predictable_share,
         ),
-    )  # fmt: skip
+    ]  # fmt: skip
+    if diagnosis.is_contact_hidden:
+        title = "gap over noise, where the encoder hides the contact"
+        trust.append(at_most("model", title, over_noise, criteria.min_gap_over_floor))
     percent, setup = 100.0 / data.effort, diagnosis.written.setup
 
     def residuals_with(some: Sequence[EffectSettings]) -> tuple[Floats, ...]:
@@ -296,7 +299,7 @@ def _warnings(
             f"unusable model: {gap.after:.0f} % of the effort is unexplained; identify the axis first, or record more"
             " motion"
         )
-    if verdict == "cannot_tell" and whole.passed and not diagnosis.is_poor:
+    if verdict == "cannot_tell" and whole.passed and not (diagnosis.is_poor or diagnosis.is_contact_hidden):
         warnings.append(
             f"the gap is {over_noise:.0f} times the noise, and the recordings to learn from do not show why: learn"
             " from recordings with the motion that is judged"
@@ -344,6 +347,6 @@ def verdict_of(
         return "ambiguous" if any(item.alternatives for item in effects) else "effect_found"
     if not whole.passed and not is_learnt:
         return "cannot_tell"
-    if not rest.passed:
-        return "unknown_effect"
+    if not rest.passed:  # what an encoder hides of the contact is predictable too, and not missing
+        return "cannot_tell" if diagnosis.is_contact_hidden and not is_learnt else "unknown_effect"
     return "no_effect" if all(test.passed for test in trust) else "cannot_tell"

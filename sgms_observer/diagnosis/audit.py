@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.model import Model, hidden_by_encoder
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.settings.axis import AxisSettings
 
@@ -36,12 +36,14 @@ class Audit:
         notes: sentences about the recordings.
         warnings: sentences for the user.
         is_poor: whether the excitation is too poor for any result.
+        hidden_by_encoder: friction of the file that reverses within one encoder step, over the static force.
         resolution: measured encoder step if it is coarser than the configured one [its unit], or None.
     """
 
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     is_poor: bool
+    hidden_by_encoder: float
     resolution: float | None
 
 
@@ -86,9 +88,16 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
     if reversals < 10 and not poor:
         notes.append(f"only {reversals} reversals: little can be said about presliding and break-away")
     warnings += poor
+    hidden = hidden_by_encoder(friction, motions)
+    if hidden > 1.0:
+        warnings.append(
+            f"the encoder step of {grid_step:.3g} {units.position} is too coarse for the contact: within it a reversal"
+            f" takes {50.0 * hidden:.0f} % of its friction; what a contact can imitate (a delay, a limit, a mass) is"
+            " not named"
+        )
     configured = axis.stage.encoder.resolution
     coarser = configured > 0.0 and grid_step > MIN_GRID_RATIO * configured
-    return Audit(tuple(notes), tuple(warnings), bool(poor), grid_step if coarser else None)
+    return Audit(tuple(notes), tuple(warnings), bool(poor), hidden, grid_step if coarser else None)
 
 
 def travel_of(motion: Motion) -> float:

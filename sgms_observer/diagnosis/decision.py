@@ -22,6 +22,7 @@ from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import HELD_LAG, Motion
 from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.effects.catalogue import effect
+from sgms_observer.effects.effect import Place
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
@@ -30,6 +31,8 @@ MAX_LAG_WITHOUT_DELAY = HELD_LAG + MAX_STAMP_ERROR
 """Largest lag of the effort without a delay, in samples: the effort is held, and its stamps are inexact."""
 HELD_OUT_GAP = "held-out gap: z-score"
 """Test that the gap of held-out recordings shrinks, both where the contact slides and as reported."""
+HIDDEN_BY_ENCODER = "friction that reverses within one encoder step, over the static force"
+"""Test of changes of the contact, and of effects that look like it: the encoder shows how the contact reverses."""
 RANGE_END_TOLERANCE = 1.0e-6
 """Largest relative distance at which a parameter counts as at the end of its range."""
 
@@ -103,6 +106,8 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
     share = evaluation.closed_share(gap)
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     tests += range_tests(item, evaluation)
+    if item.settings is None or needs_visible_contact(item.name):
+        tests.append(at_most(item.name, HIDDEN_BY_ENCODER, evaluation.hidden_by_encoder, 1.0))
     if item.settings is not None:
         found = strength(item)
         if found < criteria.min_z_score:
@@ -133,6 +138,18 @@ def _prediction_test(
             return alone
         title = "z-score over all recordings"
     return at_least(item.name, title, gain.z_score, criteria.z_score_of(item.trials))
+
+
+def needs_visible_contact(name: str) -> bool:
+    """Return whether an effect looks like a contact whose reversals the encoder does not show.
+
+    These are the effects that another contact law can imitate, and those on the way of the effort: they change the
+    effort at rest and at breakaway, which is what the contact makes of it.
+
+    Args:
+        name: the effect.
+    """
+    return is_confusable_with_contact(name) or effect(name).place is Place.EFFORT_PATH
 
 
 def range_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:

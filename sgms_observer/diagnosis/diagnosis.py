@@ -93,6 +93,7 @@ class FitState:
         current: the fit.
         least: smallest rms residual that a fitted hypothesis left on the evaluated recordings, with the weights of the
             evidence [N].
+        hidden_by_encoder: friction of the file that reverses within one encoder step, over the static force.
     """
 
     recordings: Recordings
@@ -101,6 +102,7 @@ class FitState:
     setup: RefitSetup
     current: Refit
     least: float = np.inf
+    hidden_by_encoder: float = 0.0
 
     def refitted(self, start: Refit, steps: int) -> FitState:
         """Return the state refitted from ``start``, with the noise of the residual of ``start``."""
@@ -142,8 +144,9 @@ class FitState:
         floor = noise_floor(motions, self.current.model, data.noise, options.seed, weights)
         gap = rms(weighted(residuals(self.current.model, motions), weights))
         found = EvaluationData(
-            self.fit_motions, motions, data, held_out_data, floor, gap, options.criteria, options.seed
-        )
+            self.fit_motions, motions, data, held_out_data, floor, gap, options.criteria, options.seed,
+            self.hidden_by_encoder,
+        )  # fmt: skip
         return self.bounded(found)
 
     def bounded(self, evaluation: EvaluationData) -> EvaluationData:
@@ -279,6 +282,11 @@ class Diagnosis:
     tests: tuple[Test, ...] = field(default=())
     refused_contact_effects: Test | None = None
     has_changed_contact: bool = False
+
+    @property
+    def is_contact_hidden(self) -> bool:
+        """Return whether the encoder does not show how the contact reverses."""
+        return self.file_state.hidden_by_encoder > 1.0
 
     @property
     def accepted(self) -> list[Round]:

@@ -40,6 +40,7 @@ class EvaluationData:
         gap: rms weighted residual of the current model on ``motions`` [N].
         criteria: thresholds.
         seed: seed of the free-form regression.
+        hidden_by_encoder: friction of the file that reverses within one encoder step, over the static force.
         predictions: free-form predictions so far, by coordinates and model.
     """
 
@@ -51,6 +52,7 @@ class EvaluationData:
     gap: float
     criteria: Criteria
     seed: int
+    hidden_by_encoder: float = 0.0
     predictions: dict[tuple[tuple[str, ...], Model], FreeForm] = field(default_factory=dict, compare=False)
 
     @property

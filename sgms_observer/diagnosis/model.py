@@ -464,6 +464,19 @@ def friction_drop_after_reversal(friction: FrictionSettings, distance: float | F
     return np.asarray(np.sum(parts, axis=0), dtype=np.float64)
 
 
+def hidden_by_encoder(friction: FrictionSettings, motions: Sequence[Motion]) -> float:
+    """Return the friction that a reversing contact loses within one encoder step, over the static force.
+
+    A whole reversal takes twice the static force: above 1, the encoder hides more than half of it.
+
+    Args:
+        friction: settings of the contact.
+        motions: recordings; the largest encoder step counts.
+    """
+    step = max(motion.resolution for motion in motions)
+    return float(friction_drop_after_reversal(friction, step)) / friction.static_force
+
+
 def largest_slip_deflection(friction: FrictionSettings) -> float:
     """Return the largest slip deflection of the elements [m]."""
     slips = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)

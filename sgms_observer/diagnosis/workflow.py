@@ -97,7 +97,10 @@ def diagnose(
         data_with_own_noise(learn, fine.with_effects(known_effects)), fine, options.tolerance,
         fixed_effects=frozenset(item.name for item in known_effects), workers=options.workers,
     )  # fmt: skip
-    state = FitState(recordings, learn, held, setup, setup.fit(known_effects, None, FIT_STEPS))
+    state = FitState(
+        recordings, learn, held, setup, setup.fit(known_effects, None, FIT_STEPS),
+        hidden_by_encoder=audited.hidden_by_encoder,
+    )  # fmt: skip
     state = state.refitted(state.current, REFIT_STEPS).with_fitted_lag()
     state = choose_element_freedom(state.refitted(state.current, REFIT_STEPS), options)
     warnings = list(audited.warnings)
