@@ -31,8 +31,6 @@ MAX_LAG_WITHOUT_DELAY = HELD_LAG + MAX_STAMP_ERROR
 """Largest lag of the effort without a delay, in samples: the effort is held, and its stamps are inexact."""
 HELD_OUT_GAP = "held-out gap: z-score"
 """Test that the gap of held-out recordings shrinks, both where the contact slides and as reported."""
-HIDDEN_BY_ENCODER = "friction that reverses within one encoder step, over the static force"
-"""Test of changes of the contact, and of effects that look like it: the encoder shows how the contact reverses."""
 RANGE_END_TOLERANCE = 1.0e-6
 """Largest relative distance at which a parameter counts as at the end of its range."""
 
@@ -107,7 +105,8 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     tests += range_tests(item, evaluation)
     if item.settings is None or needs_visible_contact(item.name):
-        tests.append(at_most(item.name, HIDDEN_BY_ENCODER, evaluation.hidden_by_encoder, 1.0))
+        title = "friction that reverses within one encoder step, over the static force"
+        tests.append(at_most(item.name, title, evaluation.hidden_by_encoder, 1.0))
     if item.settings is not None:
         found = strength(item)
         if found < criteria.min_z_score:

@@ -147,13 +147,13 @@ def _searched(
         accepted = _names_of(rounds)
         report("refit of the file's own elements", LAST_SHARE)
         state, rounds, written = without_insignificant_effects(file_state, state, rounds, nominal, options)
-        kept = _names_of(rounds)
-        if kept == accepted:
+        remaining = _names_of(rounds)
+        if remaining == accepted:
             return state, rounds, written
-        removed |= accepted - kept
+        removed |= accepted - remaining
         effects = sum(one.settings is not None for one in accepted_candidates(rounds))
         rest = replace(
-            options, excluded=options.excluded | removed | kept,
+            options, excluded=options.excluded | removed | remaining,
             criteria=replace(options.criteria, max_effects=options.criteria.max_effects - effects),
         )  # fmt: skip
         found, added = _best_search(state, known_effects, rest, report)

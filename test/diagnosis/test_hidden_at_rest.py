@@ -1,15 +1,23 @@
 """At rest an encoder's grid hides how far the contact went back: what the effort does there says nothing of a model."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from workflow_case import AXIS, record, rich_position
 
+from sgms_observer.diagnosis.answer import verdict_of
+from sgms_observer.diagnosis.criteria import at_most
+from sgms_observer.diagnosis.diagnosis import Options, accepted_candidates
 from sgms_observer.diagnosis.fit import data_with_own_noise
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
-from sgms_observer.diagnosis.model import Model, friction_drop_after_reversal
+from sgms_observer.diagnosis.model import Model, friction_drop_after_reversal, hidden_by_encoder
 from sgms_observer.diagnosis.motion import Motion, motion_of
+from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.offline.recording import Recording
-from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.settings.axis import EffectSettings, EncoderSettings, StageSettings
 
 COGGING = EffectSettings("cogging", (0.8, 0.011, 0.4, 0.0, 0.0))
 MODEL = Model.of(AXIS)
@@ -59,3 +67,37 @@ def test_a_ripple_closes_the_gap_although_the_effort_falls_at_rest() -> None:
     alike = rms(rippled) / rms(plain)
     told = rms(weighted(rippled, (weights,))) / rms(weighted(plain, (weights,)))
     assert told**2 < 0.5 < alike**2  # more than half of the squared gap, or less
+
+
+def test_an_encoder_hides_the_contact_from_half_a_reversal_on() -> None:
+    friction = MODEL.friction
+    step = 2.0 * friction.element_fraction[0] * friction.static_force / friction.element_stiffness[0]
+    motion = replace(resting(COARSE, is_released=False), resolution=step)
+    lost = step * sum(friction.element_stiffness) / friction.static_force
+    assert hidden_by_encoder(friction, [motion, replace(motion, resolution=0.0)]) == pytest.approx(lost)
+
+
+@pytest.mark.parametrize("step", [1.0e-8, 4.0e-6])
+def test_what_a_contact_can_imitate_has_a_name_only_where_the_encoder_shows_the_contact(step: float) -> None:
+    axis = replace(AXIS, stage=StageSettings(encoder=EncoderSettings(resolution=step)))
+    hidden = (EffectSettings("offset", (1.0,)), EffectSettings("quadratic_drag", (100.0,)))
+    recordings = [record(hidden, seed=seed, duration=12.0, period=0.004) for seed in (1, 2)]
+    one, other = (replace(item, position=np.round(item.position / step) * step) for item in recordings)
+    found = diagnose([one], [other], axis, Options(workers=1, band=25.0))
+    is_shown = step == 1.0e-8
+    names = [item.name for item in accepted_candidates(found.accepted)]
+    assert names == (["offset", "quadratic_drag"] if is_shown else ["offset"])
+    assert found.is_contact_hidden is not is_shown
+    assert any("too coarse for the contact" in text for text in found.warnings) is not is_shown
+
+
+@pytest.mark.parametrize(
+    "is_hidden, is_learnt, verdict",
+    [(True, False, "cannot_tell"), (True, True, "unknown_effect"), (False, False, "unknown_effect")],
+)
+def test_a_rest_that_a_hidden_contact_may_make_is_no_unknown_effect(
+    is_hidden: bool, is_learnt: bool, verdict: str
+) -> None:
+    found: Any = SimpleNamespace(is_poor=False, is_contact_hidden=is_hidden)
+    rest, whole = at_most("model", "rest", 1.0, 0.1), at_most("model", "whole", 0.1, 0.3)
+    assert verdict_of(found, (), rest, is_learnt, whole, ()) == verdict

@@ -43,7 +43,7 @@ def test_the_verdict_follows_from_names_and_the_tests_of_the_whole(
     is_poor: bool, effects: list[Named], predictable: float, unexplained: float, verdict: str
 ) -> None:
     criteria = Criteria()
-    found: Any = type("Found", (), {"is_poor": is_poor})
+    found: Any = type("Found", (), {"is_poor": is_poor, "is_contact_hidden": False})
     rest = at_most("model", "surely predictable", predictable, criteria.min_predictable_share)
     whole = at_most("model", "unexplained", unexplained, criteria.max_unexplained)
     assert verdict_of(found, effects, rest, False, whole, ()) == verdict

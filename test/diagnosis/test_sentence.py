@@ -27,3 +27,15 @@ def test_what_cannot_be_told_is_said_of_the_effect_that_it_is_about() -> None:
     doubtful = sentence(answer("ambiguous", cogging=(), stribeck=("eddy_current", "quadratic_drag")))
     assert "something like cogging and stribeck, but" in doubtful
     assert "cannot tell stribeck from eddy current or quadratic drag; the gap" in doubtful
+
+
+def test_values_of_the_file_that_moved_are_said_where_no_effect_is_missing() -> None:
+    plain = answer("no_effect")
+    plain.changed = ()
+    assert sentence(plain) == "Nothing is missing that these recordings could show; the gap is 2 % of the rms effort."
+    moved = answer("no_effect")
+    moved.changed = (SimpleNamespace(name="mass"), SimpleNamespace(name="friction.coulomb_force"))
+    assert sentence(moved) == (
+        "No effect is missing that these recordings could show, but the fit moves mass, friction.coulomb_force beyond"
+        " the tolerance of the file: the gap on held-out data falls from 4 % to 2 % of the rms effort."
+    )

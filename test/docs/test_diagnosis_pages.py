@@ -37,6 +37,7 @@ NATURAL = {
     "gap as reported, as a share of the effort": 1.0,
     "what the coordinates of a contact still predict, over what it closes": 1.0,
     "what is left above the noise, over what it closes": 1.0,
+    "friction that reverses within one encoder step, over the static force": 1.0,
     "friction not cancelled by the feedforward: z-score of its growth": 3.0,
 }
 """Thresholds that nobody could choose otherwise."""
