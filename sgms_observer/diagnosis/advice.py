@@ -51,9 +51,12 @@ def next_experiment(
 ) -> str | None:
     """Return one sentence on what to record next, or None."""
     if verdict == "cannot_tell":
-        sentence = diagnosis.warnings[0] if diagnosis.is_poor else "identify the axis first, or record more motion"
-        if diagnosis.is_contact_hidden and not diagnosis.is_poor:
+        if diagnosis.is_poor:
+            sentence = diagnosis.warnings[0]
+        elif diagnosis.is_contact_hidden:
             sentence = "record the position with a finer encoder, the motor's for example"
+        else:
+            sentence = "identify the axis first, or record more motion"
         return sentence[0].upper() + sentence[1:] + "."
     if verdict == "ambiguous":
         for item in named:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.model import Model, hidden_by_encoder
+from sgms_observer.diagnosis.model import HALF_A_REVERSAL, Model, hidden_by_encoder
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.settings.axis import AxisSettings
 
@@ -89,11 +89,11 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
         notes.append(f"only {reversals} reversals: little can be said about presliding and break-away")
     warnings += poor
     hidden = hidden_by_encoder(friction, motions)
-    if hidden > 1.0:
+    if hidden > HALF_A_REVERSAL:
         warnings.append(
-            f"the encoder step of {grid_step:.3g} {units.position} is too coarse for the contact: within it a reversal"
-            f" takes {50.0 * hidden:.0f} % of its friction; what a contact can imitate (a delay, a limit, a mass) is"
-            " not named"
+            f"the encoder step of {grid_step:.3g} {units.position} is too coarse for the contact:"
+            f" {50.0 * hidden:.0f} % of the change of friction at a reversal lie within one step; a delay, a limit, a"
+            " mass error and the like cannot be told from the contact and are not named"
         )
     configured = axis.stage.encoder.resolution
     coarser = configured > 0.0 and grid_step > MIN_GRID_RATIO * configured

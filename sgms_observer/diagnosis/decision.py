@@ -18,7 +18,7 @@ from sgms_observer.diagnosis.evidence import Improvement, improvement, preferenc
 from sgms_observer.diagnosis.fit import Refit, limits
 from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
-from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.model import HALF_A_REVERSAL, Model
 from sgms_observer.diagnosis.motion import HELD_LAG, Motion
 from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.effects.catalogue import effect
@@ -106,7 +106,7 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
     tests += range_tests(item, evaluation)
     if item.settings is None or needs_visible_contact(item.name):
         title = "friction that reverses within one encoder step, over the static force"
-        tests.append(at_most(item.name, title, evaluation.hidden_by_encoder, 1.0))
+        tests.append(at_most(item.name, title, evaluation.hidden_by_encoder, HALF_A_REVERSAL))
     if item.settings is not None:
         found = strength(item)
         if found < criteria.min_z_score:

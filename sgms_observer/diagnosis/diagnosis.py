@@ -17,7 +17,7 @@ from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.fit import Refit, RefitSetup, data_with_noise_of, data_with_own_noise
 from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
-from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.model import HALF_A_REVERSAL, Model
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.screen import Screening
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates
@@ -286,7 +286,7 @@ class Diagnosis:
     @property
     def is_contact_hidden(self) -> bool:
         """Return whether the encoder does not show how the contact reverses."""
-        return self.file_state.hidden_by_encoder > 1.0
+        return self.file_state.hidden_by_encoder > HALF_A_REVERSAL
 
     @property
     def accepted(self) -> list[Round]:

@@ -29,6 +29,8 @@ ASYMMETRIC_COULOMB = "asymmetric_coulomb"
 """The effect with a separate sliding force for each direction, which is chosen by the displacement within a step."""
 NEED_SLIDING_FORCE = ("frictional_lag", "backlash")
 """Effects that depend on the sliding force."""
+HALF_A_REVERSAL = 1.0
+"""Change of the friction in half a reversal of the contact, over the static force."""
 PERIODIC_DISTURBANCE = "periodic_disturbance"
 """The effect whose phase is another in every recording: nobody starts a pump or the mains with the recording."""
 PHASE = 2
@@ -467,7 +469,7 @@ def friction_drop_after_reversal(friction: FrictionSettings, distance: float | F
 def hidden_by_encoder(friction: FrictionSettings, motions: Sequence[Motion]) -> float:
     """Return the friction that a reversing contact loses within one encoder step, over the static force.
 
-    A whole reversal takes twice the static force: above 1, the encoder hides more than half of it.
+    A whole reversal takes twice the static force: above ``HALF_A_REVERSAL`` the encoder hides more than half of it.
 
     Args:
         friction: settings of the contact.

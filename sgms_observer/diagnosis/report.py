@@ -122,7 +122,7 @@ def sentence(answer: Answer) -> str:
     """Return the verdict in one sentence."""
     gap = answer.gap
     shrink = f"the gap on {gap.held_out} data falls from {gap.before:.3g} % to {gap.after:.3g} % of the rms effort"
-    names = _listed(answer)
+    names = _listed([item.settings.name.replace("_", " ") for item in answer.effects])
     match answer.verdict:
         case "effect_found":
             those = "it" if len(answer.effects) == 1 else "them"
@@ -144,7 +144,7 @@ def sentence(answer: Answer) -> str:
             return "These recordings cannot show whether the model misses anything."
         case _:
             if answer.changed:
-                values = ", ".join(item.name for item in answer.changed)
+                values = _listed([item.name for item in answer.changed])
                 return (
                     "No effect is missing that these recordings could show, but the fit moves"
                     f" {values} beyond the tolerance of the file: {shrink}."
@@ -154,9 +154,8 @@ def sentence(answer: Answer) -> str:
             )
 
 
-def _listed(answer: Answer) -> str:
-    """Return the names of the effects as a list in words."""
-    names = [item.settings.name.replace("_", " ") for item in answer.effects]
+def _listed(names: Sequence[str]) -> str:
+    """Return names as a list in words."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 

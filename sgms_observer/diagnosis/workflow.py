@@ -111,7 +111,7 @@ def diagnose(
         report("refit of the file's own elements", LAST_SHARE)
         state, rounds, written = without_insignificant_effects(file_state, state, (), nominal, options)
     else:
-        state, rounds, written = _searched(file_state, nominal, known_effects, options, report)
+        state, rounds, written = _search_and_prune(file_state, nominal, known_effects, options, report)
     found = Diagnosis(
         nominal, known_effects, file_state, state, written, rounds, state.evaluation(options), audited.resolution,
         audited.notes, tuple(warnings), audited.is_poor,
@@ -120,7 +120,7 @@ def diagnose(
     return replace(found, has_changed_contact=any(name.startswith("friction.") for name in moved))
 
 
-def _searched(
+def _search_and_prune(
     file_state: FitState,
     nominal: Model,
     known_effects: Sequence[EffectSettings],

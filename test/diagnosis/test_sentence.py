@@ -36,6 +36,6 @@ def test_values_of_the_file_that_moved_are_said_where_no_effect_is_missing() -> 
     moved = answer("no_effect")
     moved.changed = (SimpleNamespace(name="mass"), SimpleNamespace(name="friction.coulomb_force"))
     assert sentence(moved) == (
-        "No effect is missing that these recordings could show, but the fit moves mass, friction.coulomb_force beyond"
-        " the tolerance of the file: the gap on held-out data falls from 4 % to 2 % of the rms effort."
+        "No effect is missing that these recordings could show, but the fit moves mass and friction.coulomb_force"
+        " beyond the tolerance of the file: the gap on held-out data falls from 4 % to 2 % of the rms effort."
     )
