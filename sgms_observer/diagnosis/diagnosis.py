@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.criteria import Criteria, Test
 from sgms_observer.diagnosis.decision import Decision
-from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
+from sgms_observer.diagnosis.effort_lag import fitted_effort_lags, pieces_of_one_lag
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.fit import Refit, RefitSetup, data_with_noise_of, data_with_own_noise
-from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
+from sgms_observer.diagnosis.gap import WeightedResidual, noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.model import HALF_A_REVERSAL, Model
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.screen import Screening
@@ -31,6 +31,10 @@ FIT_STEPS = 6
 """Steps of a fit from a start that was not fitted to these recordings."""
 REFIT_STEPS = 4
 """Steps of a fit after a new fit of the noise."""
+MAX_REFITS, MIN_DECREASE = 8, 0.01
+"""Largest number of fits with a new noise each, and the decrease of the rms residual below which they end."""
+LAG_FITS = 2
+"""Number of fits of the lags of the effort, each after a fit with those found before."""
 
 
 @dataclass(frozen=True)
@@ -62,23 +66,30 @@ class Recordings:
         records: recordings to learn from.
         holdouts: held-out recordings; may be empty.
         stated_lag: lag of the effort that follows from the settings, in samples.
-        lag: fitted lag of the effort, in samples.
         band: residuals are judged below this frequency [Hz].
     """
 
     records: tuple[Recording, ...]
     holdouts: tuple[Recording, ...]
     stated_lag: float
-    lag: float
     band: float
 
-    def motions(self) -> tuple[Motion, ...]:
-        """Return the recordings to learn from, filtered."""
-        return tuple(motion_of(record, self.lag, self.band) for record in self.records)
+    def motions(self, lags: Sequence[float] | None = None) -> tuple[Motion, ...]:
+        """Return the recordings to learn from, filtered.
 
-    def held_out(self) -> tuple[Motion, ...]:
-        """Return the held-out recordings, filtered."""
-        return tuple(motion_of(record, self.lag, self.band) for record in self.holdouts)
+        Args:
+            lags: lag of the effort of each recording, in samples; the stated lag if None.
+        """
+        return self._filtered(self.records, lags)
+
+    def held_out(self, lags: Sequence[float] | None = None) -> tuple[Motion, ...]:
+        """Return the held-out recordings, filtered; argument as above."""
+        return self._filtered(self.holdouts, lags)
+
+    def _filtered(self, records: Sequence[Recording], lags: Sequence[float] | None) -> tuple[Motion, ...]:
+        """Return recordings with these lags of their effort, filtered."""
+        used = [self.stated_lag] * len(records) if lags is None else lags
+        return tuple(motion_of(record, lag, self.band) for record, lag in zip(records, used, strict=True))
 
 
 @dataclass(frozen=True)
@@ -109,19 +120,64 @@ class FitState:
         setup = replace(self.setup, data=data_with_own_noise(self.fit_motions, start.model))
         return replace(self, setup=setup, current=setup.fit(start.effects, start.logs, steps))
 
-    def with_fitted_lag(self) -> FitState:
-        """Return the state with the lag of the effort that fits the recordings."""
+    def converged(self) -> FitState:
+        """Return the state refitted until neither its noise nor its residual changes any more.
+
+        The noise is fitted to the residual of the model before. From a file with wrong values it is too large at first.
+        """
         state = self
-        for _ in range(2):
-            lag = fitted_effort_lag(state.setup.data, state.current, state.recordings.lag, state.recordings.stated_lag)
-            if lag == state.recordings.lag:
-                break
-            recordings = replace(state.recordings, lag=lag)
-            state = replace(
-                state, recordings=recordings, fit_motions=recordings.motions(), held_out_motions=recordings.held_out()
-            )
+        for _ in range(MAX_REFITS):
+            before = state._rms
             state = state.refitted(state.current, REFIT_STEPS)
+            if state._rms > (1.0 - MIN_DECREASE) * before:
+                break
         return state
+
+    @property
+    def _rms(self) -> float:
+        """Rms residual of the recordings to learn from, with the weights of the evidence [N]."""
+        return rms(weighted(residuals(self.current.model, self.fit_motions), self.setup.data.weights))
+
+    def with_fitted_lags(self) -> FitState:
+        """Return the state with the lag of the effort that fits each recording, held-out ones included."""
+        state = self
+        for _ in range(LAG_FITS):
+            lags = fitted_effort_lags(state.setup.data, state.current, state.recordings.stated_lag)
+            if lags == tuple(motion.lag for motion in state.fit_motions):
+                break
+            state = replace(state, fit_motions=state.recordings.motions(lags)).refitted(state.current, REFIT_STEPS)
+        return state._with_fitted_held_out_lags()
+
+    def _with_fitted_held_out_lags(self) -> FitState:
+        """Return the state with the lag of the effort that fits each held-out recording."""
+        if not self.held_out_motions:
+            return self
+        data = data_with_noise_of(self.held_out_motions, self.setup.data, self.current.model)
+        found = replace(self.setup, data=data).fit(self.current.effects, self.current.logs, 1, is_nominal_held=True)
+        lags = fitted_effort_lags(data, found, self.recordings.stated_lag)
+        return replace(self, held_out_motions=self.recordings.held_out(lags))
+
+    def cut_where_lags_change(self, criteria: Criteria) -> FitState:
+        """Return the state with its recordings cut where the lag of their effort changes.
+
+        Args:
+            criteria: thresholds.
+        """
+        held_out = data_with_noise_of(self.held_out_motions, self.setup.data, self.current.model)
+        records, holdouts = (
+            pieces_of_one_lag(
+                whole, WeightedResidual(data.motions, residuals(self.current.model, data.motions), data.weights),
+                self.recordings.stated_lag, criteria,
+            )
+            for whole, data in ((self.recordings.records, self.setup.data), (self.recordings.holdouts, held_out))
+        )  # fmt: skip
+        recordings = replace(self.recordings, records=records, holdouts=holdouts)
+        if (len(records), len(holdouts)) == (len(self.fit_motions), len(self.held_out_motions)):
+            return self
+        state = replace(
+            self, recordings=recordings, fit_motions=recordings.motions(), held_out_motions=recordings.held_out()
+        )
+        return state.refitted(state.current, REFIT_STEPS)
 
     def with_least_of(self, decisions: Sequence[Decision]) -> FitState:
         """Return the state that knows what these hypotheses leave: the noise cannot be larger."""

@@ -54,7 +54,8 @@ FITTED_BY_LOGARITHM = (
 """Parameters that are fitted by their logarithm where they cannot be zero."""
 MIN_NOISE_SHARE = 1.0e-3
 """Smallest rms noise of a measured force, as a share of the effort."""
-_MAX_ITERATIONS = 12
+MAX_STEPS = 40
+"""Steps after which a fit that is to converge ends anyway."""
 
 
 @dataclass(frozen=True)
@@ -240,7 +241,7 @@ def refit(
     effects: Sequence[EffectSettings] = (),
     start: Floats | None = None,
     fixed: Sequence[tuple[int, int]] = (),
-    iterations: int = _MAX_ITERATIONS,
+    iterations: int = MAX_STEPS,
     nominal_columns: Floats | None = None,
     freedom: Freedom = Freedom(),
     workers: int = 1,

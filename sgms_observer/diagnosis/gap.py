@@ -187,12 +187,12 @@ def noise_floor(
 
 def halves(motion: Motion) -> tuple[Motion, Motion]:
     """Return the two halves of a motion. Effects with memory start again in the second half."""
-    middle = len(motion.time) // 2
-    cuts = (slice(0, middle), slice(middle, None))
+    middle, count = len(motion.time) // 2, len(motion.time)
     listed = [(field.name, getattr(motion, field.name)) for field in fields(motion)]
-    series = {key: value for key, value in listed if isinstance(value, np.ndarray) and len(value) == len(motion.time)}
-    first, second = (
-        replace(motion, **{key: value[cut] for key, value in series.items()})  # type: ignore[arg-type]
-        for cut in cuts
-    )
-    return first, second
+    series = {key: value for key, value in listed if isinstance(value, np.ndarray) and len(value) == count}
+
+    def part(first: int, last: int) -> Motion:
+        cut = {key: value[first:last] for key, value in series.items()}
+        return replace(motion, **{**cut, "raw": motion.raw[first * motion.step : last * motion.step]})  # type: ignore[arg-type]
+
+    return part(0, middle), part(middle, count)

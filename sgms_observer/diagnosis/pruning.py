@@ -22,7 +22,7 @@ from sgms_observer.diagnosis.diagnosis import (
 )
 from sgms_observer.diagnosis.evaluation import evidence_of, sliding_shares
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import Refit, RefitSetup, data_with_own_noise
+from sgms_observer.diagnosis.fit import MAX_STEPS, Refit, RefitSetup, data_with_own_noise
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
@@ -228,7 +228,7 @@ def _as_written(found: FitState, state: FitState, nominal: Model) -> WrittenFits
         nominal: the given model.
     """
     first = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
-    before = first.fit(found.current.effects, None, LAST_STEPS)
+    before = first.fit(found.current.effects, None, MAX_STEPS)
     if state is found:
         return WrittenFits(before, before, first, RecordingEstimates.none(), RecordingEstimates.none())
     fine = state.setup.nominal
@@ -241,7 +241,7 @@ def _as_written(found: FitState, state: FitState, nominal: Model) -> WrittenFits
         starts.append(before.logs)
     if later.parameter_names() == fine.parameter_names():
         starts.append(state.current.logs)
-    tried = [last.fit(state.current.effects, start, LAST_STEPS) for start in starts]
+    tried = [last.fit(state.current.effects, start, MAX_STEPS) for start in starts]
     after = min(tried, key=lambda fit: fit.cost)
     fresh, of_strengths = (_with_derivatives(last, after, only_strengths) for only_strengths in (False, True))
     estimates = strengths = recording_estimates(last, fresh, state.held_out_motions)

@@ -23,7 +23,6 @@ from sgms_observer.diagnosis.decision import (
 )
 from sgms_observer.diagnosis.diagnosis import (
     FIT_STEPS,
-    REFIT_STEPS,
     Diagnosis,
     FitState,
     Options,
@@ -32,7 +31,7 @@ from sgms_observer.diagnosis.diagnosis import (
     WrittenFits,
     accepted_candidates,
 )
-from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG
+from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG, notes_on_cuts
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise
@@ -85,7 +84,7 @@ def diagnose(
     report("audit", 0.0)
     stated_lag = HELD_LAG if axis.filter.effort_is_held else 0.0
     band = options.band or BAND
-    recordings = Recordings(tuple(records), tuple(holdouts), stated_lag, stated_lag, band)
+    recordings = Recordings(tuple(records), tuple(holdouts), stated_lag, band)
     learn, held = recordings.motions(), recordings.held_out()
     if not learn:
         raise DataError("no recording is long enough to learn from; record at least 3 s without a pause")
@@ -101,10 +100,16 @@ def diagnose(
         recordings, learn, held, setup, setup.fit(known_effects, None, FIT_STEPS),
         hidden_by_encoder=audited.hidden_by_encoder,
     )  # fmt: skip
-    state = state.refitted(state.current, REFIT_STEPS).with_fitted_lag()
-    state = choose_element_freedom(state.refitted(state.current, REFIT_STEPS), options)
+    state = state.converged().cut_where_lags_change(options.criteria).with_fitted_lags()
+    state = choose_element_freedom(state.converged(), options)
+    pieces = state.recordings
+    notes = [
+        *audited.notes,
+        *notes_on_cuts(pieces.records, state.fit_motions),
+        *notes_on_cuts(pieces.holdouts, state.held_out_motions),
+    ]
     warnings = list(audited.warnings)
-    if axis.filter.effort_is_held and state.recordings.lag < MIN_HELD_LAG:
+    if axis.filter.effort_is_held and max(motion.lag for motion in state.fit_motions) < MIN_HELD_LAG:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
     file_state = state
     if audited.is_poor:
@@ -114,7 +119,7 @@ def diagnose(
         state, rounds, written = _search_and_prune(file_state, nominal, known_effects, options, report)
     found = Diagnosis(
         nominal, known_effects, file_state, state, written, rounds, state.evaluation(options), audited.resolution,
-        audited.notes, tuple(warnings), audited.is_poor,
+        tuple(notes), tuple(warnings), audited.is_poor,
     )  # fmt: skip
     moved = [one.name for one in changed_values(found, written.after, options)]
     return replace(found, has_changed_contact=any(name.startswith("friction.") for name in moved))
@@ -180,7 +185,7 @@ def choose_element_freedom(state: FitState, options: Options) -> FitState:
         options: options of the diagnosis.
     """
     narrow = replace(state, setup=replace(state.setup, freedom=Freedom(has_narrow_elements=True)))
-    narrow = narrow.refitted(narrow.current, FIT_STEPS)
+    narrow = narrow.refitted(narrow.current, FIT_STEPS).converged()
     evaluation = narrow.evaluation(options)
     earlier, later = evidence_of(narrow.current, evaluation), evidence_of(state.current, evaluation)
     pair = (earlier.held_out, later.held_out) if evaluation.has_held_out else (earlier.all, later.all)
@@ -341,7 +346,7 @@ def _with_best(
     item = replace(item, accepted=best, comparisons=comparisons(best, item.decisions, options.criteria))
     setup = replace(best.candidate.setup, data=state.setup.data, workers=options.workers)
     after = replace(state, setup=setup, current=best.candidate.refit)
-    after, item = compared(after.refitted(after.current, FIT_STEPS).with_fitted_lag(), item, listed, options)
+    after, item = compared(after.refitted(after.current, FIT_STEPS).with_fitted_lags(), item, listed, options)
     return found.with_round(state, item, after)
 
 

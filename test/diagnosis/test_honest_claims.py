@@ -11,7 +11,6 @@ from sgms_observer.diagnosis.candidates import Candidate, finish_fit, first_fit
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, changed_candidate
 from sgms_observer.diagnosis.decision import Decision, decide, strength_over_error
 from sgms_observer.diagnosis.diagnosis import FitState, Options, Recordings, Round
-from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup, data_with_own_noise, refit
@@ -89,17 +88,6 @@ def test_a_fit_from_far_too_strong_a_start_does_not_end_worse_than_without_the_e
     columns = Screen(data, before, 0.05, Freedom(), ()).nominal_columns
     far = first_fit(RefitSetup(data, MODEL, 0.05), before, EffectSettings("stribeck", (2.9, 8e-3)), columns)
     assert far.cost < 1.05 * before.cost
-
-
-def test_an_effort_taken_for_early_goes_back_to_what_the_settings_say() -> None:
-    source = record()
-    motion = motion_of(source, 0.0)
-    data = data_with_own_noise((motion,), MODEL)
-    found = refit(data, MODEL, 0.05, iterations=3)
-    assert fitted_effort_lag(data, found, 0.0, HELD_LAG) == HELD_LAG
-    assert (
-        fitted_effort_lag(data, found, 0.0, 0.0) == 0.0
-    )  # an effort that comes late is a delay, where nobody said held
 
 
 def test_a_mass_on_a_spring_answers_in_phase_with_the_acceleration_it_feels() -> None:

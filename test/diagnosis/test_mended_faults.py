@@ -1,7 +1,5 @@
 """Faults that blind cases and the plainest use have shown, each by itself."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -10,11 +8,10 @@ from workflow_case import AXIS, FRICTION, PERIOD, evaluation_of, record
 from sgms_observer.diagnosis.candidates import Candidate, finish_fit, first_fit
 from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.diagnosis.decision import decide, range_tests
-from sgms_observer.diagnosis.effort_lag import fitted_effort_lag
 from sgms_observer.diagnosis.evaluation import evidence_of
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise, refit
 from sgms_observer.diagnosis.model import COULOMB, STATIC, STRIBECK_VELOCITY, Model, compensated_for_hold, predict
-from sgms_observer.diagnosis.motion import HELD_LAG, delayed, fast_length, motion_of
+from sgms_observer.diagnosis.motion import fast_length, motion_of
 from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.diagnosis.sliding_force import start_logs, total_force_logs
@@ -48,22 +45,6 @@ def test_a_sharp_contact_has_the_level_of_now_and_loses_nothing_to_and_fro() -> 
     level = np.full(len(flicker), 4.0)
     sharp, _ = element_friction(FRICTION, np.zeros(len(flicker)), flicker, PERIOD, level, (1.0, 1.0), True)
     assert sharp[-1] == pytest.approx(sharp[401], abs=1e-9)
-
-
-def test_an_effort_that_is_not_held_is_seen_and_a_delay_is_not_swallowed() -> None:
-    held = record()
-    for late, expected in ((0.0, HELD_LAG), (-HELD_LAG, 0.0), (0.05, HELD_LAG + 0.05), (0.4, HELD_LAG)):
-        arrived = delayed(held.effort, HELD_LAG)
-        shifted = Recording("test", PERIOD, held.position, delayed(arrived, -late) if late <= 0.0 else arrived)
-        # read with no lag, the recording needs HELD; an effort published ``late`` samples too early needs more
-        motion = motion_of(shifted, 0.0)
-        effort = motion.effort if late <= 0.0 else delayed(motion.effort, -late)
-        motion = replace(motion, effort=effort)
-        data = data_with_own_noise((motion,), MODEL)
-        found = refit(data, MODEL, 0.05, iterations=3)
-        assert fitted_effort_lag(data, found, HELD_LAG, HELD_LAG) == pytest.approx(
-            HELD_LAG + late if abs(late) < 0.1 else expected, abs=0.03
-        )
 
 
 def test_offset_and_asymmetric_coulomb_are_told_apart_after_the_full_refit() -> None:

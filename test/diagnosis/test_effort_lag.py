@@ -1,0 +1,110 @@
+"""The lag of the effort: an effort that is held, that is not held, and both in one recording."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from workflow_case import AXIS, record
+
+from sgms_observer.diagnosis.answer import answer_of
+from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.diagnosis import Options
+from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR, change_of_lag, fitted_effort_lags
+from sgms_observer.diagnosis.fit import data_with_own_noise, refit
+from sgms_observer.diagnosis.gap import WeightedResidual, halves, residuals
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import HELD_LAG, Motion, delayed, motion_of
+from sgms_observer.diagnosis.workflow import diagnose
+from sgms_observer.offline.recording import Recording
+from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.settings.load import load_settings
+from sim_plant.stage import SimulatedStage
+
+MODEL = Model.of(AXIS)
+ROOT = Path(__file__).parents[2]
+CLOSE = 0.5 * MAX_STAMP_ERROR
+
+
+def needs(lag: float, read_with: float, source: Recording | None = None) -> Motion:
+    """Return a recording whose effort has some lag [samples], read with another one."""
+    motion = motion_of(source or record(), HELD_LAG)
+    return replace(motion, effort=delayed(motion.effort, read_with - lag), lag=read_with)
+
+
+def lags_of(*motions: Motion, stated: float = HELD_LAG) -> tuple[float, ...]:
+    """Return the fitted lags of recordings of a stage that has the model's own values."""
+    data = data_with_own_noise(motions, MODEL)
+    return fitted_effort_lags(data, refit(data, MODEL, 0.05, iterations=3), stated)
+
+
+def change_in(motion: Motion) -> float | None:
+    """Return the time at which the lag of the effort changes in a recording [s]."""
+    data = data_with_own_noise((motion,), MODEL)
+    return change_of_lag(WeightedResidual((motion,), residuals(MODEL, [motion]), data.weights), 0, HELD_LAG, Criteria())
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.1, 0.3, HELD_LAG, 0.55])
+def test_a_lag_up_to_that_of_a_held_effort_is_fitted(lag: float) -> None:
+    assert lags_of(needs(lag, HELD_LAG)) == pytest.approx((lag,), abs=CLOSE)
+
+
+def test_a_larger_lag_is_left_to_a_delay() -> None:
+    assert lags_of(needs(0.9, HELD_LAG)) == (HELD_LAG,)
+
+
+def test_an_effort_taken_for_early_goes_back_to_what_the_settings_say() -> None:
+    assert lags_of(needs(HELD_LAG, 0.0)) == pytest.approx((HELD_LAG,), abs=CLOSE)
+    assert lags_of(needs(HELD_LAG, 0.0), stated=0.0) == (0.0,)  # late, where nobody said held: a delay
+
+
+def test_each_recording_has_its_own_lag() -> None:
+    motions = needs(0.1, HELD_LAG), needs(HELD_LAG, HELD_LAG, record(seed=2))
+    assert lags_of(*motions) == pytest.approx((0.1, HELD_LAG), abs=CLOSE)
+
+
+def test_a_change_of_the_lag_is_found_where_it_is() -> None:
+    late, early = needs(HELD_LAG, HELD_LAG), needs(0.1, HELD_LAG)
+    assert change_in(late) is None
+    assert change_in(early) is None
+    effort = np.where(late.time < 9.0, early.effort, late.effort)
+    assert change_in(replace(late, effort=effort)) == pytest.approx(9.0, abs=0.6)
+
+
+@pytest.mark.parametrize("hidden", [("wear_step", (0.3, 9.0, 0.1)), ("cogging", (0.6, 2e-3, 0.3, 0.0, 0.0))])
+def test_what_the_model_misses_is_no_change_of_the_lag(hidden: tuple[str, tuple[float, ...]]) -> None:
+    assert change_in(motion_of(record((EffectSettings(*hidden),)), HELD_LAG)) is None
+
+
+def test_a_stage_with_a_fast_loop_whose_compensation_is_switched_on_misses_nothing() -> None:
+    axis = load_settings(ROOT / "config" / "demo.yaml").axes[0]
+    period, count = 5.0e-4, 16_000
+    cycle = round(1.0 / (axis.stage.reference.frequency * period))
+    parts, compensation = [], np.zeros(count)
+    for _run in range(4):  # each learns from the one before, until the compensation is as good as an observer's
+        stage = SimulatedStage(axis, period)
+        parts = [stage.step(count), stage.step(count, compensation)]
+        friction = parts[-1].element_force[-cycle:].sum(axis=1)
+        compensation = np.tile(0.475 * (friction + np.roll(friction, -1)), count // cycle)
+    position, effort = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("measured_position", "control_effort")
+    )
+    source = Recording("demo", period, position, effort, recorded_step=axis.stage.encoder.resolution)
+    options = Options(band=160.0)
+    found = diagnose([source], [], axis, options)
+    motions = found.final_state.fit_motions
+    assert [len(one.time) for one in motions] == pytest.approx([count, count], abs=1.0 / period)
+    assert motions[0].lag < motions[1].lag - 0.2
+    assert any("read as two recordings" in note for note in found.notes)
+    assert answer_of(found, axis, options).verdict == "no_effect"
+
+
+def test_halves_of_a_decimated_recording_hold_their_part_of_the_raw_position() -> None:
+    motion = motion_of(record(), HELD_LAG, 20.0)
+    assert motion.step > 1
+    with_error = MODEL.with_effects([EffectSettings("encoder_interpolation_error", (2e-7, 2e-5, 0.0))])
+    whole = residuals(with_error, [motion])[0]
+    parts = residuals(with_error, halves(motion))
+    edge = round(1.0 / motion.residual_period)
+    assert parts[0][edge : len(parts[0]) - edge] == pytest.approx(whole[edge : len(parts[0]) - edge], abs=0.02)
+    assert [len(one.raw) for one in halves(motion)] == [len(one.time) * motion.step for one in halves(motion)]
