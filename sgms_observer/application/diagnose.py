@@ -20,7 +20,7 @@ from sgms_observer.diagnosis.compensation_check import SKIPPED, CompensationChec
 from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.motion import EDGE_TIME, HELD_LAG, motion_of
+from sgms_observer.diagnosis.motion import EDGE_TIME, motion_of
 from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
 from sgms_observer.diagnosis.result import write_augmented, write_result
@@ -100,7 +100,7 @@ def predict_tracking(
 
 def _smooth(record: Recording, band: float) -> Floats:
     """Return the measured motion without its noise [m]."""
-    return np.asarray(signal.sosfiltfilt(motion_of(record, HELD_LAG, band).smoothing, record.position))
+    return np.asarray(signal.sosfiltfilt(motion_of(record, band=band).smoothing, record.position))
 
 
 def _truth(record: Recording, given: AxisSettings, augmented: AxisSettings) -> AxisSettings:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sgms_observer.compensation.feedforward_kernel import standstill_velocity
 from sgms_observer.diagnosis.evidence import blocks_of
 from sgms_observer.diagnosis.model import Model, with_phases_of
-from sgms_observer.diagnosis.motion import HELD_LAG, Motion, contact_position, delayed, motion_of
+from sgms_observer.diagnosis.motion import HELD_LAG, EffortLag, Motion, contact_position, delayed, motion_of
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.recording import Recording
@@ -65,7 +65,8 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
         axis.compensation, enabled=True, gain=1.0, limit=1.0e6, slew_limit=1.0e9, fade_std=1.0e6,
         look_ahead=0.0,  # the recorded effort is the effort of its own sample
     )  # fmt: skip
-    motion = motion_of(record, HELD_LAG if axis.filter.effort_is_held else 0.0, band)
+    lag = HELD_LAG if axis.filter.effort_is_held else 0.0
+    motion = motion_of(record, EffortLag.constant(lag), band)
     axis = replace(axis, compensation=whole, effects=with_phases_of(Model.of(axis), motion).effects)
     n, period = len(record.position), record.period
     stamp = np.round(np.arange(n) * period * 1e9).astype(np.int64)
@@ -79,7 +80,7 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
 
     def left_along(reference: NDArray[np.float64]) -> NDArray[np.float64]:
         feedforward = AxisObserver(axis, period).step(replace(samples, reference_position=reference)).compensation
-        applied = delayed(np.nan_to_num(feedforward), motion.lag)[:: motion.step]
+        applied = delayed(np.nan_to_num(feedforward), lag)[:: motion.step]
         return motion.low_pass(needed - applied)[counted]
 
     left_along_measured = left_along(contact_position(record.position, motion.contact_width, 1, motion.resolution))

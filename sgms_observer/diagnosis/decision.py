@@ -199,7 +199,7 @@ def physical_tests(item: Candidate, ratio: float, evaluation: EvaluationData) ->
         )
     if settings.name == "actuator_delay":
         shortest = values["delay"] * (1.0 - least / max(ratio, least))
-        lag = min(motion.lag for motion in evaluation.fit_motions) + shortest * rate
+        lag = min(min(motion.lag.values) for motion in evaluation.fit_motions) + shortest * rate
         tests.append(
             at_least(item.name, "shortest likely lag of the effort over sample period", lag, MAX_LAG_WITHOUT_DELAY)
         )

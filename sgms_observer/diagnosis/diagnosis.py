@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.criteria import Criteria, Test
 from sgms_observer.diagnosis.decision import Decision
-from sgms_observer.diagnosis.effort_lag import fitted_effort_lags, pieces_of_one_lag
+from sgms_observer.diagnosis.effort_lag import change_of_lag, fitted_effort_lags, with_real_changes
 from sgms_observer.diagnosis.evaluation import EvaluationData
-from sgms_observer.diagnosis.fit import Refit, RefitSetup, data_with_noise_of, data_with_own_noise
+from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_with_noise_of, data_with_own_noise
 from sgms_observer.diagnosis.gap import WeightedResidual, noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.model import HALF_A_REVERSAL, Model
-from sgms_observer.diagnosis.motion import Motion, motion_of
+from sgms_observer.diagnosis.motion import EffortLag, Motion, motion_of
 from sgms_observer.diagnosis.screen import Screening
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates
 from sgms_observer.effects.catalogue import effect
@@ -74,21 +74,21 @@ class Recordings:
     stated_lag: float
     band: float
 
-    def motions(self, lags: Sequence[float] | None = None) -> tuple[Motion, ...]:
+    def motions(self, lags: Sequence[EffortLag] | None = None) -> tuple[Motion, ...]:
         """Return the recordings to learn from, filtered.
 
         Args:
-            lags: lag of the effort of each recording, in samples; the stated lag if None.
+            lags: lag of the effort of each recording; the stated lag if None.
         """
         return self._filtered(self.records, lags)
 
-    def held_out(self, lags: Sequence[float] | None = None) -> tuple[Motion, ...]:
+    def held_out(self, lags: Sequence[EffortLag] | None = None) -> tuple[Motion, ...]:
         """Return the held-out recordings, filtered; argument as above."""
         return self._filtered(self.holdouts, lags)
 
-    def _filtered(self, records: Sequence[Recording], lags: Sequence[float] | None) -> tuple[Motion, ...]:
+    def _filtered(self, records: Sequence[Recording], lags: Sequence[EffortLag] | None) -> tuple[Motion, ...]:
         """Return recordings with these lags of their effort, filtered."""
-        used = [self.stated_lag] * len(records) if lags is None else lags
+        used = [EffortLag.constant(self.stated_lag)] * len(records) if lags is None else lags
         return tuple(motion_of(record, lag, self.band) for record, lag in zip(records, used, strict=True))
 
 
@@ -136,48 +136,70 @@ class FitState:
     @property
     def _rms(self) -> float:
         """Rms residual of the recordings to learn from, with the weights of the evidence [N]."""
-        return rms(weighted(residuals(self.current.model, self.fit_motions), self.setup.data.weights))
+        return self._rest(self.setup.data).rms
 
     def with_fitted_lags(self) -> FitState:
         """Return the state with the lag of the effort that fits each recording, held-out ones included."""
         state = self
         for _ in range(LAG_FITS):
             lags = fitted_effort_lags(state.setup.data, state.current, state.recordings.stated_lag)
-            if lags == tuple(motion.lag for motion in state.fit_motions):
+            if lags == state.lags:
                 break
-            state = replace(state, fit_motions=state.recordings.motions(lags)).refitted(state.current, REFIT_STEPS)
-        return state._with_fitted_held_out_lags()
+            state = state._with_lags(lags)
+        return state._with_held_out_lags(state._fitted_held_out_lags())
 
-    def _with_fitted_held_out_lags(self) -> FitState:
-        """Return the state with the lag of the effort that fits each held-out recording."""
-        if not self.held_out_motions:
-            return self
-        data = data_with_noise_of(self.held_out_motions, self.setup.data, self.current.model)
-        found = replace(self.setup, data=data).fit(self.current.effects, self.current.logs, 1, is_nominal_held=True)
-        lags = fitted_effort_lags(data, found, self.recordings.stated_lag)
+    @property
+    def lags(self) -> tuple[EffortLag, ...]:
+        """Return the lag of the effort of each recording to learn from."""
+        return tuple(motion.lag for motion in self.fit_motions)
+
+    @property
+    def held_out_lags(self) -> tuple[EffortLag, ...]:
+        """Return the lag of the effort of each held-out recording."""
+        return tuple(motion.lag for motion in self.held_out_motions)
+
+    def _with_lags(self, lags: Sequence[EffortLag]) -> FitState:
+        """Return the state refitted with these lags of the recordings to learn from."""
+        return replace(self, fit_motions=self.recordings.motions(lags)).refitted(self.current, REFIT_STEPS)
+
+    def _with_held_out_lags(self, lags: Sequence[EffortLag]) -> FitState:
+        """Return the state with these lags of the held-out recordings."""
         return replace(self, held_out_motions=self.recordings.held_out(lags))
 
-    def cut_where_lags_change(self, criteria: Criteria) -> FitState:
-        """Return the state with its recordings cut where the lag of their effort changes.
+    def _held_out_data(self) -> WhitenedData:
+        """Return the held-out recordings with the noise of those to learn from."""
+        return data_with_noise_of(self.held_out_motions, self.setup.data, self.current.model)
+
+    def _fitted_held_out_lags(self) -> tuple[EffortLag, ...]:
+        """Return the lag of the effort that fits each held-out recording."""
+        if not self.held_out_motions:
+            return ()
+        data = self._held_out_data()
+        found = replace(self.setup, data=data).fit(self.current.effects, self.current.logs, 1, is_nominal_held=True)
+        return fitted_effort_lags(data, found, self.recordings.stated_lag)
+
+    def with_changes_of_lag(self, criteria: Criteria) -> FitState:
+        """Return the state with fitted lags of the effort that change once in a recording where that surely fits.
 
         Args:
             criteria: thresholds.
         """
-        held_out = data_with_noise_of(self.held_out_motions, self.setup.data, self.current.model)
-        records, holdouts = (
-            pieces_of_one_lag(
-                whole, WeightedResidual(data.motions, residuals(self.current.model, data.motions), data.weights),
-                self.recordings.stated_lag, criteria,
+        lags, held_out_lags = (
+            tuple(
+                replace(motion.lag, change=change_of_lag(rest, place, self.recordings.stated_lag, criteria))
+                for place, motion in enumerate(rest.motions)
             )
-            for whole, data in ((self.recordings.records, self.setup.data), (self.recordings.holdouts, held_out))
-        )  # fmt: skip
-        recordings = replace(self.recordings, records=records, holdouts=holdouts)
-        if (len(records), len(holdouts)) == (len(self.fit_motions), len(self.held_out_motions)):
-            return self
-        state = replace(
-            self, recordings=recordings, fit_motions=recordings.motions(), held_out_motions=recordings.held_out()
+            for rest in (self._rest(self.setup.data), self._rest(self._held_out_data()))
         )
-        return state.refitted(state.current, REFIT_STEPS)
+        if not any(lag.changes for lag in (*lags, *held_out_lags)):
+            return self.with_fitted_lags()
+        state = self._with_lags(lags)._with_held_out_lags(held_out_lags).with_fitted_lags()
+        real, real_held_out = with_real_changes(state.lags), with_real_changes(state.held_out_lags)
+        return state._with_lags(real)._with_held_out_lags(real_held_out).with_fitted_lags()
+
+    def _rest(self, data: WhitenedData) -> WeightedResidual:
+        """Return what the fit leaves of recordings."""
+        return WeightedResidual(data.motions, residuals(self.current.model, data.motions), data.weights)
 
     def with_least_of(self, decisions: Sequence[Decision]) -> FitState:
         """Return the state that knows what these hypotheses leave: the noise cannot be larger."""
@@ -194,7 +216,7 @@ class FitState:
         """
         data = self.setup.data
         motions = self.held_out_motions or self.fit_motions
-        held_out_data = data_with_noise_of(self.held_out_motions, data, self.current.model)
+        held_out_data = self._held_out_data()
         data_of_motions = held_out_data if self.held_out_motions else data
         weights = data_of_motions.weights
         floor = noise_floor(motions, self.current.model, data.noise, options.seed, weights)

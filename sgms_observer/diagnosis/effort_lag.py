@@ -8,8 +8,9 @@ compensation is switched on has two.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from itertools import pairwise
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,7 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.fit import Refit, WhitenedData
 from sgms_observer.diagnosis.gap import WeightedResidual
-from sgms_observer.diagnosis.motion import MIN_DURATION, Motion, delayed
-from sgms_observer.offline.recording import Recording
+from sgms_observer.diagnosis.motion import MIN_DURATION, EffortLag, Motion, delayed
 
 Floats = NDArray[np.float64]
 
@@ -31,39 +31,47 @@ MIN_CHI2_REDUCTION = 20.0
 _STEP = 0.1  # samples, of the derivative
 
 
-def fitted_effort_lags(data: WhitenedData, found: Refit, stated_lag: float) -> tuple[float, ...]:
-    """Return the lag of the effort that fits each recording, in samples.
+def fitted_effort_lags(data: WhitenedData, found: Refit, stated_lag: float) -> tuple[EffortLag, ...]:
+    """Return the lag of the effort that fits each recording.
 
     A larger lag than that of the settings is left to the effect ``actuator_delay``. It returns to that of the settings.
 
     Args:
         data: recordings.
         found: refit of the nominal model to them.
-        stated_lag: lag of the settings.
+        stated_lag: lag of the settings, in samples.
     """
-    derivative = _late_effort(data.motions)
+    nothing = [np.zeros(len(motion.time)) for motion in data.motions]
     columns = np.column_stack([
-        data.whitened([column if place == own else np.zeros_like(column) for place, column in enumerate(derivative)])
-        for own in range(len(derivative))
+        data.whitened([*nothing[:place], part, *nothing[place + 1 :]])
+        for place, motion in enumerate(data.motions)
+        for part in _late_effort_parts(motion)
     ])  # fmt: skip
     jacobian, n = found.jacobian, len(found.logs)
-    prior = jacobian[len(columns) :, :n] @ found.logs  # the rows below the residual
+    prior = jacobian[len(columns) :, :n] @ found.logs  # the rows below those of the residual
     columns = np.vstack([columns, np.zeros((len(prior), columns.shape[1]))])
     basis = np.linalg.qr(jacobian)[0]
     left = columns - basis @ (basis.T @ columns)
     normal = left.T @ left
     late = -np.linalg.pinv(normal) @ (left.T @ np.concatenate([found.residual, prior]))
     is_sure = late**2 * np.diag(normal) >= MIN_CHI2_REDUCTION
-    lags = []
-    for motion, more, sure in zip(data.motions, late.tolist(), is_sure.tolist(), strict=True):
-        lag = motion.lag + more
-        is_holding = -MAX_STAMP_ERROR < lag < stated_lag + MAX_STAMP_ERROR
-        lags.append(motion.lag if not sure else lag if is_holding else stated_lag if more > 0.0 else motion.lag)
-    return tuple(lags)
+    steps = iter(np.where(is_sure, late, 0.0).tolist())
+    return tuple(
+        replace(motion.lag, first=values[0], last=values[-1])
+        for motion in data.motions
+        for values in [[_lag_after(lag, next(steps), stated_lag) for lag in motion.lag.values]]
+    )
 
 
-def change_of_lag(rest: WeightedResidual, place: int, stated_lag: float, criteria: Criteria) -> float | None:
-    """Return the time at which the lag of the effort changes in a recording [s]; None if it does not.
+def _lag_after(lag: float, step: float, stated_lag: float) -> float:
+    """Return a lag after a step of its fit, in samples."""
+    if -MAX_STAMP_ERROR < lag + step < stated_lag + MAX_STAMP_ERROR:
+        return lag + step
+    return stated_lag if step > 0.0 else lag
+
+
+def change_of_lag(rest: WeightedResidual, place: int, stated_lag: float, criteria: Criteria) -> float:
+    """Return the time at which the lag of the effort changes in a recording [s]; infinite if it does not.
 
     The lag of each part is judged by its scatter between blocks: what a model misses does not count as a change.
 
@@ -74,64 +82,53 @@ def change_of_lag(rest: WeightedResidual, place: int, stated_lag: float, criteri
         criteria: length of a block, and thresholds.
     """
     motion, weight = rest.motions[place], rest.weights[place]
-    column = motion.low_pass(_late_effort([motion])[0]) * weight
+    column = motion.low_pass(_late_effort(motion)) * weight
     size = max(1, round(criteria.block / motion.residual_period))
     count = len(column) // size
     parts = (column * column, -column * rest.weighted[place])
     information, score = (part[: count * size].reshape(count, size).sum(axis=1) for part in parts)
     margin = int(np.ceil(MIN_DURATION / criteria.block)) + 1
     places = range(margin, count - margin + 1)
-    best, time, most = 0.0, 0.0, criteria.z_score_of(max(1, len(places)))
+    best, time, most = 0.0, math.inf, criteria.z_score_of(max(1, len(places)))
     for cut in places:
         sides = [_late(information[part], score[part]) for part in (slice(None, cut), slice(cut, None))]
         (first, first_error), (last, last_error) = sides
-        error = float(np.hypot(first_error, last_error))
-        change = abs(last - first)
+        error, change = float(np.hypot(first_error, last_error)), abs(last - first)
         if error > 0.0 and MAX_STAMP_ERROR < change < stated_lag + MAX_STAMP_ERROR and change / error > best:
-            best, time = change / error, cut * size * motion.residual_period + float(motion.thinned(motion.time)[0])
-    return time if best > most else None
+            best, time = change / error, float(motion.thinned(motion.time)[cut * size])
+    return time if best > most else math.inf
 
 
-def pieces_of_one_lag(
-    records: Sequence[Recording], rest: WeightedResidual, stated_lag: float, criteria: Criteria
-) -> tuple[Recording, ...]:
-    """Return recordings, each cut where the lag of its effort changes.
-
-    Args:
-        records: the recordings.
-        rest: their residual, with weights.
-        stated_lag: lag of the settings, in samples.
-        criteria: length of a block, and thresholds.
-    """
-    pieces: list[Recording] = []
-    for place, record in enumerate(records):
-        time = change_of_lag(rest, place, stated_lag, criteria)
-        ends = [0, *([] if time is None else [round(time / record.period)]), len(record)]
-        pieces += [record if time is None else record.part(*pair) for pair in pairwise(ends)]
-    return tuple(pieces)
+def with_real_changes(lags: Sequence[EffortLag]) -> tuple[EffortLag, ...]:
+    """Return fitted lags without the changes that are within an error of the stamps."""
+    return tuple(
+        lag if abs(lag.last - lag.first) > MAX_STAMP_ERROR else EffortLag.constant(0.5 * (lag.first + lag.last))
+        for lag in lags
+    )
 
 
-def notes_on_cuts(records: Sequence[Recording], motions: Sequence[Motion]) -> list[str]:
-    """Return a sentence about each recording that was cut where the lag of its effort changes.
-
-    Args:
-        records: the pieces.
-        motions: the same, filtered.
-    """
+def notes_on_changes(motions: Sequence[Motion]) -> list[str]:
+    """Return a sentence about each recording in which the lag of the effort changes."""
     return [
-        f"{later.name}: from {later.start - earlier.start:.1f} s on the effort acts {after.lag:.2f} samples after its"
-        f" stamp, before that {before.lag:.2f}; read as two recordings"
-        for (earlier, before), (later, after) in pairwise(zip(records, motions, strict=True))
-        if abs(earlier.start + earlier.duration - later.start) < 0.5 * later.period  # nothing lies between
+        f"{motion.name}: the effort acts {motion.lag.first:.2f} samples after its stamp, from {motion.lag.change:.1f} s"
+        f" on {motion.lag.last:.2f}"
+        for motion in motions
+        if motion.lag.changes
     ]
 
 
-def _late_effort(motions: Sequence[Motion]) -> list[Floats]:
-    """Return by how much the effort of each motion changes if it is late by one more sample [N]."""
-    shifts = [_STEP / motion.step for motion in motions]
-    return [
-        (delayed(motion.effort, shift) - motion.effort) / _STEP for motion, shift in zip(motions, shifts, strict=True)
-    ]
+def _late_effort(motion: Motion) -> Floats:
+    """Return by how much the effort of a motion changes if it is late by one more sample [N], shape (n,)."""
+    return (delayed(motion.effort, _STEP / motion.step) - motion.effort) / _STEP
+
+
+def _late_effort_parts(motion: Motion) -> list[Floats]:
+    """Return the same for the parts of the motion before and after the lag changes, each zero in the other one."""
+    whole = _late_effort(motion)
+    if not motion.lag.changes:
+        return [whole]
+    is_before = motion.time < motion.lag.change
+    return [np.where(is_before, whole, 0.0), np.where(is_before, 0.0, whole)]
 
 
 def _late(information: Floats, score: Floats) -> tuple[float, float]:

@@ -52,6 +52,40 @@ EDGE_TIME = 0.1
 
 
 @dataclass(frozen=True)
+class EffortLag:
+    """Lag between the stamp of an effort sample and its action. It may change once in a recording.
+
+    Attributes:
+        first: lag before the change, in samples of the recording.
+        last: lag after it, in samples of the recording.
+        change: time of the change from the start of the recording [s].
+    """
+
+    first: float = HELD_LAG
+    last: float = HELD_LAG
+    change: float = math.inf
+
+    @staticmethod
+    def constant(samples: float) -> EffortLag:
+        """Return a lag that does not change."""
+        return EffortLag(samples, samples)
+
+    @property
+    def changes(self) -> bool:
+        """Return whether the lag changes."""
+        return math.isfinite(self.change)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Return the lags, in samples: one, or two if the lag changes."""
+        return (self.first, self.last) if self.changes else (self.first,)
+
+    def at(self, time: Floats) -> Floats:
+        """Return the lag at each time from the start of the recording [s], in samples."""
+        return np.where(time < self.change, self.first, self.last)
+
+
+@dataclass(frozen=True)
 class Motion:
     """A recording at the working rate.
 
@@ -72,7 +106,7 @@ class Motion:
         step: factor from the rate of the recording to the working rate.
         raw: position as recorded [m].
         resolution: encoder step; 0 if none is visible [m].
-        lag: lag of the effort, in samples of the recording.
+        lag: lag of the effort.
         band: upper frequency of the residuals [Hz].
     """
 
@@ -94,7 +128,7 @@ class Motion:
     step: int
     raw: Floats
     resolution: float
-    lag: float = HELD_LAG
+    lag: EffortLag = EffortLag()
     band: float = BAND
 
     def smoothed(self, raw: Floats) -> Floats:
@@ -192,12 +226,12 @@ def _band_filter(period: float, band: float) -> Floats:
     return np.asarray(signal.butter(4, min(2.0 * band * period * 1.1, 0.8), output="sos"), dtype=np.float64)
 
 
-def motion_of(record: Recording, lag: float = HELD_LAG, band: float = BAND) -> Motion:
+def motion_of(record: Recording, lag: EffortLag = EffortLag(), band: float = BAND) -> Motion:
     """Return a recording filtered and decimated to the working rate.
 
     Args:
         record: the recording.
-        lag: lag of its effort, in samples, between -1 and 1.
+        lag: lag of its effort, between -1 and 1 sample.
         band: upper frequency of the residuals, lowered if the rate of the recording needs it [Hz].
 
     Raises:
@@ -209,7 +243,7 @@ def motion_of(record: Recording, lag: float = HELD_LAG, band: float = BAND) -> M
     band = min(band, MAX_BAND_SHARE * rate)
     step = max(1, round(rate / (WORKING_RATE * band)))
     period = record.period * step
-    effort = delayed(record.effort, lag)
+    effort = delayed(record.effort, lag.at(np.arange(len(record), dtype=np.float64) * record.period))
     corner = min(MOTION_BAND * band, MAX_BAND_SHARE / period)
     if step > 1:  # anti-aliasing
         guard = signal.butter(4, 0.4 / period / (0.5 * rate), output="sos")
@@ -250,11 +284,16 @@ def motion_of(record: Recording, lag: float = HELD_LAG, band: float = BAND) -> M
     )
 
 
-def delayed(values: Floats, samples: float) -> Floats:
-    """Return a series delayed by a fraction of a sample (advanced if negative), by linear interpolation."""
-    if samples >= 0.0:
-        return (1.0 - samples) * values + samples * np.concatenate((values[:1], values[:-1]))
-    return (1.0 + samples) * values - samples * np.concatenate((values[1:], values[-1:]))
+def delayed(values: Floats, samples: Floats | float) -> Floats:
+    """Return a series delayed by a fraction of a sample (advanced if negative), by linear interpolation.
+
+    Args:
+        values: shape (n,).
+        samples: the delay, one for all samples or one for each, shape (n,).
+    """
+    late, early = np.maximum(samples, 0.0), np.maximum(-np.asarray(samples), 0.0)
+    before, after = np.concatenate((values[:1], values[:-1])), np.concatenate((values[1:], values[-1:]))
+    return np.asarray((1.0 - late - early) * values + late * before + early * after, dtype=np.float64)
 
 
 @njit

@@ -31,7 +31,7 @@ from sgms_observer.diagnosis.diagnosis import (
     WrittenFits,
     accepted_candidates,
 )
-from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG, notes_on_cuts
+from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG, notes_on_changes
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise
@@ -100,16 +100,10 @@ def diagnose(
         recordings, learn, held, setup, setup.fit(known_effects, None, FIT_STEPS),
         hidden_by_encoder=audited.hidden_by_encoder,
     )  # fmt: skip
-    state = state.converged().cut_where_lags_change(options.criteria).with_fitted_lags()
+    state = state.converged().with_changes_of_lag(options.criteria)
     state = choose_element_freedom(state.converged(), options)
-    pieces = state.recordings
-    notes = [
-        *audited.notes,
-        *notes_on_cuts(pieces.records, state.fit_motions),
-        *notes_on_cuts(pieces.holdouts, state.held_out_motions),
-    ]
     warnings = list(audited.warnings)
-    if axis.filter.effort_is_held and max(motion.lag for motion in state.fit_motions) < MIN_HELD_LAG:
+    if axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
     file_state = state
     if audited.is_poor:
@@ -119,7 +113,8 @@ def diagnose(
         state, rounds, written = _search_and_prune(file_state, nominal, known_effects, options, report)
     found = Diagnosis(
         nominal, known_effects, file_state, state, written, rounds, state.evaluation(options), audited.resolution,
-        tuple(notes), tuple(warnings), audited.is_poor,
+        (*audited.notes, *notes_on_changes([*state.fit_motions, *state.held_out_motions])), tuple(warnings),
+        audited.is_poor,
     )  # fmt: skip
     moved = [one.name for one in changed_values(found, written.after, options)]
     return replace(found, has_changed_contact=any(name.startswith("friction.") for name in moved))

@@ -1,5 +1,6 @@
 """The lag of the effort: an effort that is held, that is not held, and both in one recording."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +11,11 @@ from workflow_case import AXIS, record
 from sgms_observer.diagnosis.answer import answer_of
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.diagnosis import Options
-from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR, change_of_lag, fitted_effort_lags
+from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR, change_of_lag, fitted_effort_lags, with_real_changes
 from sgms_observer.diagnosis.fit import data_with_own_noise, refit
 from sgms_observer.diagnosis.gap import WeightedResidual, halves, residuals
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.motion import HELD_LAG, Motion, delayed, motion_of
+from sgms_observer.diagnosis.motion import HELD_LAG, EffortLag, Motion, delayed, motion_of
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
@@ -28,17 +29,18 @@ CLOSE = 0.5 * MAX_STAMP_ERROR
 
 def needs(lag: float, read_with: float, source: Recording | None = None) -> Motion:
     """Return a recording whose effort has some lag [samples], read with another one."""
-    motion = motion_of(source or record(), HELD_LAG)
-    return replace(motion, effort=delayed(motion.effort, read_with - lag), lag=read_with)
+    motion = motion_of(source or record())
+    return replace(motion, effort=delayed(motion.effort, read_with - lag), lag=EffortLag.constant(read_with))
 
 
 def lags_of(*motions: Motion, stated: float = HELD_LAG) -> tuple[float, ...]:
     """Return the fitted lags of recordings of a stage that has the model's own values."""
     data = data_with_own_noise(motions, MODEL)
-    return fitted_effort_lags(data, refit(data, MODEL, 0.05, iterations=3), stated)
+    lags = fitted_effort_lags(data, refit(data, MODEL, 0.05, iterations=3), stated)
+    return tuple(value for lag in lags for value in lag.values)
 
 
-def change_in(motion: Motion) -> float | None:
+def change_in(motion: Motion) -> float:
     """Return the time at which the lag of the effort changes in a recording [s]."""
     data = data_with_own_noise((motion,), MODEL)
     return change_of_lag(WeightedResidual((motion,), residuals(MODEL, [motion]), data.weights), 0, HELD_LAG, Criteria())
@@ -65,15 +67,24 @@ def test_each_recording_has_its_own_lag() -> None:
 
 def test_a_change_of_the_lag_is_found_where_it_is() -> None:
     late, early = needs(HELD_LAG, HELD_LAG), needs(0.1, HELD_LAG)
-    assert change_in(late) is None
-    assert change_in(early) is None
-    effort = np.where(late.time < 9.0, early.effort, late.effort)
-    assert change_in(replace(late, effort=effort)) == pytest.approx(9.0, abs=0.6)
+    assert change_in(late) == math.inf
+    assert change_in(early) == math.inf
+    both = replace(late, effort=np.where(late.time < 9.0, early.effort, late.effort))
+    change = change_in(both)
+    assert change == pytest.approx(9.0, abs=0.6)
+    assert lags_of(replace(both, lag=EffortLag(HELD_LAG, HELD_LAG, change))) == pytest.approx(
+        (0.1, HELD_LAG), abs=CLOSE
+    )
+
+
+def test_a_change_within_an_error_of_the_stamps_is_none() -> None:
+    near, far = EffortLag(0.4, 0.5, 9.0), EffortLag(0.1, 0.5, 9.0)
+    assert with_real_changes([near, far]) == (EffortLag.constant(0.45), far)
 
 
 @pytest.mark.parametrize("hidden", [("wear_step", (0.3, 9.0, 0.1)), ("cogging", (0.6, 2e-3, 0.3, 0.0, 0.0))])
 def test_what_the_model_misses_is_no_change_of_the_lag(hidden: tuple[str, tuple[float, ...]]) -> None:
-    assert change_in(motion_of(record((EffectSettings(*hidden),)), HELD_LAG)) is None
+    assert change_in(motion_of(record((EffectSettings(*hidden),)))) == math.inf
 
 
 def test_a_stage_with_a_fast_loop_whose_compensation_is_switched_on_misses_nothing() -> None:
@@ -92,15 +103,15 @@ def test_a_stage_with_a_fast_loop_whose_compensation_is_switched_on_misses_nothi
     source = Recording("demo", period, position, effort, recorded_step=axis.stage.encoder.resolution)
     options = Options(band=160.0)
     found = diagnose([source], [], axis, options)
-    motions = found.final_state.fit_motions
-    assert [len(one.time) for one in motions] == pytest.approx([count, count], abs=1.0 / period)
-    assert motions[0].lag < motions[1].lag - 0.2
-    assert any("read as two recordings" in note for note in found.notes)
+    (lag,) = found.final_state.lags
+    assert lag.change == pytest.approx(count * period, abs=1.0)
+    assert lag.first < lag.last - 0.2
+    assert any("the effort acts" in note for note in found.notes)
     assert answer_of(found, axis, options).verdict == "no_effect"
 
 
 def test_halves_of_a_decimated_recording_hold_their_part_of_the_raw_position() -> None:
-    motion = motion_of(record(), HELD_LAG, 20.0)
+    motion = motion_of(record(), band=20.0)
     assert motion.step > 1
     with_error = MODEL.with_effects([EffectSettings("encoder_interpolation_error", (2e-7, 2e-5, 0.0))])
     whole = residuals(with_error, [motion])[0]
