@@ -34,7 +34,8 @@ _STEP = 0.1  # samples, of the derivative
 def fitted_effort_lags(data: WhitenedData, found: Refit, stated_lag: float) -> tuple[EffortLag, ...]:
     """Return the lag of the effort that fits each recording.
 
-    A larger lag than that of the settings is left to the effect ``actuator_delay``. It returns to that of the settings.
+    A larger lag than that of the settings is left to the effect ``actuator_delay``: it becomes that of the settings. An
+    effort that acts before its stamp counts as one that acts at it.
 
     Args:
         data: recordings.
@@ -64,10 +65,10 @@ def fitted_effort_lags(data: WhitenedData, found: Refit, stated_lag: float) -> t
 
 
 def _lag_after(lag: float, step: float, stated_lag: float) -> float:
-    """Return a lag after a step of its fit, in samples."""
+    """Return a lag after a step of its fit, in samples: between none and the stated one, but for inexact stamps."""
     if -MAX_STAMP_ERROR < lag + step < stated_lag + MAX_STAMP_ERROR:
         return lag + step
-    return stated_lag if step > 0.0 else lag
+    return stated_lag if step > 0.0 else 0.0
 
 
 def change_of_lag(rest: WeightedResidual, place: int, stated_lag: float, criteria: Criteria) -> float:

@@ -55,6 +55,10 @@ def test_a_larger_lag_is_left_to_a_delay() -> None:
     assert lags_of(needs(0.9, HELD_LAG)) == (HELD_LAG,)
 
 
+def test_an_effort_before_its_stamp_acts_at_it() -> None:
+    assert lags_of(needs(-0.4, HELD_LAG)) == (0.0,)
+
+
 def test_an_effort_taken_for_early_goes_back_to_what_the_settings_say() -> None:
     assert lags_of(needs(HELD_LAG, 0.0)) == pytest.approx((HELD_LAG,), abs=CLOSE)
     assert lags_of(needs(HELD_LAG, 0.0), stated=0.0) == (0.0,)  # late, where nobody said held: a delay
