@@ -146,7 +146,10 @@ class FitState:
             if lags == state.lags:
                 break
             state = state._with_lags(lags)
-        return state._with_held_out_lags(state._fitted_held_out_lags())
+        real = with_real_changes(state.lags)
+        if real != state.lags:
+            state = state._with_lags(real)
+        return state._with_held_out_lags(with_real_changes(state._fitted_held_out_lags()))
 
     @property
     def lags(self) -> tuple[EffortLag, ...]:
@@ -179,7 +182,7 @@ class FitState:
         return fitted_effort_lags(data, found, self.recordings.stated_lag)
 
     def with_changes_of_lag(self, criteria: Criteria) -> FitState:
-        """Return the state with fitted lags of the effort that change once in a recording where that surely fits.
+        """Return the state with fitted lags of the effort, which change once in a recording where that surely fits.
 
         Args:
             criteria: thresholds.
@@ -193,9 +196,7 @@ class FitState:
         )
         if not any(lag.changes for lag in (*lags, *held_out_lags)):
             return self.with_fitted_lags()
-        state = self._with_lags(lags)._with_held_out_lags(held_out_lags).with_fitted_lags()
-        real, real_held_out = with_real_changes(state.lags), with_real_changes(state.held_out_lags)
-        return state._with_lags(real)._with_held_out_lags(real_held_out).with_fitted_lags()
+        return self._with_lags(lags)._with_held_out_lags(held_out_lags).with_fitted_lags()
 
     def _rest(self, data: WhitenedData) -> WeightedResidual:
         """Return what the fit leaves of recordings."""

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.fit import Refit, WhitenedData
@@ -90,20 +91,21 @@ def change_of_lag(rest: WeightedResidual, place: int, stated_lag: float, criteri
     information, score = (part[: count * size].reshape(count, size).sum(axis=1) for part in parts)
     margin = int(np.ceil(MIN_DURATION / criteria.block)) + 1
     places = range(margin, count - margin + 1)
-    best, time, most = 0.0, math.inf, criteria.z_score_of(max(1, len(places)))
+    least, time = float(stats.norm.sf(criteria.min_z_score)) / max(1, len(places)), math.inf
     for cut in places:
-        sides = [_late(information[part], score[part]) for part in (slice(None, cut), slice(cut, None))]
-        (first, first_error), (last, last_error) = sides
-        error, change = float(np.hypot(first_error, last_error)), abs(last - first)
-        if error > 0.0 and MAX_STAMP_ERROR < change < stated_lag + MAX_STAMP_ERROR and change / error > best:
-            best, time = change / error, float(motion.thinned(motion.time)[cut * size])
-    return time if best > most else math.inf
+        first, last = (_late(information[part], score[part]) for part in (slice(None, cut), slice(cut, None)))
+        chance = _chance_of_difference(first, last)
+        if MAX_STAMP_ERROR < abs(last.mean - first.mean) < stated_lag + MAX_STAMP_ERROR and chance < least:
+            least, time = chance, float(motion.thinned(motion.time)[cut * size])
+    return time
 
 
 def with_real_changes(lags: Sequence[EffortLag]) -> tuple[EffortLag, ...]:
     """Return fitted lags without the changes that are within an error of the stamps."""
     return tuple(
-        lag if abs(lag.last - lag.first) > MAX_STAMP_ERROR else EffortLag.constant(0.5 * (lag.first + lag.last))
+        EffortLag.constant(0.5 * (lag.first + lag.last))
+        if lag.changes and abs(lag.last - lag.first) <= MAX_STAMP_ERROR
+        else lag
         for lag in lags
     )
 
@@ -132,10 +134,29 @@ def _late_effort_parts(motion: Motion) -> list[Floats]:
     return [np.where(is_before, whole, 0.0), np.where(is_before, 0.0, whole)]
 
 
-def _late(information: Floats, score: Floats) -> tuple[float, float]:
-    """Return by how many samples the effort of some blocks is late, and its standard error from their scatter."""
-    total = float(information.sum())
+@dataclass(frozen=True)
+class _Late:
+    """By how many samples the effort of some blocks is late: estimate, its variance by their scatter, their number."""
+
+    mean: float
+    variance: float
+    blocks: int
+
+
+def _late(information: Floats, score: Floats) -> _Late:
+    """Return by how many samples the effort of some blocks is late."""
+    total, count = float(information.sum()), len(information)
     if total <= 0.0:
-        return 0.0, np.inf
-    late = float(score.sum()) / total
-    return late, float(np.sqrt(np.sum((score - late * information) ** 2))) / total
+        return _Late(0.0, math.inf, count)
+    mean = float(score.sum()) / total
+    scatter = float(np.sum((score - mean * information) ** 2)) * count / (count - 1)
+    return _Late(mean, scatter / total**2, count)
+
+
+def _chance_of_difference(one: _Late, other: _Late) -> float:
+    """Return the probability that chance makes such a difference (Welch 1947, Biometrika 34)."""
+    variance = one.variance + other.variance
+    if not 0.0 < variance < math.inf:
+        return 1.0
+    freedom = variance**2 / sum(part.variance**2 / (part.blocks - 1) for part in (one, other))
+    return float(2.0 * stats.t.sf(abs(one.mean - other.mean) / math.sqrt(variance), freedom))

@@ -28,7 +28,7 @@ HIDDEN = """      effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {sh
       stage:
         reference: {kind: file, file: FILE}
         encoder: {resolution: 1.0e-8, noise: 2.0e-8}
-        force_noise: 0.2
+        force_noise: 0.4
 """
 PERIOD = 1.0e-3
 

@@ -43,7 +43,8 @@ def lags_of(*motions: Motion, stated: float = HELD_LAG) -> tuple[float, ...]:
 def change_in(motion: Motion) -> float:
     """Return the time at which the lag of the effort changes in a recording [s]."""
     data = data_with_own_noise((motion,), MODEL)
-    return change_of_lag(WeightedResidual((motion,), residuals(MODEL, [motion]), data.weights), 0, HELD_LAG, Criteria())
+    rest = WeightedResidual((motion,), residuals(MODEL, [motion]), data.weights)
+    return change_of_lag(rest, 0, HELD_LAG, Criteria())
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.1, 0.3, HELD_LAG, 0.55])

@@ -33,7 +33,7 @@ from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_wi
 from sgms_observer.diagnosis.free_form import ALL, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.motion import Motion, motion_of
+from sgms_observer.diagnosis.motion import EffortLag, Motion, motion_of
 from sgms_observer.diagnosis.uncertainty import as_time_series
 from sgms_observer.settings.axis import EffectSettings
 
@@ -244,7 +244,7 @@ def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
 
 @pytest.mark.parametrize("lag", [0.0, 0.5])
 def test_a_delay_that_a_held_effort_or_inexact_stamps_may_make_fails(lag: float) -> None:
-    motion = replace(moved(), lag=lag)
+    motion = replace(moved(), lag=EffortLag.constant(lag))
     evaluation = evaluation_of((motion,), MODEL)
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
     plain = setup.fit((), None, 2)

@@ -127,7 +127,7 @@ def test_an_effect_that_a_later_one_made_needless_is_taken_out(stiffness: float,
         accepted(setup, first, nothing, "spring", evaluation),
         accepted(setup, current, first, "offset", evaluation),
     ]
-    state = FitState(Recordings((source,), (), HELD_LAG, HELD_LAG, 100.0), (motion,), (), setup, current)
+    state = FitState(Recordings((source,), (), HELD_LAG, 100.0), (motion,), (), setup, current)
     after, left = without_redundant_effects(state, rounds, Options())
     assert [item.name for item in after.current.effects] == (["spring", "offset"] if kept else ["offset"])
     assert [item.accepted is not None for item in left] == [kept, True]
