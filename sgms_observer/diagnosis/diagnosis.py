@@ -156,11 +156,6 @@ class FitState:
         """Return the lag of the effort of each recording to learn from."""
         return tuple(motion.lag for motion in self.fit_motions)
 
-    @property
-    def held_out_lags(self) -> tuple[EffortLag, ...]:
-        """Return the lag of the effort of each held-out recording."""
-        return tuple(motion.lag for motion in self.held_out_motions)
-
     def _with_lags(self, lags: Sequence[EffortLag]) -> FitState:
         """Return the state refitted with these lags of the recordings to learn from."""
         return replace(self, fit_motions=self.recordings.motions(lags)).refitted(self.current, REFIT_STEPS)

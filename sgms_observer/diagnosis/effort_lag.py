@@ -113,8 +113,8 @@ def with_real_changes(lags: Sequence[EffortLag]) -> tuple[EffortLag, ...]:
 def notes_on_changes(motions: Sequence[Motion]) -> list[str]:
     """Return a sentence about each recording in which the lag of the effort changes."""
     return [
-        f"{motion.name}: the effort acts {motion.lag.first:.2f} samples after its stamp, from {motion.lag.change:.1f} s"
-        f" on {motion.lag.last:.2f}"
+        f"{motion.name}: until {motion.lag.change:.1f} s the effort acts {motion.lag.first:.2f} samples after its"
+        f" stamp, then {motion.lag.last:.2f}"
         for motion in motions
         if motion.lag.changes
     ]
