@@ -33,8 +33,6 @@ REFIT_STEPS = 4
 """Steps of a fit after a new fit of the noise."""
 MAX_REFITS, MIN_DECREASE = 8, 0.01
 """Largest number of fits with a new noise each, and the decrease of the rms residual below which they end."""
-LAG_FITS = 2
-"""Number of fits of the lags of the effort, each after a fit with those found before."""
 
 
 @dataclass(frozen=True)
@@ -139,13 +137,16 @@ class FitState:
         return self._rest(self.setup.data).rms
 
     def with_fitted_lags(self) -> FitState:
-        """Return the state with the lag of the effort that fits each recording, held-out ones included."""
+        """Return the state with the lag of the effort that fits each recording, held-out ones included.
+
+        A lag is judged against the noise, and the noise contains what a wrong lag leaves: both are fitted in turn.
+        """
         state = self
-        for _ in range(LAG_FITS):
+        for _ in range(MAX_REFITS):
             lags = fitted_effort_lags(state.setup.data, state.current, state.recordings.stated_lag)
             if lags == state.lags:
                 break
-            state = state._with_lags(lags)
+            state = state._with_lags(lags).converged()
         real = with_real_changes(state.lags)
         if real != state.lags:
             state = state._with_lags(real)

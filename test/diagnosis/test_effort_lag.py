@@ -10,9 +10,9 @@ from workflow_case import AXIS, record
 
 from sgms_observer.diagnosis.answer import answer_of
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.diagnosis import LAG_FITS, Options
+from sgms_observer.diagnosis.diagnosis import FIT_STEPS, FitState, Options, Recordings
 from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR, change_of_lag, fitted_effort_lags, with_real_changes
-from sgms_observer.diagnosis.fit import data_with_own_noise, refit
+from sgms_observer.diagnosis.fit import RefitSetup, data_with_own_noise, refit
 from sgms_observer.diagnosis.gap import WeightedResidual, halves, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import HELD_LAG, EffortLag, Motion, delayed, motion_of
@@ -37,7 +37,7 @@ def needs(lag: float, read_with: float, source: Recording | None = None) -> Moti
 
 def lags_of(*motions: Motion, stated: float = HELD_LAG) -> tuple[float, ...]:
     """Return the lags that a diagnosis fits to recordings of a stage that has the model's own values."""
-    for _ in range(LAG_FITS):
+    for _ in range(2):
         data = data_with_own_noise(motions, MODEL)
         lags = fitted_effort_lags(data, refit(data, MODEL, 0.05, iterations=3), stated)
         motions = tuple(
@@ -77,6 +77,21 @@ def test_an_effort_taken_for_early_goes_back_to_what_the_settings_say() -> None:
 def test_each_recording_has_its_own_lag() -> None:
     motions = needs(0.1, HELD_LAG), needs(HELD_LAG, HELD_LAG, record(seed=2))
     assert lags_of(*motions) == pytest.approx((0.1, HELD_LAG), abs=NEAR)
+
+
+@pytest.mark.parametrize("stiffness", [0.8, 1.25])
+@pytest.mark.parametrize("lag", [0.0, 0.1, 0.3])
+def test_a_file_with_another_stiffness_does_not_move_the_lag(stiffness: float, lag: float) -> None:
+    """The noise is that of a wrong file at first, in which a change of the lag is not sure yet."""
+    source = record()
+    source = replace(source, effort=delayed(source.effort, HELD_LAG - lag))
+    friction = replace(MODEL.friction, element_stiffness=tuple(stiffness * k for k in MODEL.friction.element_stiffness))
+    file = replace(MODEL, friction=friction)
+    recordings = Recordings((source,), (), HELD_LAG, 100.0)
+    motions = recordings.motions()
+    setup = RefitSetup(data_with_own_noise(motions, file), file, 0.05)
+    state = FitState(recordings, motions, (), setup, setup.fit((), None, FIT_STEPS)).converged().with_fitted_lags()
+    assert state.lags[0].values == pytest.approx((lag,), abs=CLOSE)
 
 
 def test_a_change_of_the_lag_is_found_where_it_is() -> None:
