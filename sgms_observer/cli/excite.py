@@ -11,9 +11,11 @@ from sgms_observer.cli.options import (
     ONE_AXIS,
     add_axis_option,
     add_limit_options,
+    add_live_topic_option,
     add_output_options,
     add_overwrite_option,
     axis_from,
+    live_topics_from,
 )
 from sgms_observer.outcome import Outcome
 
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
     from sgms_observer.excitation.reference import Excitation, Floats
 
 HELP = "design the motion that shows most of what is asked for, within the machine's limits; write or publish it"
+
+TOPICS = ("position", "reference")
+"""Topics that publishing needs."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--publish", action="store_true", help="publish it in real time as reference; this moves the machine"
     )
+    add_live_topic_option(parser, TOPICS)
     add_overwrite_option(parser)
     add_output_options(parser)
 
@@ -77,6 +83,9 @@ def run(args: argparse.Namespace) -> Outcome:
         raise ConfigurationError(["sgms excite needs --out CSV or --publish; give at least one"])
     if args.publish and args.start is not None:
         raise ConfigurationError(["--publish starts where the table stands; leave out --from"])
+    topics = live_topics_from(args.topic, TOPICS)
+    if topics and not args.publish:
+        raise ConfigurationError(["--topic names topics of the live graph; give --publish too, or leave it out"])
     if args.out:
         refuse_existing_files([args.out], args.overwrite)
         try_folder(Path(args.out).parent)
@@ -104,7 +113,7 @@ def run(args: argparse.Namespace) -> Outcome:
         from sgms_observer.nodes.reference_player import play_reference
 
         period = settings.sample_period
-        finished = play_reference(axis, reference_from, 1.0 / rate, period, limits.acceleration)
+        finished = play_reference(axis, reference_from, 1.0 / rate, period, limits.acceleration, topics)
         print("published to the end" if finished else "interrupted: the reference was brought to rest")
     else:
         reference_from((args.centre or 0.0) if args.start is None else args.start)

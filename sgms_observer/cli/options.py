@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import re
 from collections.abc import Sequence
 
 from sgms_observer.errors import ConfigurationError, DataError
@@ -49,6 +50,23 @@ def add_bag_options(parser: argparse.ArgumentParser, axes: str) -> None:
     add_topic_option(parser)
 
 
+def add_live_topic_option(parser: argparse.ArgumentParser, keys: Sequence[str]) -> None:
+    """Declare where topics of the live graph are.
+
+    Args:
+        parser: the command's own parser.
+        keys: the topics.
+    """
+    parser.add_argument(
+        "--topic",
+        action="append",
+        default=[],
+        metavar="KEY=NAME",
+        help=f"name of a topic on the graph where it differs: KEY is {', '.join(keys[:-1])} or {keys[-1]}, such as"
+        " position=/joint_states; may be repeated",
+    )
+
+
 def add_topic_option(parser: argparse.ArgumentParser) -> None:
     """Declare where the topics of a bag are."""
     parser.add_argument(
@@ -85,24 +103,45 @@ def add_limit_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def topics_from(arguments: Sequence[str]) -> dict[str, str]:
+def live_topics_from(arguments: Sequence[str], keys: Sequence[str]) -> dict[str, str]:
+    """Return the topics of the live graph that the user named, by their key.
+
+    Args:
+        arguments: ``KEY=NAME`` each.
+        keys: the keys there are.
+
+    Raises:
+        ConfigurationError: one of them is malformed, has an unknown key, or is no name of ROS.
+    """
+    found = topics_from(arguments, keys)
+    for key, name in found.items():
+        if not re.fullmatch(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", name, re.ASCII):
+            raise ConfigurationError(
+                [f"--topic {key}={name} is no topic name of ROS; give letters, digits and _, such as /joint_states"]
+            )
+    return found
+
+
+def topics_from(arguments: Sequence[str], keys: Sequence[str] = ()) -> dict[str, str]:
     """Return the topics the user named, by their key.
 
     Args:
         arguments: ``KEY=NAME`` each.
+        keys: the keys there are; by default the inputs of the observer.
 
     Raises:
         ConfigurationError: one of them is malformed or has an unknown key.
     """
     from sgms_observer.bags.source import INPUTS
 
+    known = keys or INPUTS
     found: dict[str, str] = {}
     for argument in arguments:
         key, equals, name = argument.partition("=")
         if not (key and equals and name):
             raise ConfigurationError([f"--topic {argument} must read KEY=NAME, such as position=/joint_states"])
-        if key not in INPUTS:
-            raise ConfigurationError([f"--topic {argument}: {key} is none of {', '.join(INPUTS)}; use one of these"])
+        if key not in known:
+            raise ConfigurationError([f"--topic {argument}: {key} is none of {', '.join(known)}; use one of these"])
         if key in found:
             raise ConfigurationError([f"--topic gives {key} twice; give it once"])
         found[key] = name

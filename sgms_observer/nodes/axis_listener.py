@@ -33,7 +33,7 @@ class AxisListener:
 
     Attributes:
         positions: stamp [ns] and position [m] of each sample since ``forget``.
-        heard_at: when each topic was heard last, by the monotonic clock [s].
+        heard_at: when each input last gave a sample with a new stamp, by the monotonic clock [s].
         names: the axes that each topic named.
         span: first and last stamp that is recorded [ns].
     """
@@ -47,6 +47,7 @@ class AxisListener:
         self._ages: list[float] = []
         self.positions: list[tuple[int, float]] = []
         self.heard_at = {POSITION: 0.0, EFFORT: 0.0}
+        self._repeats = dict.fromkeys(self.heard_at, 0)
         self.names: dict[str, tuple[str, ...]] = {}
         self._writer: BagWriter | None = None
         self.span = (0, 0)
@@ -67,6 +68,15 @@ class AxisListener:
             kept.clear()
         self._latest_effort = 0
         self.heard_at = dict.fromkeys(self.heard_at, time.monotonic())
+        self._repeats = dict.fromkeys(self.heard_at, 0)
+
+    def repeats_stamp(self, topic: str) -> bool:
+        """Return whether messages of a topic came whose stamp is not new, and none behind them whose stamp is.
+
+        Args:
+            topic: position or effort.
+        """
+        return self._repeats[topic] > 0
 
     @property
     def effort_count(self) -> int:
@@ -143,7 +153,7 @@ class AxisListener:
 
     def _take_position(self, message: bytes) -> None:
         found = self._number(POSITION, message, 2)
-        if found is not None and (not self.positions or found[0] > self.positions[-1][0]):
+        if found is not None and self._is_new(POSITION, found[0], self.positions[-1][0] if self.positions else -1):
             self.positions.append((found[0], self._axis.position_scale * found[1]))
             self._arrivals[found[0]] = self.heard_at[POSITION]
 
@@ -151,7 +161,8 @@ class AxisListener:
         found = self._number(EFFORT, message, 4)
         if found is not None:
             self._efforts[found[0]] = self._axis.effort_scale * found[1]
-            self._latest_effort = max(self._latest_effort, found[0])
+            if self._is_new(EFFORT, found[0], self._latest_effort):
+                self._latest_effort = found[0]
 
     def _take_compensation(self, message: bytes) -> None:
         found = self._number(COMPENSATION, message, 4)
@@ -159,6 +170,14 @@ class AxisListener:
             arrived = self._arrivals.pop(found[0], None)
             if arrived is not None:
                 self._ages.append(time.monotonic() - arrived)
+
+    def _is_new(self, topic: str, stamp_ns: int, latest_ns: int) -> bool:
+        """Return whether a stamp is behind the latest one; note when: a table whose stamps stand still is silent."""
+        is_new = stamp_ns > latest_ns
+        if is_new:
+            self.heard_at[topic] = time.monotonic()
+        self._repeats[topic] = 0 if is_new else self._repeats[topic] + 1
+        return is_new
 
     def _number(self, topic: str, message: bytes, field: int) -> tuple[int, float] | None:
         """Return stamp and the axis's number in one field of a message."""
@@ -175,5 +194,4 @@ class AxisListener:
         place = names.index(self._axis.name)
         if place >= len(values) or not math.isfinite(values[place]):
             return None
-        self.heard_at[topic] = time.monotonic()
         return stamp_ns, float(values[place])

@@ -6,7 +6,7 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -34,6 +34,7 @@ def play_reference(
     period: float,
     sample_period: float,
     acceleration: float,
+    topics: Mapping[str, str],
 ) -> bool:
     """Publish a reference that starts where the table stands, and the part of it that is ahead.
 
@@ -46,6 +47,7 @@ def play_reference(
         period: time between two set-points [s].
         sample_period: time between two samples of the table [s].
         acceleration: deceleration when it is interrupted [m/s^2].
+        topics: names of topics on the graph where they differ, by their usual names.
 
     Returns:
         Whether it was played to the end; False after SIGINT or SIGTERM.
@@ -62,13 +64,14 @@ def play_reference(
         raise RecordingError(MISSING_ROS) from None
     from sgms_observer.nodes.horizons import EVERY
     from sgms_observer.nodes.set_points import SetPoints, braking
+    from sgms_observer.nodes.topics import remaps
     from sgms_observer.nodes.transport import prepare_transport
 
     prepare_transport()
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=remaps(topics), signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("sgms_excite")
     try:
         position, velocity = reference_from(_standing_at(node, axis, stop).position)

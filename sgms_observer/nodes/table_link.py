@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -25,12 +25,13 @@ from sgms_observer.nodes.axis_listener import COMPENSATION, EFFORT, POSITION, RE
 from sgms_observer.nodes.conductor import Conductor, RepeatedRequest
 from sgms_observer.nodes.set_points import Playing, SetPoints
 from sgms_observer.nodes.spin import leave_graph, make_executor
+from sgms_observer.nodes.topics import remaps
 from sgms_observer.nodes.transport import prepare_transport
 from sgms_observer.settings.axis import AxisSettings
 
 OBSERVER = "observer_node"
 SILENCE = 0.5
-"""Time without a position or an effort after which the topic counts as lost [s]."""
+"""Time without a new stamp of position or effort after which the topic counts as lost [s]."""
 
 _TURN = 4.0e-3  # s from one look at the clock to the next
 _COMES_BACK = 2.0  # s for a topic that was silent to speak again
@@ -50,8 +51,9 @@ class TableLink:
 
     Args:
         axis: its name and scales are those of the messages.
-        limits: what the table may do.
+        limits: what the machine may do.
         folder: where the logs of the processes go.
+        topics: names of topics on the graph where they differ, by their usual names.
 
     Attributes:
         has_observer: whether an observer of this commissioning's own runs.
@@ -59,8 +61,8 @@ class TableLink:
         lead: how long before its stamp a set-point is sent [s].
     """
 
-    def __init__(self, axis: AxisSettings, limits: ExcitationLimits, folder: Path) -> None:
-        self._axis, self._limits = axis, limits
+    def __init__(self, axis: AxisSettings, limits: ExcitationLimits, folder: Path, topics: Mapping[str, str]) -> None:
+        self._axis, self._limits, self._remaps = axis, limits, remaps(topics)
         self._conductor = Conductor(folder)
         self._never: Future = Future()
         self._listener = AxisListener(axis)
@@ -73,7 +75,7 @@ class TableLink:
         """Join the graph."""
         prepare_transport()
         compile_ahead()
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=self._remaps, signal_handler_options=SignalHandlerOptions.NO)
         self._conductor.__enter__()
         self._node = rclpy.create_node("sgms_commission")
         self._executor = make_executor()
@@ -108,7 +110,7 @@ class TableLink:
             begun = time.monotonic()
             while time.monotonic() < begun + seconds and not self._signals.first:
                 self._spin(_TURN)
-        node = self._node
+        node, count = self._node, self._node.count_publishers
         samples = self._listener.samples(self._listener.positions)
         return Topics(
             names=dict(self._listener.names),
@@ -116,8 +118,8 @@ class TableLink:
             efforts=self._listener.effort_count,
             seconds=time.monotonic() - begun,
             reference_readers=self._set_points.reader_count,
-            reference_senders=node.count_publishers(REFERENCE) - 1,
-            compensation_senders=node.count_publishers(COMPENSATION),
+            reference_senders=count(node.resolve_topic_name(REFERENCE)) - 1,
+            compensation_senders=count(node.resolve_topic_name(COMPENSATION)),
         )
 
     def play(self, motion: Motion, origin: float, watch: Watch, bag: Path | None = None) -> None:
@@ -132,7 +134,9 @@ class TableLink:
         with self._signals.deferred():
             self._catch_up()
             self._listener.forget()
-            self._await(lambda: len(self._listener.positions) > 2, f"no message of {POSITION} arrives; start the table")
+            self._await(
+                lambda: len(self._listener.positions) > 2, f"no message of {POSITION} arrives; start the machine"
+            )
             if math.isnan(self.set_point):
                 self.set_point = self._listener.positions[-1][1]
             start = motion.position[0] + origin
@@ -157,7 +161,8 @@ class TableLink:
             config: parameter file.
         """
         with self._signals.deferred():
-            self._conductor.start(OBSERVER, "sgms_observer.nodes.observer_node", ["--config", str(config)])
+            arguments = ["--config", str(config), *self._remaps]
+            self._conductor.start(OBSERVER, "sgms_observer.nodes.observer_node", arguments)
             self.has_observer = True
             self._conductor.wait(lambda: _ACTIVE in self._conductor.said(OBSERVER), f"{OBSERVER} to become active")
             self._await(self._parameters.service_is_ready, f"{OBSERVER} offers no service; see its log")
@@ -195,7 +200,7 @@ class TableLink:
         """Publish the set-points; the motion begins with sample ``first``, its recording with ``recorded``."""
         self._await(
             lambda: self._set_points.reader_count > 0,
-            f"no node subscribes to {REFERENCE}; start the table, or remap its topic",
+            f"no node subscribes to {REFERENCE}; start the machine, or name its topic with --topic",
         )
         while not self._set_points.has_met_all() and not self._signals.first:
             self._conductor.watch()
@@ -240,7 +245,7 @@ class TableLink:
         end = time.monotonic() + _COMES_BACK
         while time.monotonic() < end and not self._signals.first:
             self._spin(_TURN)
-            if self._listener.positions and self._listener.effort_count:
+            if len(self._listener.positions) > 1 and self._listener.effort_count > 1:  # one stamp may be the old one
                 return True
         return False
 
@@ -248,11 +253,17 @@ class TableLink:
         self._conductor.watch()
         for topic in (POSITION, EFFORT):
             silence = time.monotonic() - self._listener.heard_at[topic]
-            if silence > SILENCE:
+            if silence <= SILENCE:
+                continue
+            if self._listener.repeats_stamp(topic):
                 raise _Silence(
-                    f"{topic} of axis {self._axis.name} stopped arriving for {silence:.1f} s during the motion; the"
-                    " motion was stopped; check the drive and its node, then start again"
+                    f"{topic} of axis {self._axis.name} came without a new stamp for {silence:.1f} s during the motion;"
+                    " the motion was stopped; check the drive and the clock of its node, then start again"
                 )
+            raise _Silence(
+                f"{topic} of axis {self._axis.name} stopped arriving for {silence:.1f} s during the motion; the"
+                " motion was stopped; check the drive and its node, then start again"
+            )
 
     def _answered(self, gain: float) -> SetParameters.Response:
         """Return the observer's answer to a gain."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import struct
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -54,6 +54,15 @@ LAST_WORDS = Duration(seconds=0.2)
 _ASK_EVERY = 0.01  # s from one question for a publisher's readers to the next
 
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+
+
+def remaps(names: Mapping[str, str]) -> list[str]:
+    """Return the ROS arguments that give topics other names.
+
+    Args:
+        names: topic to its name on the graph.
+    """
+    return [part for topic, name in names.items() for part in ("--ros-args", "-r", f"{topic}:={name}", "--")]
 
 
 def subscribe(

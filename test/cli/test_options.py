@@ -14,7 +14,10 @@ import pytest
 from sgms_observer.bags.conversion import Table, write_table
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.cli import main as command_line
+from sgms_observer.cli.commission import TOPICS
 from sgms_observer.cli.main import main
+from sgms_observer.cli.options import live_topics_from
+from sgms_observer.errors import ConfigurationError
 from sgms_observer.outcome import EXIT_NOT_USABLE, Outcome, json_value
 
 WRITING = (
@@ -75,6 +78,28 @@ def test_axis_and_topic_are_declared_alike() -> None:
         assert len({(type(one), one.metavar, str(one.default)) for one in found}) == 1
     assert {str(actions(name)["--topic"].default) for name in (*WITH_BAG, "play")} == {"[]"}
     assert type(actions("diagnose")["--axis"]) is type(actions("excite")["--axis"]) is type(actions("info")["--axis"])
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ("position", "must read KEY=NAME"),
+        ("speed=/x", "speed is none of position, control_effort, reference, friction_compensation"),
+        ("position=/joint states", "is no topic name of ROS"),
+        ("position=3", "is no topic name of ROS"),
+    ],
+)
+def test_topics_of_the_live_graph_are_names_of_ros(given: str, sentence: str) -> None:
+    with pytest.raises(ConfigurationError, match=sentence):
+        live_topics_from([given], TOPICS)
+    named = {"position": "/joint_states", "reference": "axis/command"}
+    assert live_topics_from([f"{key}={name}" for key, name in named.items()], TOPICS) == named
+
+
+def test_excite_needs_topics_to_publish_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--config", "none.yaml", "--out", str(tmp_path / "x.csv"), "--topic", "reference=/axis/command"]
+    assert main(["excite", *options]) == 1
+    assert "--publish" in capsys.readouterr().err
 
 
 def bag(path: Path, value: float) -> str:

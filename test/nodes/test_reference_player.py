@@ -20,6 +20,7 @@ from sgms_observer.nodes.horizons import AHEAD, EVERY, decode_horizons
 from sgms_observer.nodes.set_points import braking
 
 ROOT = Path(__file__).resolve().parents[2]
+STATE, COMMAND = "/axis/joint_states", "/axis/command"
 
 
 @settings(deadline=None)
@@ -32,14 +33,14 @@ def test_braking_ends_at_rest_within_the_deceleration(velocity: float, accelerat
 
 
 def test_it_starts_where_the_table_stands_and_brakes_when_interrupted(graph: Graph, tmp_path: Path) -> None:
-    """A busy machine may be too late for the motion: it comes to rest then as well, says so, and is started again."""
+    """Its topics have other names. A busy machine may be too late: it comes to rest as well, and is started again."""
     (tmp_path / "axis.yaml").write_text(ONE_AXIS)
-    graph.listen("reference")
+    graph.listen(COMMAND)
     for _ in range(10):
-        graph.messages["reference"].clear()
+        graph.messages[COMMAND].clear()
         code, said = _interrupted_in_motion(graph, tmp_path)
-        wait_until(lambda: decode_joint_state(graph.messages["reference"][-1])[3][0] == 0.0, "the rest at the end")
-        states = [decode_joint_state(message) for message in graph.messages["reference"]]
+        wait_until(lambda: decode_joint_state(graph.messages[COMMAND][-1])[3][0] == 0.0, "the rest at the end")
+        states = [decode_joint_state(message) for message in graph.messages[COMMAND]]
         velocities = np.array([state[3][0] for state in states])
         assert states[0][2][0] == 0.3
         assert velocities[-1] == 0.0
@@ -84,7 +85,16 @@ def _interrupted_in_motion(graph: Graph, folder: Path) -> tuple[int, str]:
     """Play a reference, interrupt it when it moves fast; return exit code and what was said last."""
     command = [sys.executable, "-m", "sgms_observer.cli.main", "excite", "--config", str(folder / "axis.yaml")]
     process = subprocess.Popen(
-        [*command, "--publish", "--acceleration", "0.05"],
+        [
+            *command,
+            "--publish",
+            "--acceleration",
+            "0.05",
+            "--topic",
+            f"position={STATE}",
+            "--topic",
+            f"reference={COMMAND}",
+        ],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -92,12 +102,12 @@ def _interrupted_in_motion(graph: Graph, folder: Path) -> tuple[int, str]:
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
     )
     try:
-        send = graph.publisher("position")
+        send = graph.publisher(STATE)
         encode = JointStateEncoder(("x",), ("position",)).encode
 
         def is_moving() -> bool:
             send(encode(1, [0.3]))
-            moves = any(decode_joint_state(message)[3][0] > 1e-4 for message in graph.messages["reference"][-5:])
+            moves = any(decode_joint_state(message)[3][0] > 1e-4 for message in graph.messages[COMMAND][-5:])
             return moves or process.poll() is not None
 
         wait_until(is_moving, "a reference in motion")
