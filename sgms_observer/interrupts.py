@@ -87,6 +87,11 @@ def noted_interrupts() -> Iterator[list[int]]:
                 signal.signal(number, handler)
 
 
+def obey_interrupt() -> None:
+    """Say that an interrupt reached whoever has to end the work: it does not come again while that one tidies up."""
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
 _noted: list[int] = []
 
 

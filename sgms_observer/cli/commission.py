@@ -1,4 +1,4 @@
-"""``sgms commission``: from a table that moves to a compensation that is switched on, in one command."""
+"""``sgms commission``: from an axis that moves to a compensation that is switched on, in one command."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ from sgms_observer.cli.options import (
     ONE_AXIS,
     add_axis_option,
     add_limit_options,
+    add_live_topic_option,
     add_output_options,
     add_overwrite_option,
     axis_from,
+    live_topics_from,
     require_ros,
 )
 from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
-HELP = "lead a machine to its compensation: check, excite, record, identify, diagnose, observe, compensate, compare"
+HELP = "commission one axis: check, record, identify, diagnose, observe, compensate, compare; moves the machine"
+TOPICS = ("position", "control_effort", "reference", "friction_compensation")
+"""Topics between the command, its observer and the axis."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,9 +31,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", required=True, metavar="DIR", help="folder of all files; a rerun goes on where the last one ended"
     )
     add_axis_option(parser, ONE_AXIS)
+    add_live_topic_option(parser, TOPICS)
     parser.add_argument("--yes", action="store_true", help="move without asking; the motions stay inside the limits")
     parser.add_argument(
-        "--time", type=float, default=1800.0, metavar="S", help="begin no step after this time [s] (default: 1800)"
+        "--time",
+        type=float,
+        default=1800.0,
+        metavar="S",
+        help="time for everything [s]: what cannot end in it is not begun, or is given up (default: 1800)",
     )
     add_limit_options(parser)
     parser.add_argument(
@@ -41,12 +50,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_overwrite_option(parser)
     add_output_options(parser)
+    parser.epilog = "Without --yes the command asks on stderr before every motion, with --quiet and --json too."
 
 
 def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``; code 3 where the result must not be used as it is."""
+    from sgms_observer.application.commission.ledger import LOG, Ledger
     from sgms_observer.application.commission.run import commission
-    from sgms_observer.application.commission.session import Ledger, Plan, Request, Session
+    from sgms_observer.application.commission.session import Plan, Request, Session
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.whole_file import try_folder
@@ -57,9 +68,10 @@ def run(args: argparse.Namespace) -> Outcome:
         raise ConfigurationError(
             ["sgms commission asks before every motion and stdin is no terminal; run it in a terminal, or give --yes"]
         )
-    axis = axis_from(args.axis, "commission")
+    axis, topics = axis_from(args.axis, "commission"), live_topics_from(args.topic, TOPICS)
     out = Path(args.out)
-    request = Request(args.config, out, axis, args.stroke, args.speed, args.acceleration, args.motion, args.time)
+    limits = (args.stroke, args.speed, args.acceleration)
+    request = Request(args.config, out, axis, *limits, args.motion, args.time, topics)
     plan = Plan.of(request)
     try_folder(out)
     ledger = Ledger.open(out, request.as_json(), args.overwrite)
@@ -71,16 +83,27 @@ def run(args: argparse.Namespace) -> Outcome:
     def show(title: str, share: float) -> None:
         bars.setdefault(title, Progress(title, 1.0)).show(share)
 
-    def confirm(sentence: str) -> bool:
-        print(sentence, flush=True)
-        return args.yes or input("Move? [y/N] ").strip().lower() in ("y", "yes")
-
     def say(sentence: str) -> None:
-        print(sentence, flush=True)
+        print(sentence, file=sys.stderr if sentence.lstrip().startswith("Warning:") else sys.stdout, flush=True)
 
-    with TableLink(plan.axis, plan.limits, out / "log") as table:
-        ledger = commission(Session(plan, ledger, table, confirm, say, show))
-    print(f"wrote {out}: commission.json" + (f", {ledger.yaml}" if ledger.yaml else ""))
-    if not ledger.is_usable:
-        print("Warning: the result must not be used as it is; commission.json says why.", file=sys.stderr)
+    def told(sentence: str) -> bool:
+        say(sentence)
+        return True
+
+    ledger.write()
+    table = TableLink(plan.axis, plan.limits, out / LOG, topics)
+    commission(Session(plan, ledger, table, told if args.yes else asked, say, show), table)
+    print(f"wrote {out}: commission.json, report.html" + (f", {ledger.yaml}" if ledger.yaml else ""))
+    if ledger.reason:
+        print(f"Warning: the result must not be used as it is: {ledger.reason}.", file=sys.stderr)
     return Outcome(EXIT_DONE if ledger.is_usable else EXIT_NOT_USABLE, ledger.as_json())
+
+
+def asked(sentence: str) -> bool:
+    """Ask on stderr, which --quiet and --json leave alone, whether the axis may move; anything but yes is no.
+
+    Args:
+        sentence: what it will do.
+    """
+    print(f"{sentence}\nMove? [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in ("y", "yes")

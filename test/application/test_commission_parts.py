@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from sgms_observer.application.commission.check import topic_faults
 from sgms_observer.application.commission.compensate import WORSE_PEAK, TrackingWatch
+from sgms_observer.application.commission.ledger import DONE, FAILED, SKIPPED, Ledger
 from sgms_observer.application.commission.motion import (
     Motion,
     approach,
@@ -23,7 +24,6 @@ from sgms_observer.application.commission.motion import (
     representative_motion,
     sign_motion,
 )
-from sgms_observer.application.commission.session import DONE, FAILED, SKIPPED, Ledger
 from sgms_observer.application.commission.table import LONGEST_GAP, Guard, Heard, HeldUp, Topics
 from sgms_observer.application.commission.tracking import Tracker
 from sgms_observer.errors import ConfigurationError, DataError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ import pytest
 from start_file import start_file
 
 from sgms_observer.application.commission import next_experiment as step
-from sgms_observer.application.commission.motion import Motion
+from sgms_observer.application.commission.ledger import DONE, EXPERIMENTS, FAILED, LEARN_BAG, OWN_MOTION, Ledger
+from sgms_observer.application.commission.motion import Motion, representative_motion
 from sgms_observer.application.commission.run import STEPS, commission
-from sgms_observer.application.commission.session import DONE, FAILED, LEARN_BAG, Ledger, Plan, Request, Session
+from sgms_observer.application.commission.session import OutOfTime, Plan, Request, Session
 from sgms_observer.errors import DataError
 from sgms_observer.settings.axis import AxisSettings
 
@@ -62,6 +64,7 @@ class Bench:
         monkeypatched.record = self._record
         if effects is not None:
             out.mkdir()
+            representative_motion(plan.limits, plan.settings.sample_period).write(out / OWN_MOTION)
             ledger.facts = {"origin": 0.0}
             self.answers.insert(0, effects)
             self._diagnose(session, [LEARN_BAG], "diagnosis")
@@ -182,7 +185,32 @@ def test_nothing_moves_where_motion_does_not_help(bench: Callable[..., Bench], m
 def test_nothing_moves_without_time_for_it(bench: Callable[..., Bench]) -> None:
     table = bench()
     sentence, _ = step.next_experiment(table.session(AMBIGUOUS, seconds=120.0))
-    assert "no time is left to separate asymmetric_coulomb, offset" in sentence and not table.played
+    assert "no time was left to separate asymmetric_coulomb, offset" in sentence and not table.played
+
+
+def test_a_diagnosis_without_time_for_it_leaves_the_one_before(bench: Callable[..., Bench]) -> None:
+    """The compensation keeps its share of the time; a rerun diagnoses what is recorded."""
+    table = bench([found("asymmetric_coulomb")])
+    session = table.session(AMBIGUOUS)
+    reserved: list[float] = []
+
+    def gives_up() -> None:
+        reserved.append(session.reserved)
+        raise OutOfTime("stopped")
+
+    table.on_motion = lambda: setattr(table, "on_diagnosis", gives_up)
+    sentence, files = step.next_experiment(session)
+    assert reserved[0] > 60.0 and session.reserved == 0.0
+    assert "the diagnosis before goes on" in sentence and session.ledger.effects == AMBIGUOUS
+    assert len(table.played) == 1 and not all(session.path(name).exists() for name in files)
+    session.ledger.note("next_experiment", DONE, 1.0, sentence, files)
+
+    table.on_motion = table.on_diagnosis = lambda: None
+    again = table.session()
+    assert not again.ledger.is_finished("next_experiment")
+    sentence, files = step.next_experiment(again)
+    assert len(table.played) == 1 and again.ledger.effects == [found("asymmetric_coulomb")]
+    assert all(session.path(name).exists() or name == "commission.json" for name in files)
 
 
 def test_a_stopped_experiment_fails_the_step_and_keeps_the_folder(
@@ -200,10 +228,10 @@ def test_a_stopped_experiment_fails_the_step_and_keeps_the_folder(
 
     table.on_motion = stalls
     with pytest.raises(DataError, match="stalls"):
-        commission(session)
+        commission(session, nullcontext())
     again = table.session().ledger
     assert again.is_finished("diagnose") and not again.is_finished("next_experiment")
-    assert again.effects == AMBIGUOUS and not again.facts[step.EXPERIMENTS]
+    assert again.effects == AMBIGUOUS and not again.facts[EXPERIMENTS]
 
 
 def test_only_what_motion_can_separate_is_tried() -> None:

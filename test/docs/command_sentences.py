@@ -9,7 +9,9 @@ from pathlib import Path
 
 from node_sentences import HOLE, ROOT
 
-ERRORS = ("ConfigurationError", "RecordingError", "DataError", "SgmsError", "HiddenError", "HeldUp", "_Silence")
+ERRORS = (
+    "ConfigurationError", "RecordingError", "DataError", "SgmsError", "HiddenError", "HeldUp", "_Silence", "OutOfTime"
+)  # fmt: skip
 PREFIX = "Warning: "
 ELSEWHERE = ("settings", "nodes", "export", "effects", "formulas")
 """Folders whose sentences are of one kind each, which the page explains as one, or that `node_sentences` reads."""

@@ -21,14 +21,16 @@ from ros_fixtures import Start
 from ros_graph import Graph, NodeProcess, wait_until
 from start_file import WINDOW, start_file
 
+from sgms_observer.application.commission.ledger import DONE, FAILED, SKIPPED, Ledger
 from sgms_observer.application.commission.motion import representative_motion
-from sgms_observer.application.commission.session import DONE, Ledger, Plan, Request
+from sgms_observer.application.commission.session import Plan, Request
 from sgms_observer.application.commission.table import HeldUp
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
-from sgms_observer.nodes.axis_listener import AxisListener
+from sgms_observer.nodes.axis_listener import EFFORT, POSITION, AxisListener
 from sgms_observer.settings.axis import AxisSettings
 
 ROOT = Path(__file__).resolve().parents[2]
+COMMAND = "/axis/command"
 START = start_file(
     WINDOW, "estimator: {kind: mhe, correction_every: 2, parameters: [kappa]}", "compensation: {limit: 10.0}"
 )
@@ -127,7 +129,8 @@ def compensation(graph: Graph) -> np.ndarray:
 
 
 def compensating(graph: Graph, run: Commission) -> None:
-    """Wait until a compensation acts."""
+    """Wait until a compensation acts, from now on."""
+    graph.messages["friction_compensation"].clear()
 
     def acts() -> bool:
         assert run.process.poll() is None, run.end()
@@ -143,12 +146,21 @@ def has_let_go(graph: Graph) -> None:
     assert velocities[-1] == 0.0
 
 
+def is_at_rest_without_force(graph: Graph, reference: str = "reference") -> None:
+    """Check that the set-point came to rest, and that no force was ever sent."""
+    assert decode_joint_state(graph.messages[reference][-1])[3][0] == 0.0
+    assert not graph.messages["friction_compensation"]
+
+
 def stopped(run: Commission, step: str, *words: str) -> None:
-    """Check that the folder tells which step failed and why, and that it can be resumed."""
-    steps = run.result()["steps"]
-    assert [one["name"] for one in steps if one["state"] == "failed"] == [step]
-    assert all(word in steps[-1]["sentence"] for word in words), steps[-1]
-    assert run.result()["usable"] is False
+    """Check that folder and page tell which step failed and why, and that the folder can be resumed."""
+    result = run.result()
+    (failed,) = [one for one in result["steps"] if one["state"] == FAILED]
+    assert failed["name"] == step and all(word in failed["sentence"] for word in words), failed
+    behind = result["steps"][result["steps"].index(failed) + 1 :]
+    assert {one["state"] for one in behind[:-1]} <= {SKIPPED} and behind[-1]["name"] == "report"
+    assert result["usable"] is False and result["reason"] == f"step {step} failed: {failed['sentence']}"
+    assert f"step {step} failed" in (run.out / "report.html").read_text()
 
 
 def test_the_whole_way(start: Start, commission: Any, browser: Browser) -> None:
@@ -211,7 +223,8 @@ def test_the_experiment_for_what_is_ambiguous(start: Start, graph: Graph, commis
     sentence = wait_until(separated, "the experiment and its diagnosis", 10 * PATIENCE)
     assert sentence.startswith("experiment 1 for ")
     assert (again.out / "diagnosis_1" / "augmented.yaml").exists()
-    assert {one["name"] for one in again.result()["effects"]} <= pair
+    (found,) = again.result()["effects"]
+    assert {found["name"], *found["alternatives"]} <= pair
 
 
 def test_ctrl_c_leaves_no_force_and_is_resumed(start: Start, graph: Graph, commission: Any, tmp_path: Path) -> None:
@@ -234,7 +247,9 @@ def test_ctrl_c_leaves_no_force_and_is_resumed(start: Start, graph: Graph, commi
     assert again.result()["steps"][-1]["name"] == "report"
 
 
-def test_a_lost_topic_leaves_no_force(start: Start, graph: Graph, commission: Any, tmp_path: Path) -> None:
+def test_a_lost_topic_leaves_no_force_and_is_resumed(
+    start: Start, graph: Graph, commission: Any, tmp_path: Path
+) -> None:
     stage: NodeProcess = start("stage_node", table(HIDDEN))
     learnt_before(tmp_path)
     graph.listen("friction_compensation", "reference")
@@ -244,6 +259,29 @@ def test_a_lost_topic_leaves_no_force(start: Start, graph: Graph, commission: An
     code, said = run.end()
     assert code == 1, said
     stopped(run, "compensate", "stopped arriving")
+    has_let_go(graph)
+    start("stage_node", table(HIDDEN))
+    compensating(graph, commission())
+
+
+def test_a_stamp_that_stands_still_leaves_no_force(start: Start, graph: Graph, commission: Any, tmp_path: Path) -> None:
+    """The drive hangs, and its node goes on to publish the last sample."""
+    stage: NodeProcess = start("stage_node", table(HIDDEN))
+    learnt_before(tmp_path)
+    graph.listen("friction_compensation", "reference", "position", "control_effort")
+    run = commission()
+    compensating(graph, run)
+    publish = {topic: graph.publisher(topic) for topic in ("position", "control_effort")}
+    stage.process.kill()
+    last = {topic: graph.messages[topic][-1] for topic in publish}
+    end = time.monotonic() + PATIENCE
+    while run.process.poll() is None and time.monotonic() < end:
+        for topic, message in last.items():
+            publish[topic](message)
+        time.sleep(1e-3)
+    code, said = run.end()
+    assert code == 1, said
+    stopped(run, "compensate", "without a new stamp")
     has_let_go(graph)
 
 
@@ -266,21 +304,28 @@ def test_a_limit_leaves_no_force(start: Start, graph: Graph, commission: Any, tm
     assert compensation(graph)[-1] == 0.0
 
 
-def test_a_stall_stops_the_motion(start: Start, commission: Any) -> None:
+def test_a_stall_stops_the_motion(start: Start, graph: Graph, commission: Any) -> None:
     """The drive has less force than the friction."""
     start("stage_node", table("controller: {effort_limit: 2.0}"))
+    graph.listen("friction_compensation", "reference")
     run = commission()
     code, said = run.end()
     assert code == 1, said
     stopped(run, "check", "stalls", "enough force")
+    is_at_rest_without_force(graph)
 
 
-def test_a_wrong_sign_of_the_effort_stops_it(start: Start, commission: Any) -> None:
-    start("stage_node", table(axis="effort_scale: -1.0"))
-    run = commission()
+def test_a_wrong_sign_of_the_effort_stops_it(start: Start, graph: Graph, commission: Any) -> None:
+    """Position and effort are in one topic, as ros2_control has them, and the reference has another name."""
+    names = {"position": "/joint_states", "control_effort": "/joint_states", "reference": COMMAND}
+    remaps = [part for key, name in names.items() for part in ("-r", f"{key}:={name}")]
+    start("stage_node", table(axis="effort_scale: -1.0"), "--ros-args", *remaps)
+    graph.listen("friction_compensation", COMMAND)
+    run = commission(*(part for key, name in names.items() for part in ("--topic", f"{key}={name}")))
     code, said = run.end()
     assert code == 1, said
     stopped(run, "check", "effort_scale", "sign is wrong")
+    is_at_rest_without_force(graph, COMMAND)
 
 
 def test_a_table_that_says_nothing_is_one_sentence(commission: Any, ros: None) -> None:
@@ -288,6 +333,22 @@ def test_a_table_that_says_nothing_is_one_sentence(commission: Any, ros: None) -
     code, said = run.end()
     assert code == 1, said
     stopped(run, "check", "no message of position arrives")
+
+
+def test_only_a_new_stamp_is_a_sign_of_life(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [1.0]
+    monkeypatch.setattr("sgms_observer.nodes.axis_listener.time.monotonic", lambda: now[0])
+    listener = AxisListener(AxisSettings(name="x"))
+    encode = JointStateEncoder(("x",), ("position", "effort")).encode
+    for topic, take in ((POSITION, listener._take_position), (EFFORT, listener._take_effort)):
+        take(encode(5_000, [0.0], [1.0]))
+        now[0] += 1.0
+        for stamp in (5_000, 4_000):
+            take(encode(stamp, [0.1], [1.0]))
+        assert listener.heard_at[topic] == now[0] - 1.0 and listener.repeats_stamp(topic)
+        take(encode(6_000, [0.1], [1.0]))
+        assert listener.heard_at[topic] == now[0] and not listener.repeats_stamp(topic)
+    assert [stamp for stamp, _ in listener.positions] == [5_000, 6_000]
 
 
 def test_a_message_behind_a_recording_meets_no_closed_bag(tmp_path: Path) -> None:

@@ -8,8 +8,9 @@ import numpy as np
 
 from sgms_observer.application.commission.motion import Motion, sign_motion
 from sgms_observer.application.commission.session import Session
-from sgms_observer.application.commission.table import LEAD, WRONG_SIGN, Guard, Topics, stall
+from sgms_observer.application.commission.table import LEAD, STROKE_MARGIN, WRONG_SIGN, Guard, Topics, stall
 from sgms_observer.application.commission.tracking import LONGEST_DELAY, Tracker
+from sgms_observer.application.init import FIRST_LIMIT_SHARE
 from sgms_observer.errors import ConfigurationError, DataError
 from sgms_observer.settings.axis import AxisSettings
 
@@ -21,6 +22,8 @@ MISSING_SHARE = 0.02
 """Largest share of positions without an effort of the same stamp."""
 MIN_MOVED_SHARE = 0.5
 """An axis that covers less than this share of the small motion does not follow."""
+LIMIT_MARGIN = 1.1
+"""A limit of the compensation this many times larger than recommended is as recommended: the friction is a guess."""
 OWN_LAG = 5.0e-3
 """A shorter delay between set-point and motion is the table's own tracking error [s]."""
 
@@ -37,12 +40,16 @@ def topic_faults(topics: Topics, axis: AxisSettings, period: float) -> list[str]
     for topic in ("position", "control_effort"):
         names = topics.names.get(topic)
         if names is None:
-            faults.append(f"no message of {topic} arrives; start the table, or check its namespace and ROS_DOMAIN_ID")
+            faults.append(
+                f"no message of {topic} arrives; start the machine, or check its namespace, --topic and ROS_DOMAIN_ID"
+            )
         elif axis.name not in names:
             faults.append(f"{topic} names {', '.join(names)} and not {axis.name}; correct axes in the YAML")
     stamps = topics.samples.stamp_ns
     if not faults and len(stamps) < 10:
-        faults.append(f"only {len(stamps)} positions arrived in {topics.seconds:.1f} s; check the table's rate")
+        faults.append(
+            f"only {len(stamps)} positions arrived in {topics.seconds:.1f} s; check the rate of the machine's node"
+        )
     if faults:
         return faults
     median = float(np.median(np.diff(stamps))) * 1e-9
@@ -58,12 +65,29 @@ def topic_faults(topics: Topics, axis: AxisSettings, period: float) -> list[str]
             " sample time"
         )
     if topics.reference_readers == 0:
-        faults.append("no node subscribes to reference; start the table so that it follows the topic reference")
+        faults.append("no node subscribes to reference; start the machine so that it follows the topic reference")
     if topics.reference_senders > 0:
         faults.append("another node publishes reference; stop it, or the axis gets two set-points")
     if topics.compensation_senders > 0:
         faults.append("another node publishes friction_compensation; stop the observer that runs already")
     return faults
+
+
+def warn_of_limit(session: Session, axis: AxisSettings) -> None:
+    """Warn where the largest compensation does not go with the static force.
+
+    Args:
+        session: the session.
+        axis: with the friction that is known best.
+    """
+    limit, static, readable = axis.compensation.limit, axis.friction.static_force, axis.units.readable
+    if static <= limit <= LIMIT_MARGIN * FIRST_LIMIT_SHARE * static:
+        return
+    session.warn(
+        f"Warning: compensation.limit = {readable(limit, 'N')} does not fit the static force of"
+        f" {readable(static, 'N')}; {FIRST_LIMIT_SHARE:g} times it, {readable(FIRST_LIMIT_SHARE * static, 'N')}, is"
+        " safe and enough."
+    )
 
 
 def connect(session: Session) -> str:
@@ -81,9 +105,19 @@ def connect(session: Session) -> str:
         raise ConfigurationError(faults)
     session.table.lead = float(session.ledger.facts.get("lead", LEAD))
     here = float(np.median(topics.samples.position))
-    session.ledger.facts.setdefault("origin", here)
+    origin = session.ledger.facts.setdefault("origin", here)
+    readable, stroke = session.axis.units.readable, session.plan.limits.stroke
+    if abs(here - origin) > (0.5 + STROKE_MARGIN) * stroke:
+        raise ConfigurationError(
+            [
+                f"axis {session.axis.name} stands at {readable(here)}, outside the stroke of {readable(stroke)} around"
+                f" {readable(origin)} where its commissioning began; move it back to go on, or start anew with"
+                " --overwrite"
+            ]
+        )
+    warn_of_limit(session, session.axis)
     rate = (len(topics.samples.stamp_ns) - 1) / max(float(np.ptp(topics.samples.stamp_ns)) * 1e-9, 1e-9)
-    return f"{rate:.4g} samples per second, axis {session.axis.name} at {session.axis.units.readable(here)}"
+    return f"{rate:.4g} samples per second, axis {session.axis.name} at {readable(here)}"
 
 
 def _sign_run(session: Session, motion: Motion) -> tuple[Guard, Tracker]:
@@ -120,7 +154,7 @@ def check(session: Session) -> tuple[str, list[str]]:
     table.lead = LEAD
     guard, tracker = _sign_run(session, motion)
     delay = tracker.best_delay()
-    if delay < -0.5 * LEAD:  # the table follows a set-point when it arrives, not at its stamp
+    if delay < -0.5 * LEAD:  # the machine follows a set-point when it arrives, not at its stamp
         table.lead = 0.0
         guard, tracker = _sign_run(session, motion)
         delay = tracker.best_delay()

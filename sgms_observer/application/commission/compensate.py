@@ -7,18 +7,23 @@ from typing import Any
 
 import numpy as np
 
+from sgms_observer.application.commission.check import warn_of_limit
+from sgms_observer.application.commission.consistency import MAX_NIS, MAX_STD_SHARE, consistency_of
 from sgms_observer.application.commission.learn import Found, load_motion
-from sgms_observer.application.commission.session import (
+from sgms_observer.application.commission.ledger import (
     AFTER_BAG,
     BEFORE_BAG,
     CANDIDATE,
     COMMISSIONED,
+    OWN_BAG,
     OWN_MOTION,
-    Session,
+    SHORTFALL,
 )
+from sgms_observer.application.commission.session import Session
 from sgms_observer.application.commission.table import Heard
 from sgms_observer.application.commission.tracking import Tracking
 from sgms_observer.errors import DataError
+from sgms_observer.settings.axis import Settings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.write import write_settings
 
@@ -30,6 +35,18 @@ WORSE_RMS = 1.02
 """A gain whose rms or peak is this many times that of the gain before it is not kept: 2 % is what repeats differ by."""
 MIN_IMPROVEMENT = 0.98
 """The compensated rms must be below this multiple of the one without for the file to be of use."""
+
+
+MOST_CORRECTIONS = 3
+"""How often estimator.measurement_std is corrected by the root of NIS."""
+OBSERVER_START = 10.0
+"""Time until an observer that is started is active [s]."""
+
+
+def time_to_compensate(session: Session) -> float:
+    """Return about how long the steps of this page take, from ``observe`` to ``before_and_after`` [s]."""
+    own = session.duration_of(load_motion(session, OWN_MOTION))
+    return (1 + len(GAIN_STEPS) + 2) * own + 2.0 * OBSERVER_START
 
 
 class TrackingWatch:
@@ -67,8 +84,10 @@ def observe(session: Session) -> Found:
     settings = load_settings(session.path(f"{ledger.facts['diagnosis']}/augmented.yaml"))
     off: dict[str, dict[str, Any]] = {one.name: {"compensation.enabled": False} for one in settings.axes}
     write_settings(settings, session.path(CANDIDATE), off)
-    session.table.start_observer(session.path(CANDIDATE))
+    certainty = _consistent(session, settings, off)
     motion = load_motion(session, OWN_MOTION)
+    session.need(session.duration_of(motion) + 2.0 * OBSERVER_START, "observe")
+    session.table.start_observer(session.path(CANDIDATE))
     session.confirm_motion(motion, "observer, without compensation")
     tracking = session.play(motion).tracking()
     median, worst = session.table.delays()
@@ -84,20 +103,58 @@ def observe(session: Session) -> Found:
         session.table.start_observer(session.path(CANDIDATE))
     readable = axis.units.readable
     return (
-        f"half of the compensations come within {1e3 * median:.3g} ms of their sample, 99 % within"
+        f"{certainty}; half of the compensations come within {1e3 * median:.3g} ms of their sample, 99 % within"
         f" {1e3 * worst:.3g} ms; look_ahead {1e3 * wanted:.3g} ms; tracking error without compensation"
         f" {readable(tracking.rms)} rms, {readable(tracking.peak)} peak",
         [CANDIDATE],
     )
 
 
+def _consistent(session: Session, settings: Settings, changes: dict[str, dict[str, Any]]) -> str:
+    """Have the observer know its own uncertainty over the recorded own motion; return what it says of itself.
+
+    Args:
+        session: the session.
+        settings: of the diagnosis.
+        changes: to the settings, in the candidate; the standard deviation of the measurement is added if need be.
+
+    Raises:
+        DataError: the estimate is too uncertain to be fed forward.
+    """
+    name, candidate = session.axis.name, session.path(CANDIDATE)
+    axis = settings.wanted_axes([name], str(candidate))[0]
+    warn_of_limit(session, axis)
+    deviation, told = axis.estimator.measurement_std, ""
+    found = consistency_of(session.path(OWN_BAG), candidate, name)
+    for _ in range(MOST_CORRECTIONS):
+        if not found.is_too_sure:
+            break
+        deviation = float(f"{deviation * math.sqrt(found.nis):.3g}")
+        changes[name]["estimator.measurement_std"] = deviation
+        write_settings(settings, candidate, changes)
+        told = f" with estimator.measurement_std {session.axis.units.readable(deviation, 'N')} in place of the file's"
+        found = consistency_of(session.path(OWN_BAG), candidate, name)
+    if found.std_share > MAX_STD_SHARE:
+        raise DataError(
+            f"the standard deviation of the estimated friction is {100 * found.std_share:.0f} % of the Coulomb force"
+            f" and must be at most {100 * MAX_STD_SHARE:.0f} %; no compensation is switched on with it: lengthen"
+            " filter.window, or lower estimator.process_std, and start anew"
+        )
+    if found.is_too_sure:
+        session.warn(
+            f"Warning: NIS is {found.nis:.2g} and should be at most {MAX_NIS:g}; the innovations are larger than the"
+            " observer expects: identify the model anew."
+        )
+    return f"NIS {found.nis:.2g}{told}, friction_std {100 * found.std_share:.2g} % of the Coulomb force"
+
+
 def compensate(session: Session) -> Found:
     """Raise the gain step by step while the tracking error falls; zero at once if it does not."""
     ledger, axis = session.ledger, session.axis
     readable = axis.units.readable
-    _ensure_observer(session)
     motion = load_motion(session, OWN_MOTION)
-    session.confirm_motion(motion, f"compensation, {len(GAIN_STEPS)} times with rising gain")
+    _ensure_observer(session, len(GAIN_STEPS) * session.duration_of(motion), "compensate")
+    session.confirm_motion(motion, f"compensation, {len(GAIN_STEPS)} times with rising gain", len(GAIN_STEPS))
     baseline = ledger.facts["baseline"]
     best_gain, best = 0.0, (float(baseline["rms"]), float(baseline["peak"]))
     told = [f"0: {readable(best[0])}"]
@@ -131,22 +188,35 @@ def before_and_after(session: Session) -> Found:
     """Play the user's own motion without and with the compensation, one right after the other."""
     ledger, readable = session.ledger, session.axis.units.readable
     gain = float(ledger.facts["gain"])
-    _ensure_observer(session)
     motion = load_motion(session, OWN_MOTION)
-    session.confirm_motion(motion, "own motion, twice: without and with compensation")
+    _ensure_observer(session, 2.0 * session.duration_of(motion), "before_and_after")
+    session.confirm_motion(motion, "own motion, twice: without and with compensation", 2)
     before = session.record(motion, BEFORE_BAG).tracking()
     if gain > 0.0:
         session.table.compensate(gain)
     after = session.record(motion, AFTER_BAG, TrackingWatch(session, before.peak)).tracking()
     session.table.compensate(0.0)
     ledger.tracking = _tracking_json(before, after, session.axis.units.position)
-    ledger.is_usable = gain > 0.0 and after.rms < MIN_IMPROVEMENT * before.rms and after.peak <= before.peak
+    ledger.facts[SHORTFALL] = shortfall = _shortfall(gain, before, after)
+    ledger.is_usable = not shortfall
     return (
         f"tracking error {readable(before.rms)} rms, {readable(before.peak)} peak without compensation;"
         f" {readable(after.rms)} rms, {readable(after.peak)} peak with it:"
-        f" {before.rms / after.rms:.1f} and {before.peak / after.peak:.1f} times smaller",
+        f" {before.rms / after.rms:.1f} and {before.peak / after.peak:.1f} times smaller"
+        + (f"; {shortfall}" if shortfall else ""),
         [BEFORE_BAG, AFTER_BAG],
     )
+
+
+def _shortfall(gain: float, before: Tracking, after: Tracking) -> str:
+    """Return why the compensation must not be used; empty if it may be."""
+    if gain == 0.0:
+        return "no gain made tracking better, so the compensation stays switched off"
+    if after.rms >= MIN_IMPROVEMENT * before.rms:
+        return f"the rms tracking error with compensation is not below {MIN_IMPROVEMENT:g} times that without"
+    if after.peak > before.peak:
+        return "the peak of the tracking error is larger with compensation than without"
+    return ""
 
 
 def _tracking_json(before: Tracking, after: Tracking, unit: str) -> dict[str, Any]:
@@ -160,7 +230,8 @@ def _tracking_json(before: Tracking, after: Tracking, unit: str) -> dict[str, An
     }
 
 
-def _ensure_observer(session: Session) -> None:
-    """Start the observer, unless an earlier step of this run did."""
+def _ensure_observer(session: Session, seconds: float, step: str) -> None:
+    """Start the observer, unless a step before did, if there is time for it and the motions behind it [s]."""
     if not session.table.has_observer:
+        session.need(seconds + OBSERVER_START, step)
         session.table.start_observer(session.path(CANDIDATE))

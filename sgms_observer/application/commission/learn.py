@@ -13,6 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.application.commission.ledger import (
+    EXCITATION,
+    EXPERIMENTS,
+    IDENTIFIED,
+    LEARN_BAG,
+    OWN_BAG,
+    OWN_MOTION,
+)
 from sgms_observer.application.commission.motion import (
     Motion,
     checked,
@@ -20,14 +28,7 @@ from sgms_observer.application.commission.motion import (
     read_motion,
     representative_motion,
 )
-from sgms_observer.application.commission.session import (
-    EXCITATION,
-    IDENTIFIED,
-    LEARN_BAG,
-    OWN_BAG,
-    OWN_MOTION,
-    Session,
-)
+from sgms_observer.application.commission.session import Session
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.identify import IdentifyJob, identify_bags
 from sgms_observer.bags.reader import read_joint_states
@@ -38,7 +39,7 @@ from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.errors import ConfigurationError, DataError, RecordingError
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import read_recordings
-from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.axis import AxisSettings, FrictionSettings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.write import write_settings
 
@@ -83,14 +84,19 @@ CLEARLY_BETTER = 0.8
 Found = tuple[str, list[str]]
 
 
+def largest_deflection(friction: FrictionSettings) -> float:
+    """Return the way over which the friction turns after a reversal [m]."""
+    deflection = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
+    return 2.0 * float(np.max(deflection))
+
+
 def excite(session: Session) -> Found:
     """Build the motions: the one to learn from, and the user's own or the one that stands for it."""
     plan, axis = session.plan, session.axis
     period, limits = plan.settings.sample_period, plan.limits
-    friction = axis.friction
-    deflection = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
     seconds = min(LONGEST_RECORD, RECORD_SHARE * plan.request.seconds)
-    learn = learning_motion(limits, period, 2.0 * float(np.max(deflection)), friction.stribeck_velocity, seconds)
+    presliding, stribeck_velocity = largest_deflection(axis.friction), axis.friction.stribeck_velocity
+    learn = learning_motion(limits, period, presliding, stribeck_velocity, seconds)
     if plan.request.motion:
         source = Path(plan.request.motion)
         own = read_motion(source, own_rows(source, axis), session.origin, period)
@@ -113,16 +119,15 @@ def excite(session: Session) -> Found:
 
 def record(session: Session) -> Found:
     """Play both motions and record them."""
-    seconds = 0.0
-    for name, bag, purpose in (
-        (EXCITATION, LEARN_BAG, "excitation"),
-        (OWN_MOTION, OWN_BAG, "own motion, without compensation"),
+    excitation, own = (load_motion(session, name) for name in (EXCITATION, OWN_MOTION))
+    session.need(session.duration_of(excitation) + session.duration_of(own), "record")
+    for motion, bag, purpose in (
+        (excitation, LEARN_BAG, "excitation"),
+        (own, OWN_BAG, "own motion, without compensation"),
     ):
-        motion = load_motion(session, name)
         session.confirm_motion(motion, purpose)
         session.record(motion, bag)
-        seconds += motion.duration
-    return f"recorded {seconds:.0f} s in two bags", [LEARN_BAG, OWN_BAG]
+    return f"recorded {excitation.duration + own.duration:.0f} s in two bags", [LEARN_BAG, OWN_BAG]
 
 
 def identify(session: Session) -> Found:
@@ -169,7 +174,7 @@ def _without_new_offset(session: Session, found: AxisSettings) -> str:
 
 def diagnose(session: Session) -> Found:
     """Find what the model misses."""
-    session.ledger.facts["experiments"] = []
+    session.ledger.facts[EXPERIMENTS] = []
     return diagnose_bags_of(session, [LEARN_BAG], "diagnosis")
 
 
@@ -199,7 +204,7 @@ def diagnose_bags_of(session: Session, bags: Sequence[str], out: str) -> Found:
     ledger.facts["bags"] = list(bags)
     ledger.facts["diagnosis_seconds"] = time.monotonic() - begun
     for warning in done.answer.warnings:
-        session.say(f"Warning: {warning}.")
+        session.warn(f"Warning: {warning}.")
     gap = result["gap"]
     named = ", ".join(
         effect["name"] + (f" (or {', '.join(effect['alternatives'])})" if effect["alternatives"] else "")

@@ -106,7 +106,7 @@ def approach(start: float, target: float, limits: ExcitationLimits, period: floa
     Args:
         start: where it stands [m].
         target: where to [m].
-        limits: what the table may do.
+        limits: what the machine may do.
         period: time between two samples [s].
     """
     path = _Path(period, limits, start)
@@ -120,11 +120,21 @@ def approach(start: float, target: float, limits: ExcitationLimits, period: floa
     return path.built()
 
 
+def longest_approach(limits: ExcitationLimits, period: float) -> float:
+    """Return how long the longest approach takes: over the whole stroke [s].
+
+    Args:
+        limits: what the axis may do.
+        period: time between two samples [s].
+    """
+    return approach(-0.5 * limits.stroke, 0.5 * limits.stroke, limits, period).duration
+
+
 def sign_motion(limits: ExcitationLimits, period: float) -> Motion:
     """Return the small motion that shows whether position and effort have the right signs.
 
     Args:
-        limits: what the table may do.
+        limits: what the machine may do.
         period: time between two samples [s].
     """
     path = _Path(period, limits)
@@ -145,7 +155,7 @@ def learning_motion(
     directions; the rest reverses in and around the presliding distance, creeps, and moves at the acceleration limit.
 
     Args:
-        limits: what the table may do.
+        limits: what the machine may do.
         period: time between two samples [s].
         presliding: distance in which the friction builds up after a reversal [m].
         stribeck_velocity: velocity at which static friction has fallen towards Coulomb friction [m/s].
@@ -184,7 +194,7 @@ def representative_motion(limits: ExcitationLimits, period: float) -> Motion:
     Its acceleration is a tenth of what is allowed: what a friction compensation is for is friction, not inertia.
 
     Args:
-        limits: what the table may do.
+        limits: what the machine may do.
         period: time between two samples [s].
     """
     path = _Path(period, limits)
@@ -208,7 +218,7 @@ def checked(motion: Motion, limits: ExcitationLimits, start: float, source: str)
 
     Args:
         motion: the motion.
-        limits: what the table may do.
+        limits: what the machine may do.
         start: where the axis stood, the middle of the stroke [m]; the motion is relative to it.
         source: where it comes from, for the sentence.
 
@@ -223,7 +233,7 @@ def checked(motion: Motion, limits: ExcitationLimits, start: float, source: str)
     )
     sentences = [
         f"{source} {words} {units.readable(value, unit)}, more than the {units.readable(limit, unit)} that are allowed"
-        f" around {units.readable(start)}; give a larger {option} if the table may do that, or another motion"
+        f" around {units.readable(start)}; give a larger {option} if the machine may do that, or another motion"
         for words, value, limit, unit, option in found
         if value > 1.01 * limit
     ]

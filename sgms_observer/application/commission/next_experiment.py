@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
+from sgms_observer.application.commission.compensate import time_to_compensate
 from sgms_observer.application.commission.learn import Found, diagnose_bags_of, residual_of
+from sgms_observer.application.commission.ledger import DIAGNOSED, EXPERIMENTS, LEARN_BAG
 from sgms_observer.application.commission.motion import Motion, checked
-from sgms_observer.application.commission.session import LEARN_BAG, Session
+from sgms_observer.application.commission.session import OutOfTime, Session
 from sgms_observer.diagnosis.fit import MIN_NOISE_SHARE
 from sgms_observer.diagnosis.gap import effort_rms
 from sgms_observer.excitation.limits import ExcitationLimits
@@ -24,12 +26,6 @@ MOST_EXPERIMENTS = 3
 """Experiments at most: what three designed recordings do not separate, motion does not separate."""
 DIAGNOSIS_MARGIN = 1.5
 """Time of a diagnosis with one more recording, as a multiple of the one before."""
-TIME_TO_COMPENSATE = 90.0
-"""Time that observer and compensation need behind the last diagnosis [s]."""
-_OF_A_DIAGNOSIS = ("gap", "verdict", "diagnosis", "bags")
-"""Facts of the ledger that a diagnosis writes."""
-EXPERIMENTS = "experiments"
-"""Fact of the ledger: the experiments that were recorded since the first diagnosis."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +77,7 @@ def separating(
     Args:
         sets: names of effects, the most urgent first.
         axis: the model so far.
-        limits: what the table may do.
+        limits: what the machine may do.
         origin: middle of the stroke [m].
         period: time between two samples [s].
     """
@@ -105,7 +101,7 @@ def next_experiment(session: Session) -> Found:
         if done and not _is_diagnosed(session, done[-1]):
             reason = _diagnose_again(session, done)
             ledger.write()
-            session.say(f"  {done[-1]['sentence']}")
+            session.say(f"  {done[-1].get('sentence', reason)}")
         else:
             reason = _run_another(session, done)
     told = [one["sentence"] for one in done if "sentence" in one]
@@ -126,10 +122,19 @@ def _diagnose_again(session: Session, done: list[dict[str, Any]]) -> str:
     The diagnosis before stays where it predicts the own motion surely better.
     """
     ledger = session.ledger
-    earlier: dict[str, Any] = {name: ledger.facts.get(name) for name in _OF_A_DIAGNOSIS}
+    earlier: dict[str, Any] = {name: ledger.facts.get(name) for name in DIAGNOSED}
     effects = ledger.effects
     bags = [LEARN_BAG, *(one["bag"] for one in done)]
-    sentence, _ = diagnose_bags_of(session, bags, done[-1]["diagnosis"])
+    session.reserved = time_to_compensate(session)
+    try:
+        sentence, _ = diagnose_bags_of(session, bags, done[-1]["diagnosis"])
+    except OutOfTime:
+        return (
+            f"the diagnosis with experiment {len(done)} did not end in the time that the compensation does not need, so"
+            " the diagnosis before goes on; start again with a larger --time to include the experiment"
+        )
+    finally:
+        session.reserved = 0.0
     done[-1]["sentence"] = f"experiment {len(done)} for {', '.join(done[-1]['effects'])}: {sentence}"
     if ledger.facts["gap"]["after"] <= earlier["gap"]["interval_after"][1]:
         return ""
@@ -160,9 +165,12 @@ def _run_another(session: Session, done: list[dict[str, Any]]) -> str:
             " or acceleration, or accept that"
         )
     diagnosis = DIAGNOSIS_MARGIN * float(ledger.facts["diagnosis_seconds"])
-    needed = found.motion.duration + diagnosis + TIME_TO_COMPENSATE
+    needed = session.duration_of(found.motion) + diagnosis + time_to_compensate(session)
     if session.seconds_left < needed:
-        return f"no time is left to separate {names} (about {needed:.0f} s; --time gives more)"
+        return (
+            f"no time was left to separate {names}, which takes about {needed:.0f} s with the compensation behind it;"
+            " to do that, start anew with a larger --time"
+        )
     number = len(done) + 1
     bag = f"recordings/experiment_{number}"
     motion = checked(found.motion, plan.limits, session.origin, "the experiment")

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 
 from sgms_observer.application.commission.learn import CLEARLY_BETTER, Found
-from sgms_observer.application.commission.session import AFTER_BAG, BEFORE_BAG, REPORT, Session
+from sgms_observer.application.commission.ledger import AFTER_BAG, BEFORE_BAG, REPORT
+from sgms_observer.application.commission.session import Session
 from sgms_observer.application.commission.tracking import Tracking, recorded_tracking
 from sgms_observer.effects.catalogue import effect as entry_of
 from sgms_observer.report.demonstration import change
@@ -23,11 +24,11 @@ def write_report(session: Session) -> Found:
     sections.append(_found_section(session))
     rows = [(step.name, step.state, f"{step.seconds:.0f} s", step.sentence) for step in ledger.steps.values()]
     sections.append(Section("Steps", tables=(Table(("step", "state", "time", "what it found"), rows),)))
-    warnings = [] if ledger.is_usable else ["Warning: the result must not be used as it is; the steps below say why."]
-    provenance = (
-        f"From {session.plan.request.config}; all recordings are in recordings/, the diagnosis in"
-        f" {ledger.facts.get('diagnosis', 'diagnosis')}/report.html."
-    )
+    shortfall = [f"Warning: the result must not be used as it is: {ledger.reason}."] if ledger.reason else []
+    warnings = [*shortfall, *ledger.warnings]
+    provenance = f"From {session.plan.request.config}; recordings are in recordings/."
+    if "diagnosis" in ledger.facts:
+        provenance += f" The diagnosis is in {ledger.facts['diagnosis']}/report.html."
     title = f"Commissioning of axis {axis.name}"
     page = Page(title, headline(session), sections, provenance, warnings, _lights(session), lead)
     return f"wrote {write_page(page, ledger.folder).name}", [REPORT]
@@ -68,7 +69,8 @@ def headline(session: Session) -> str:
     tracking, axis = session.ledger.tracking, session.axis
     names = ", ".join(effect["name"] for effect in session.ledger.effects) or "no further effect"
     if not tracking:
-        return f"Axis {axis.name}: {names} found; the compensation was not compared."
+        found = f"{names} found" if "gap" in session.ledger.facts else "not diagnosed yet"
+        return f"Axis {axis.name}: {found}; tracking without and with compensation is not compared yet."
     units, verdict = axis.units, "may" if session.ledger.is_usable else "must not"
     changes = [
         f"{word} {change(before, after)} ({units.readable(before)} to {units.readable(after, largest=before)})"
@@ -94,9 +96,8 @@ def _found_section(session: Session) -> Section:
         others = ", ".join(effect["alternatives"]) or "none"
         rows.append((effect["name"], values, f"{effect['confidence']:.2f}", others))
     table = Table(("effect", "parameters", "confidence", "may also be"), rows, "Values with their standard errors.")
-    return Section(
-        "What was found", () if rows else ("The diagnosis found no further effect.",), (table,) if rows else ()
-    )
+    nothing = "The diagnosis found no further effect." if "gap" in ledger.facts else "There is no diagnosis yet."
+    return Section("What was found", () if rows else (nothing,), (table,) if rows else ())
 
 
 def _with_error(value: float, error: float, unit: str, units: Units) -> str:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 
 from sgms_observer.application.commission import check, compensate, learn, page
+from sgms_observer.application.commission.ledger import DONE, FAILED, SKIPPED, Ledger
 from sgms_observer.application.commission.next_experiment import next_experiment
-from sgms_observer.application.commission.session import DONE, FAILED, SKIPPED, Ledger, Session
+from sgms_observer.application.commission.session import OutOfTime, Session
 from sgms_observer.errors import SgmsError
+from sgms_observer.interrupts import obey_interrupt
 
-TIME_IS_OVER = "not begun, because the time of --time is over; start again to go on from here"
+STOPPED_AFTER = "stopped_after"
+"""Fact: for each step that --time stopped, how long it had run [s]; it is not begun with less than that."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,7 @@ class StepWork:
     Attributes:
         name: as in commission.json.
         work: does it; returns what it found and the files it wrote.
-        moves: whether it needs the table.
+        moves: whether it needs the axis on the graph.
     """
 
     name: str
@@ -44,58 +47,79 @@ STEPS = (
 )
 
 
-def commission(session: Session) -> Ledger:
-    """Do the steps that are not done yet.
+def commission(session: Session, graph: AbstractContextManager[object]) -> Ledger:
+    """Do the steps that are not done yet; write the page in any case, behind the last motion.
 
     Args:
         session: the session; its ledger says what is done.
+        graph: holds the axis of the session on the graph while the steps run.
 
     Returns:
         The ledger.
 
     Raises:
-        SgmsError: a step failed; the ledger says which, and a rerun goes on with it.
+        SgmsError: a step failed; ledger and page say which, and a rerun goes on with it.
         KeyboardInterrupt: the user stopped it; as before.
     """
+    *steps, report = STEPS
+    try:
+        with graph:
+            _do(session, steps)
+    except BaseException:
+        with suppress(Exception):  # what stopped the steps is what the user has to know
+            _do(session, [report])
+        raise
+    _do(session, [report])
+    return session.ledger
+
+
+def _do(session: Session, steps: Sequence[StepWork]) -> None:
+    """Do the steps that are not finished, in their order; what stops one of them leaves out those behind it."""
     ledger = session.ledger
     is_connected = False
-    for step in STEPS:
+    for number, step in enumerate(steps):
         if ledger.is_finished(step.name):
             ledger.repeat(step.name)
             session.say(f"{step.name}: done before; {ledger.steps[step.name].sentence}")
             continue
-        if session.seconds_left <= 0.0:
-            ledger.note(step.name, SKIPPED, 0.0, TIME_IS_OVER)
-            session.say(f"{step.name}: {TIME_IS_OVER}")
-            break
-        begun = time.monotonic()
-        with _noting(session, step.name):
+        ledger.begin(step.name)
+        begun, stopped_by = time.monotonic(), None
+        stopped_after = ledger.facts.setdefault(STOPPED_AFTER, {})
+        try:
+            if step.name != "report":
+                session.need(stopped_after.get(step.name, 0.0), step.name)
             if step.moves and not is_connected:
-                session.say(f"table: {check.connect(session)}")
+                session.say(f"axis: {check.connect(session)}")
                 is_connected = True
-            sentence, files = step.work(session)
-        ledger.note(step.name, DONE, time.monotonic() - begun, sentence, files)
-        session.say(f"{step.name}: {sentence}")
+            state, (sentence, files) = DONE, step.work(session)
+        except (Exception, KeyboardInterrupt) as error:
+            stopped_by = error
+            (state, sentence), files = _told(error), ()
+        seconds = time.monotonic() - begun
+        if state == DONE:
+            stopped_after.pop(step.name, None)
+        elif state == SKIPPED and not step.moves:
+            stopped_after[step.name] = max(seconds, stopped_after.get(step.name, 0.0))
+        ledger.note(step.name, state, seconds, sentence, files, session.take_warnings())
+        if state != FAILED:
+            session.say(f"{step.name}: {sentence}")
+        if stopped_by is not None:
+            what = "failed" if state == FAILED else "was left out"
+            for later in steps[number + 1 :]:
+                ledger.note(later.name, SKIPPED, 0.0, f"not begun, because step {step.name} {what}")
+            if state == FAILED:
+                raise stopped_by
+            return
     ledger.write()
-    return ledger
 
 
-@contextmanager
-def _noting(session: Session, name: str) -> Iterator[None]:
-    """Note in the ledger what stops a step."""
-    begun = time.monotonic()
-
-    def note(sentence: str) -> None:
-        session.ledger.note(name, FAILED, time.monotonic() - begun, sentence)
-
-    try:
-        yield
-    except KeyboardInterrupt:
-        note("interrupted by the user; start again to go on from here")
-        raise
-    except SgmsError as error:
-        note(str(error))
-        raise
-    except Exception as error:
-        note(f"Internal error, {type(error).__name__}: {error}")
-        raise
+def _told(error: BaseException) -> tuple[str, str]:
+    """Return state and sentence of a step that was stopped."""
+    if isinstance(error, OutOfTime):
+        return SKIPPED, str(error)
+    if isinstance(error, KeyboardInterrupt):
+        obey_interrupt()
+        return FAILED, "interrupted by the user; start again to go on from here"
+    if isinstance(error, SgmsError):
+        return FAILED, str(error)
+    return FAILED, f"Internal error, {type(error).__name__}: {error}"

@@ -1,159 +1,31 @@
-"""What the steps of a commissioning share: request, table, folder, time, and their ledger, ``commission.json``."""
+"""What the steps of a commissioning share: request, plan, axis on the graph, and the time that is left."""
 
 from __future__ import annotations
 
-import json
+import hashlib
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sgms_observer.application.commission.motion import Motion
+from sgms_observer.application.commission.ledger import CONTENT, Ledger
+from sgms_observer.application.commission.motion import Motion, longest_approach
 from sgms_observer.application.commission.table import Guard, Heard, HeldUp, Table, Watch
 from sgms_observer.application.commission.tracking import Tracker
-from sgms_observer.errors import ConfigurationError, DataError, RecordingError
+from sgms_observer.errors import DataError, SgmsError
 from sgms_observer.excitation.limits import ExcitationLimits, limits_of
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.load import load_settings
-from sgms_observer.whole_file import write_text
 
-FILE = "commission.json"
-SCHEMA = 1
-DONE, SKIPPED, FAILED = "done", "skipped", "failed"
-
-LEARN_BAG, OWN_BAG = "recordings/learn", "recordings/own"
-BEFORE_BAG, AFTER_BAG = "recordings/before", "recordings/after"
-EXCITATION, OWN_MOTION = "excitation.csv", "motion.csv"
-IDENTIFIED = "identification/identified.yaml"
 REPEATS = 3
 """How often a motion is played again after a busy computer stopped it."""
-CANDIDATE, COMMISSIONED, REPORT = "candidate.yaml", "commissioned.yaml", "report.html"
+MEETING = 3.0
+"""Time that a motion takes beside itself and the way to its start: to meet its subscribers, and to rest [s]."""
 
 
-@dataclass(frozen=True)
-class Step:
-    """What became of one step.
-
-    Attributes:
-        name: of the step.
-        state: ``done``, ``skipped`` or ``failed``.
-        seconds: how long it took [s].
-        sentence: what it found, or why it failed or was skipped.
-        files: what it wrote, relative to the folder; a rerun skips a step whose files are there.
-    """
-
-    name: str
-    state: str
-    seconds: float
-    sentence: str
-    files: tuple[str, ...] = ()
-
-
-@dataclass
-class Ledger:
-    """The file ``commission.json`` of a folder.
-
-    Attributes:
-        folder: everything of the commissioning is in it.
-        request: what was asked for; a folder goes with one request.
-        steps: by name, in their order.
-        facts: what later steps and reruns need.
-        effects: as in result.json.
-        tracking: rms and peak of the tracking error before and after, with their unit.
-        is_usable: whether ``yaml`` may be used as it is.
-        yaml: name of the commissioned parameter file; None until it is there.
-    """
-
-    folder: Path
-    request: Mapping[str, Any]
-    steps: dict[str, Step] = field(default_factory=dict)
-    facts: dict[str, Any] = field(default_factory=dict)
-    effects: list[Any] = field(default_factory=list)
-    tracking: dict[str, Any] = field(default_factory=dict)
-    is_usable: bool = False
-    yaml: str | None = None
-
-    @classmethod
-    def open(cls, folder: Path, request: Mapping[str, Any], is_overwriting: bool) -> Ledger:
-        """Return the ledger of a folder, with the steps that an earlier run finished.
-
-        Args:
-            folder: the folder.
-            request: what is asked for.
-            is_overwriting: start anew, whatever is there.
-
-        Raises:
-            ConfigurationError: the folder belongs to another request.
-            RecordingError: its ledger cannot be read.
-        """
-        path = folder / FILE
-        if is_overwriting or not path.exists():
-            return cls(folder, request)
-        try:
-            found = json.loads(path.read_text(encoding="utf-8"))
-            earlier = found["request"]
-            steps = {entry["name"]: Step(**{**entry, "files": tuple(entry["files"])}) for entry in found["steps"]}
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise RecordingError(f"{path} cannot be read ({error}); give another --out, or --overwrite") from None
-        differing = [name for name in request if request[name] != earlier.get(name)]
-        if differing:
-            raise ConfigurationError(
-                [
-                    f"{path} belongs to a commissioning with another {', '.join(differing)}; give the same again to go"
-                    " on, another --out, or --overwrite to start anew"
-                ]
-            )
-        return cls(
-            folder, request, steps, found["facts"], found["effects"], found["tracking"], found["usable"], found["yaml"]
-        )
-
-    def is_finished(self, name: str) -> bool:
-        """Return whether a rerun may skip a step."""
-        step = self.steps.get(name)
-        if step is None or step.state == FAILED or not step.files:
-            return False
-        return all((self.folder / file).exists() for file in step.files)
-
-    def note(self, name: str, state: str, seconds: float, sentence: str, files: Sequence[str] = ()) -> None:
-        """Write down what became of a step; the steps behind it have to be done again.
-
-        Args:
-            name: of the step.
-            state: ``done``, ``skipped`` or ``failed``.
-            seconds: how long it took [s].
-            sentence: what it found.
-            files: what it wrote, relative to the folder.
-        """
-        kept = {}
-        for known, step in self.steps.items():
-            if known == name:
-                break
-            kept[known] = step
-        self.steps = {**kept, name: Step(name, state, round(seconds, 2), sentence, tuple(files))}
-        self.write()
-
-    def repeat(self, name: str) -> None:
-        """Note that a rerun skipped a step that was finished before."""
-        step = self.steps[name]
-        self.steps[name] = Step(name, SKIPPED, step.seconds, step.sentence, step.files)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the content of the file."""
-        return {
-            "schema": SCHEMA,
-            "steps": [{**asdict(step), "files": list(step.files)} for step in self.steps.values()],
-            "effects": self.effects,
-            "tracking": self.tracking,
-            "usable": self.is_usable,
-            "yaml": self.yaml,
-            "request": dict(self.request),
-            "facts": self.facts,
-        }
-
-    def write(self) -> None:
-        """Write the file, whole or not at all."""
-        write_text(json.dumps(self.as_json(), indent=1) + "\n", self.folder / FILE)
+class OutOfTime(SgmsError):
+    """The time of --time is over, or too short for what comes next."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +40,8 @@ class Request:
         speed: largest speed [m/s].
         acceleration: largest acceleration [m/s^2].
         motion: the user's own motion, a bag or a CSV; empty for one that stands for it.
-        seconds: no step is begun after this time [s].
+        seconds: time for everything [s].
+        topics: names of topics on the graph where they differ, by their key.
     """
 
     config: str
@@ -179,16 +52,19 @@ class Request:
     acceleration: float | None = None
     motion: str = ""
     seconds: float = 1800.0
+    topics: Mapping[str, str] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
-        """Return what a folder belongs to."""
+        """Return what a folder belongs to; the parameter file can be read."""
         return {
             "config": str(Path(self.config).resolve()),
+            CONTENT: hashlib.sha256(Path(self.config).read_bytes()).hexdigest(),
             "axis": self.axis,
             "stroke": self.stroke,
             "speed": self.speed,
             "acceleration": self.acceleration,
             "motion": str(Path(self.motion).resolve()) if self.motion else "",
+            "topics": dict(self.topics),
         }
 
 
@@ -200,7 +76,7 @@ class Plan:
         request: the request.
         settings: of the file.
         axis: of the axis that is commissioned.
-        limits: what the table may do.
+        limits: what the axis may do.
     """
 
     request: Request
@@ -231,6 +107,9 @@ class Session:
         confirm: asks the user a question; returns whether to go on.
         say: tells the user a sentence.
         progress: is told the title of long work and how much of it is done, from 0 to 1.
+
+    Attributes:
+        reserved: time that is kept for the steps behind the one that runs [s].
     """
 
     def __init__(
@@ -243,8 +122,10 @@ class Session:
         progress: Callable[[str, float], None],
     ) -> None:
         self.plan, self.ledger, self.table = plan, ledger, table
-        self.say, self.progress = say, progress
-        self._confirm = confirm
+        self.say = say
+        self.reserved = 0.0
+        self._progress, self._confirm = progress, confirm
+        self._warnings: list[str] = []
         self._end = time.monotonic() + plan.request.seconds
 
     @property
@@ -254,8 +135,8 @@ class Session:
 
     @property
     def seconds_left(self) -> float:
-        """Return how long steps may still begin [s]."""
-        return self._end - time.monotonic()
+        """Return how much of the time is left for what runs now [s]."""
+        return self._end - time.monotonic() - self.reserved
 
     @property
     def origin(self) -> float:
@@ -264,23 +145,81 @@ class Session:
 
     @property
     def delay(self) -> float:
-        """Return how long after its stamp the table follows a set-point [s]."""
+        """Return how long after its stamp the axis follows a set-point [s]."""
         return float(self.ledger.facts.get("delay", 0.0))
 
     def path(self, name: str) -> Path:
         """Return a file of the folder."""
         return self.ledger.folder / name
 
-    def confirm_motion(self, motion: Motion, purpose: str) -> None:
+    def warn(self, warning: str) -> None:
+        """Tell the user a warning, and keep it for the ledger and the page.
+
+        Args:
+            warning: a sentence that begins with ``Warning:``.
+        """
+        self.say(warning)
+        self._warnings.append(warning)
+
+    def take_warnings(self) -> list[str]:
+        """Return the warnings since the last call."""
+        warnings, self._warnings = self._warnings, []
+        return warnings
+
+    def need(self, seconds: float, what: str) -> None:
+        """Raise if there is no time for something that is about to begin.
+
+        Args:
+            seconds: about how long it takes [s].
+            what: for the sentence.
+
+        Raises:
+            OutOfTime: it cannot end in time.
+        """
+        left = self.seconds_left
+        if left <= 0.0:
+            raise OutOfTime("not begun, because the time of --time is over; start again to go on from here")
+        if seconds > left:
+            raise OutOfTime(
+                f"not begun: {what} takes about {seconds:.0f} s, and {left:.0f} s of --time are left; start again to go"
+                " on from here"
+            )
+
+    def progress(self, title: str, share: float) -> None:
+        """Show how much of long work is done.
+
+        Args:
+            title: of the work.
+            share: how much is done, from 0 to 1.
+
+        Raises:
+            OutOfTime: the time is over; the work is given up.
+        """
+        self._progress(title, share)
+        if share < 1.0:
+            self._raise_end()
+
+    def _raise_end(self) -> None:
+        if self.seconds_left <= 0.0:
+            raise OutOfTime("stopped, because the time of --time was over; start again with more to go on from here")
+
+    def duration_of(self, motion: Motion) -> float:
+        """Return about how long it takes to play a motion, with the way to its start [s]."""
+        return motion.duration + longest_approach(self.plan.limits, motion.period) + MEETING
+
+    def confirm_motion(self, motion: Motion, purpose: str, times: int = 1) -> None:
         """Ask whether the axis may move.
 
         Args:
             motion: what it will do.
             purpose: what for.
+            times: how often.
 
         Raises:
+            OutOfTime: it cannot end in time.
             DataError: the user does not want that.
         """
+        self.need(times * self.duration_of(motion), f"the motion ({purpose})")
         readable, origin = self.axis.units.readable, self.origin
         low, high = origin + float(motion.position.min()), origin + float(motion.position.max())
         sentence = (
@@ -319,17 +258,19 @@ class Session:
             try:
                 return play()
             except HeldUp as error:
-                self.say(f"Warning: {error}. The motion is played again.")
+                self.warn(f"Warning: {error}. The motion is played again.")
         return play()
 
     def _play(
         self, motion: Motion, watches: Sequence[Watch], bag: Path | None = None, guard: Guard | None = None
     ) -> Tracker:
+        self.need(self.duration_of(motion), "the motion")  # a user may have thought about it for long
         stops = guard or Guard(self.axis, self.plan.limits, self.origin, self.delay)
         tracker = Tracker(motion, self.origin, self.delay)
 
         def watch(heard: Heard) -> None:
             stops(heard)
+            self._raise_end()
             tracker(heard)
             for one in watches:
                 one(heard)

@@ -172,7 +172,7 @@ class Guard:
 
     Args:
         axis: the axis.
-        limits: what the table may do.
+        limits: what the machine may do.
         origin: middle of the stroke [m].
         delay: how long after its stamp the table follows a set-point [s].
         slack: way that the axis may be ahead or behind beyond what is usual [m], while the delay is not known yet.
@@ -219,7 +219,7 @@ class Guard:
         if gap > LONGEST_GAP:
             raise HeldUp(
                 f"position of axis {self._axis.name} has a gap of {gap:.2f} s during the motion, which was stopped;"
-                " start again when the table's computer is less busy"
+                " start again when the machine's computer is less busy"
             )
 
     def _judge_place(self, position: Floats) -> None:
