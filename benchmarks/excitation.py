@@ -1,6 +1,10 @@
-"""References of ``sgms excite`` against the fixed recipe that it followed before, in the same time and limits.
+"""References of ``sgms excite`` against a fixed recipe, in the same time and limits.
 
     python benchmarks/excitation.py [--tables 4] [--first 0] [--pairs] [--time-share 1.0 0.5] [--json FILE]
+                                    [--against commission]
+
+The recipe is the one that ``sgms excite`` followed before and the design one for ``identify``; with ``--against
+commission`` the recipe is the first recording of ``sgms commission``, and the design one for identify and diagnose.
 
 Intervals: random tables (those of ``benchmarks/identification.py``, 0 is Table I of the paper) follow both references,
 made from the same wrong start file, at 1 kHz with encoder steps, noise and their own controllers. ``identify`` runs on
@@ -34,6 +38,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from excitation_recipe import build_recipe
 from identification import START, compare, random_table, record, truth
 
+from sgms_observer.application.commission.learn import LONGEST_RECORD, largest_deflection
+from sgms_observer.application.commission.motion import learning_motion
 from sgms_observer.diagnosis.fit import data_with_own_noise, fixed_parameters, refit
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
@@ -116,13 +122,20 @@ def evidence(acting: EffectSettings, rival: EffectSettings, position: Floats) ->
     return costs[1] - costs[0]
 
 
-def compare_pairs(recipe: Floats) -> list[dict[str, Any]]:
-    """Print and return the evidence of each pair under the recipe and under a design for it."""
+def learning_reference() -> Floats:
+    """Return the first motion that ``sgms commission`` makes from the wrong start file."""
+    presliding = largest_deflection(START.friction)
+    return learning_motion(LIMITS, 1.0 / RATE, presliding, START.friction.stribeck_velocity, LONGEST_RECORD).position
+
+
+def compare_pairs(recipe: Floats, is_for_all: bool) -> list[dict[str, Any]]:
+    """Print and return the evidence of each pair under the recipe and under a design, for it or for all effects."""
     out = []
     seconds = (len(recipe) - 1) / RATE
     table = random_table(0, "sgms")
     for acting, rival in ((EffectSettings(*one), EffectSettings(*other)) for one, other in PAIRS):
-        design = design_excitation(table, LIMITS, (acting.name, rival.name), 0.0, seconds, RATE)
+        asked = () if is_for_all else (acting.name, rival.name)
+        design = design_excitation(START if is_for_all else table, LIMITS, asked, 0.0, seconds, RATE)
         before, after = (evidence(acting, rival, position) for position in (recipe, design.position))
         print(
             f"{acting.name} against {rival.name}: chi2 distance {before:.0f} with the recipe, {after:.0f} with the"
@@ -142,17 +155,22 @@ def main() -> int:
         "--time-share", type=float, nargs="+", default=[1.0], help="time of the design over that of the recipe"
     )
     parser.add_argument("--pairs", action="store_true", help="evidence between pairs of effects instead of intervals")
+    parser.add_argument(
+        "--against", choices=("recipe", "commission"), default="recipe", help="which fixed motion to compare with"
+    )
     parser.add_argument("--json", metavar="FILE")
     args = parser.parse_args()
-    recipe = build_recipe(START, LIMITS, 1.0 / RATE)
+    is_commission = args.against == "commission"
+    recipe = learning_reference() if is_commission else build_recipe(START, LIMITS, 1.0 / RATE)
     seconds = (len(recipe) - 1) / RATE
     print(f"recipe: {seconds:.2f} s, stroke {np.ptp(recipe) * 1e3:.1f} mm")
     if args.pairs:
-        result: Any = compare_pairs(recipe)
+        result: Any = compare_pairs(recipe, is_commission)
     else:
         designs = {}
         for share in args.time_share:
-            design = design_excitation(START, LIMITS, ("identify",), 0.0, share * seconds, RATE)
+            asked = () if is_commission else ("identify",)
+            design = design_excitation(START, LIMITS, asked, 0.0, share * seconds, RATE)
             print("\n".join(design.summary))
             designs[share] = design.position
         result = compare_intervals(range(args.first, args.first + args.tables), recipe, designs)
