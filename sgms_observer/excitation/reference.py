@@ -268,13 +268,13 @@ def _summary(
         )
     if goals.hidden:
         lines.append(
-            f"Warning: {axis.name}: within these limits no reference tells {', '.join(goals.hidden)} from the"
+            f"Warning: {axis.name}: no motion within these limits separates {', '.join(goals.hidden)} from the"
             " parameters and the other effects of the file; allow more stroke, speed or time."
         )
     if goals.inseparable and not question.is_everything:
         lines.append(
-            f"Warning: {axis.name}: within these limits no reference tells {', '.join(goals.inseparable)} from the"
-            " effects that look like it; allow more stroke, speed or time."
+            f"Warning: {axis.name}: no motion within these limits separates {', '.join(goals.inseparable)} from"
+            " similar effects; allow more stroke, speed or time."
         )
     return tuple(lines)
 
