@@ -133,7 +133,7 @@ def test_the_delay_of_a_table_is_found(delay: float) -> None:
 def test_a_growing_error_lets_go_at_once() -> None:
     released: list[bool] = []
     session: Any = SimpleNamespace(delay=0.0, table=SimpleNamespace(release=lambda: released.append(True)))
-    watch = TrackingWatch(session, 1e-6)
+    watch = TrackingWatch(session, 1e-6, 0.3)
     watch(heard([-0.1], 9e-6, 0.0))  # on the way to the start
     watch(heard([0.1], WORSE_PEAK * 0.99e-6, 0.0))
     assert not released and not watch.has_released

@@ -34,7 +34,7 @@ from sgms_observer.application.commission.ledger import (
 from sgms_observer.application.commission.motion import Motion, approach
 from sgms_observer.application.commission.run import STEPS, StepWork, commission
 from sgms_observer.application.commission.session import OutOfTime, Plan, Request, Session
-from sgms_observer.application.commission.table import Heard, Topics, Watch
+from sgms_observer.application.commission.table import Heard, HeldUp, Topics, Watch
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli import main as command_line
 from sgms_observer.errors import ConfigurationError, DataError, RecordingError
@@ -256,6 +256,26 @@ def test_an_abort_leaves_no_force_a_page_and_a_folder_to_go_on_with(
     assert "times smaller" in again["steps"][-2]["sentence"] and "must not" not in (way.out / REPORT).read_text()
 
 
+@pytest.mark.parametrize("step", ["check", "compensate", "before_and_after"])
+def test_a_motion_that_a_busy_computer_stopped_is_played_again_as_it_was(way: Run, step: str) -> None:
+    """With a guard that knows nothing of the attempt before, and with the gain that it is about."""
+    stopped_at: list[float] = []
+
+    def is_held_up(axis: Axis, *_: Any) -> None:
+        if len(stopped_at) < 2:
+            stopped_at.append(axis.gain)
+            raise HeldUp("this machine was busy")
+
+    result = way.whole(fault=is_held_up, in_step=step)
+    assert result["usable"] is True and len(stopped_at) == 2 and stopped_at[0] == stopped_at[1]
+    warnings = result["steps"][NAMES.index(step)]["warnings"]
+    assert [one for one in warnings if "played again" in one] == [
+        "Warning: this machine was busy. The motion is played again."
+    ] * 2
+    told = result["steps"][NAMES.index("compensate")]["sentence"]
+    assert "0.3: 2.29" in told and "0.6: 1.31" in told and "gain 0.9 is kept" in told
+
+
 def test_what_was_found_behind_a_step_that_is_done_again_is_forgotten(way: Run) -> None:
     """The bag of a finished commissioning is gone, and its second recording fails."""
     assert way.whole()["usable"] is True
@@ -407,6 +427,7 @@ def test_the_question_is_on_stderr_and_stdout_stays_clean(
     way: Run, option: str | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Nobody says yes to a question that is not shown; what is no yes moves nothing."""
+    pytest.importorskip("rclpy")
     axes: list[Axis] = []
 
     def link(axis: Any, limits: Any, folder: Path, topics: Any) -> Any:

@@ -123,8 +123,14 @@ def connect(session: Session) -> str:
 def _sign_run(session: Session, motion: Motion) -> tuple[Guard, Tracker]:
     """Play the motion; return what judged the sign, and the samples."""
     slack = LONGEST_DELAY * motion.peak_speed
-    guard = Guard(session.axis, session.plan.limits, session.origin, 0.0, slack)
-    tracker = session.play(motion, guard=guard)
+    guards: list[Guard] = []
+
+    def fresh_guard() -> Guard:
+        guards.append(Guard(session.axis, session.plan.limits, session.origin, 0.0, slack))
+        return guards[-1]
+
+    tracker = session.play(motion, guard=fresh_guard)
+    guard = guards[-1]
     way, gone = float(np.ptp(motion.position)), float(np.ptp(tracker.tracking(0.0).position))
     if gone < MIN_MOVED_SHARE * way:
         raise stall(session.axis, way, gone)

@@ -55,11 +55,17 @@ class TrackingWatch:
     Args:
         session: the session.
         largest: the largest tracking error without compensation [m].
+        gain: of the compensation, a share of the predicted friction [-].
     """
 
-    def __init__(self, session: Session, largest: float) -> None:
-        self._session, self._largest = session, largest
+    def __init__(self, session: Session, largest: float, gain: float) -> None:
+        self._session, self._largest, self._gain = session, largest, gain
         self.worst = 0.0
+
+    def begin(self) -> None:
+        """Switch the compensation on, and begin anew to look at the tracking error."""
+        self.worst = 0.0
+        self._session.table.compensate(self._gain)
 
     @property
     def has_released(self) -> bool:
@@ -161,9 +167,8 @@ def compensate(session: Session) -> Found:
     reason = ""
     for share in GAIN_STEPS:
         gain = round(share * axis.compensation.gain, 4)
-        session.table.compensate(gain)
-        watch = TrackingWatch(session, float(baseline["peak"]))
-        tracking = session.play(motion, watch).tracking()
+        watch = TrackingWatch(session, float(baseline["peak"]), gain)
+        tracking = session.play(motion, watch, prepare=watch.begin).tracking()
         told.append(f"{gain:.2g}: {readable(tracking.rms)}")
         session.say(f"  gain {gain:.2g}: tracking error {readable(tracking.rms)} rms, {readable(tracking.peak)} peak")
         if watch.has_released or tracking.rms > WORSE_RMS * best[0] or tracking.peak > WORSE_RMS * baseline["peak"]:
@@ -192,9 +197,8 @@ def before_and_after(session: Session) -> Found:
     _ensure_observer(session, 2.0 * session.duration_of(motion), "before_and_after")
     session.confirm_motion(motion, "own motion, twice: without and with compensation", 2)
     before = session.record(motion, BEFORE_BAG).tracking()
-    if gain > 0.0:
-        session.table.compensate(gain)
-    after = session.record(motion, AFTER_BAG, TrackingWatch(session, before.peak)).tracking()
+    watch = TrackingWatch(session, before.peak, gain)
+    after = session.record(motion, AFTER_BAG, watch, prepare=watch.begin).tracking()
     session.table.compensate(0.0)
     ledger.tracking = _tracking_json(before, after, session.axis.units.position)
     ledger.facts[SHORTFALL] = shortfall = _shortfall(gain, before, after)

@@ -230,30 +230,52 @@ class Session:
         if not self._confirm(sentence):
             raise DataError("the motion was not confirmed, so nothing moved; start again to go on")
 
-    def play(self, motion: Motion, *watches: Watch, guard: Guard | None = None) -> Tracker:
+    def play(
+        self,
+        motion: Motion,
+        *watches: Watch,
+        guard: Callable[[], Guard] | None = None,
+        prepare: Callable[[], None] | None = None,
+    ) -> Tracker:
         """Play a motion under guard; again, where a busy computer was the reason that it was stopped.
 
         Args:
             motion: the motion.
             watches: what looks at it too.
-            guard: stops it, in place of the usual one.
+            guard: makes what stops it, anew for every attempt, in place of the usual one.
+            prepare: is called before every attempt: one that was stopped has switched the compensation off.
 
         Returns:
             What was heard.
         """
-        return self._repeated(lambda: self._play(motion, watches, guard=guard))
+        return self._repeated(motion, watches, None, guard, prepare)
 
-    def record(self, motion: Motion, bag: str, *watches: Watch) -> Tracker:
+    def record(self, motion: Motion, bag: str, *watches: Watch, prepare: Callable[[], None] | None = None) -> Tracker:
         """Play a motion under guard and record it; again as ``play`` does.
 
         Args:
             motion: the motion.
             bag: name of the recording in the folder.
             watches: what looks at it too.
+            prepare: as for ``play``.
         """
-        return self._repeated(lambda: self._play(motion, watches, self.path(bag)))
+        return self._repeated(motion, watches, self.path(bag), None, prepare)
 
-    def _repeated(self, play: Callable[[], Tracker]) -> Tracker:
+    def _repeated(
+        self,
+        motion: Motion,
+        watches: Sequence[Watch],
+        bag: Path | None,
+        guard: Callable[[], Guard] | None,
+        prepare: Callable[[], None] | None,
+    ) -> Tracker:
+        def play() -> Tracker:
+            self.need(self.duration_of(motion), "the motion")  # a user may have thought about it for long
+            if prepare is not None:
+                prepare()
+            stops = Guard(self.axis, self.plan.limits, self.origin, self.delay) if guard is None else guard()
+            return self._play(motion, watches, bag, stops)
+
         for _ in range(REPEATS):
             try:
                 return play()
@@ -261,11 +283,7 @@ class Session:
                 self.warn(f"Warning: {error}. The motion is played again.")
         return play()
 
-    def _play(
-        self, motion: Motion, watches: Sequence[Watch], bag: Path | None = None, guard: Guard | None = None
-    ) -> Tracker:
-        self.need(self.duration_of(motion), "the motion")  # a user may have thought about it for long
-        stops = guard or Guard(self.axis, self.plan.limits, self.origin, self.delay)
+    def _play(self, motion: Motion, watches: Sequence[Watch], bag: Path | None, stops: Guard) -> Tracker:
         tracker = Tracker(motion, self.origin, self.delay)
 
         def watch(heard: Heard) -> None:
