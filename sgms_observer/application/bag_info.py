@@ -250,7 +250,7 @@ class BagInfo:
         }
 
     def lines(self) -> list[str]:
-        """Return what people read."""
+        """Return what people read, apart from the warnings and doubts."""
         found = [f"{self.path}: {len(self.topics)} topics"]
         for topic in self.topics:
             rate = f" at {topic.rate:.6g} Hz" if topic.rate else ""
@@ -351,7 +351,6 @@ def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
             f" {told}"
         )
     lines += [f"  note: {note}" for note in facts.notes]
-    lines += [f"  Warning: {doubt}" for doubt in axis.doubts]
     lines.append(f"  usable for: {', '.join(axis.usable_for) or NOTHING}")
     lines += [f"  not for {use.purpose}: {use.reason}" for use in axis.uses if not use.is_possible]
     return lines

@@ -204,6 +204,8 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
         answer, written, after = _diagnosed(learn, judge, step, show)
         checks = (step.before, after)
         tracking = predict_tracking(step.record, axis, written, band.corner)
+        if tracking is not None and (caution := tracking.caution(axis.units)):
+            answer = replace(answer, warnings=(*answer.warnings, caution))
     write_result(answer, checks, tracking, axis.units, folder)
     traces = traces_of(answer)
     write_residual_log(traces, axis.name, folder)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sgms_observer.cli.options import add_output_options, add_overwrite_option
+from sgms_observer.cli.warn import warn
 
 if TYPE_CHECKING:
     from sgms_observer.cli.progress import Progress
@@ -127,10 +128,7 @@ def _can_run(part: str) -> bool:
     """Return whether a part has what it needs; say in a sentence what is missing."""
     if part not in _NEED_CASADI or _has_casadi():
         return True
-    print(
-        f"Warning: bench leaves out {part}, because CasADi is not installed; install it with: pip install casadi",
-        file=sys.stderr,
-    )
+    warn([f"bench leaves out {part}, because CasADi is not installed; install it with: pip install casadi"])
     return False
 
 
@@ -192,8 +190,7 @@ def _peers(args: argparse.Namespace, result: dict[str, Any], folder: Path) -> No
     from sgms_observer.bench.problem import make_problem
 
     found, sentences = time_peers(make_problem(windows=args.windows))
-    for sentence in sentences:
-        print(sentence, file=sys.stderr)
+    warn(sentences)
     result["peers_us"] |= {name: vars(peer.timing) if peer else None for name, peer in found.items()}
     result["peers_difference_n"] = {name: peer.difference for name, peer in found.items() if peer}
 

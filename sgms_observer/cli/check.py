@@ -6,6 +6,7 @@ import argparse
 import sys
 
 from sgms_observer.cli.options import add_bag_options, add_output_options, topics_from
+from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import EXIT_DONE, EXIT_FAILED, Outcome
 
 HELP = "check a parameter file, and whether it fits a recording; print all faults at once"
@@ -35,8 +36,7 @@ def run(args: argparse.Namespace) -> Outcome:
         found = check(settings, args.bag, axes, topics) if args.bag else Checked((), (), tuple(axes))
     for fault in found.faults:
         print(fault, file=sys.stderr)
-    for warning in found.warnings:
-        print(f"Warning: {warning}", file=sys.stderr)
+    warn(found.warnings)
     if found.faults:
         return Outcome(EXIT_FAILED, found.as_json())
     print(f"{args.config} is right" + (f" and fits {args.bag}" if args.bag else ""))

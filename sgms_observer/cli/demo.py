@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sgms_observer.cli.options import add_output_options, add_overwrite_option, require_ros
+from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import Outcome
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ def run(args: argparse.Namespace) -> Outcome:
     result = present(bag, settings, switched_ns, answered_ns, out)
     for line in [*result.lines, *said]:
         print(line)
+    warn(result.warnings)
     print(f"report: {result.page}")
     print(f"bag:    {bag}")
     return Outcome(result=result.result)

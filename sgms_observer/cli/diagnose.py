@@ -17,6 +17,7 @@ from sgms_observer.cli.options import (
     axis_from,
     topics_from,
 )
+from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 if TYPE_CHECKING:
@@ -95,8 +96,7 @@ def run(args: argparse.Namespace) -> int | Outcome:
     with Progress("diagnose", 1.0) as progress:
         done = diagnose_bags(request, progress.show)
     answer, gap, unit = done.answer, done.answer.gap, done.units.effort
-    for warning in answer.warnings:
-        print(f"Warning: {warning}.")
+    warn(f"{warning}." for warning in answer.warnings)
     for note in done.notes:
         print(f"note: {note}")
     print(f"verdict: {answer.verdict} (seed {args.seed})")
@@ -128,8 +128,7 @@ def run(args: argparse.Namespace) -> int | Outcome:
         f" {after.friction_not_cancelled:.4g} {unit} rms along {after.along}"
         f" (while it moves, {100.0 * after.share:.0f} % of the time)"
     )
-    for line in _tracking(done):
-        print(line)
+    print(_tracking(done))
     if answer.next_experiment:
         print(f"next: {answer.next_experiment}")
     print(f"wrote {args.out}/{', '.join(FILES)}")
@@ -137,12 +136,11 @@ def run(args: argparse.Namespace) -> int | Outcome:
     return Outcome(EXIT_DONE if answer.usable else EXIT_NOT_USABLE, result)
 
 
-def _tracking(done: DiagnoseResult) -> list[str]:
-    """Return lines about the tracking error that the model predicts."""
+def _tracking(done: DiagnoseResult) -> str:
+    """Return a line about the tracking error that the model predicts."""
     if done.tracking is None:
-        return ["predicted tracking error: none, the simulated loop does not stay finite with stage.controller"]
-    caution = done.tracking.caution(done.units)
-    return [done.tracking.sentence(done.units), *([f"Warning: {caution}."] if caution else [])]
+        return "predicted tracking error: none, the simulated loop does not stay finite with stage.controller"
+    return done.tracking.sentence(done.units)
 
 
 def _shown(value: float | str) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from sgms_observer.cli.options import add_axis_option, add_output_options, add_overwrite_option
+from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import Outcome
 
 HELP = "write observer and compensation as C (or a ros2_control controller), or the simulated stage as FMU"
@@ -36,8 +36,7 @@ def run(args: argparse.Namespace) -> Outcome:
 
     options = ExportOptions(args.target, tuple(args.axis or ()), args.real, args.fmi, args.overwrite)
     exported = export(args.config, args.out, options)
-    for warning in exported.warnings:
-        print(warning, file=sys.stderr)
+    warn(exported.warnings)
     print(f"{exported.path}: axis {', '.join(exported.axes)}; {', '.join(exported.files)}")
     if args.target == "c":
         print(f"test it with: make -C {exported.path} test")

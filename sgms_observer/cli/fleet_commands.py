@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from sgms_observer.cli.options import axis_from
 from sgms_observer.cli.progress import Progress
+from sgms_observer.cli.warn import warn
 from sgms_observer.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ def _do(label: str, title: str, jobs: Sequence[Job], args: argparse.Namespace, o
     for outcome in outcomes:
         if outcome.fault:
             print(f"{outcome.name}: {outcome.fault}", file=sys.stderr)
+        warn(f"{outcome.name}: {warning}" for warning in outcome.figures.get("warnings", ()))
     print(verdict(outcomes))
     print(f"wrote {page}, summary.json and {sum(not outcome.fault for outcome in outcomes)} results in {out}")
     return 1 if any(outcome.fault for outcome in outcomes) else 0

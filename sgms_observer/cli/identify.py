@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option, topics_from
+from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 if TYPE_CHECKING:
@@ -61,8 +61,7 @@ def run(args: argparse.Namespace) -> Outcome:
         tuple(args.holdout), topics_from(args.topic), args.overwrite,
     )  # fmt: skip
     done = identify_bags(job, _progress)
-    for warning in done.warnings:
-        print(warning, file=sys.stderr, flush=True)
+    warn(done.warnings)
     for axis in done.axes:
         for note in axis.notes:
             print(f"note: {note}")

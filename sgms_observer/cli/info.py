@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from sgms_observer.cli.options import add_bag_options, add_output_options, topics_from
+from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import Outcome
 
 HELP = "show what a bag holds (topics, joints, rates, gaps, encoder step, signs) and what it can be used for"
@@ -30,6 +30,5 @@ def run(args: argparse.Namespace) -> Outcome:
     info = inspect_bag(args.bag, topics_from(args.topic), args.axis, args.joint_type)
     for line in info.lines():
         print(line)
-    for warning in info.warnings:
-        print(f"Warning: {warning}", file=sys.stderr)
+    warn([*info.warnings, *(doubt for axis in info.axes for doubt in axis.doubts)])
     return Outcome(result=info.as_json())

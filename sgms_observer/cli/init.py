@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option, topics_from
+from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import Outcome
 
 HELP = "write a commented parameter file: a template, or with rates, resolution, rough mass and friction of a bag"
@@ -55,7 +55,6 @@ def run(args: argparse.Namespace) -> Outcome:
             f" {units.effort}, viscous"
             f" {draft.viscous:.4g} {units.damping}{effects}"
         )
-    for warning in done.warnings:
-        print(f"Warning: {warning}", file=sys.stderr)
+    warn(done.warnings)
     print(f"wrote {args.out}")
     return Outcome(result=done.as_json())

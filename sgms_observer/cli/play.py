@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import queue
 import signal
-import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -13,6 +12,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from sgms_observer.cli.options import add_output_options, add_topic_option, require_ros, topics_from
+from sgms_observer.cli.warn import warn
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -90,8 +90,7 @@ def run(args: argparse.Namespace) -> int:
             if node is not None:
                 node.destroy_node()
             rclpy.try_shutdown()
-        for warning in bag.warnings:
-            print(f"note: {warning}", file=sys.stderr)
+        warn(bag.warnings)
     print(f"{'stopped after' if stop.is_set() else 'played'} {sent} messages, the latest {latest * 1e3:.1f} ms late")
     return 0
 
@@ -121,7 +120,7 @@ def _choose(bag: Any, names: list[str] | None, renamed: dict[str, str]) -> tuple
         held = ", ".join(sorted(bag.topics)) or "nothing"
         raise RecordingError(f"{bag.path} has no topic {missing or 'to play'}; it holds {held}")
     if missing:
-        print(f"note: {bag.path} has no topic {missing}", file=sys.stderr)
+        warn([f"{bag.path} has no topic {missing}; the other topics are played"])
     return topics
 
 
@@ -155,7 +154,7 @@ def _await_subscriber(publishers: list[Any], seconds: float, stop: threading.Eve
     if any(counts):
         return
     if seconds > 0.0 and not stop.is_set():
-        print(f"note: nobody subscribed within {seconds:g} s; playing all the same", file=sys.stderr)
+        warn([f"no node subscribed to the played topics within {seconds:g} s; the bag is played without subscribers"])
 
 
 def _publish(schedule: Schedule, publishers: list[Any], stop: threading.Event, bar: Progress) -> tuple[int, float]:

@@ -10,6 +10,7 @@ import time
 from typing import TYPE_CHECKING
 
 from sgms_observer.cli.options import add_output_options, add_overwrite_option, add_storage_option, require_ros
+from sgms_observer.cli.warn import warn
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -89,8 +90,7 @@ def run(args: argparse.Namespace) -> int:
             " ROS_DOMAIN_ID"
         )
     writer.close()
-    for sentence in writer.warnings:
-        print(sentence, file=sys.stderr)
+    warn(writer.warnings)
     for topic, count in counts.items():
         print(f"{topic}: {count} messages")
     sys.stdout.flush()

@@ -13,6 +13,7 @@ from sgms_observer.cli.options import (
     add_storage_option,
     topics_from,
 )
+from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import Outcome
 
 HELP = "run the observer over a recorded bag and write its estimates into another; deterministic"
@@ -53,8 +54,7 @@ def run(args: argparse.Namespace) -> int | Outcome:
     seconds = time.perf_counter() - start
     for name, tally in done.tallies.items():
         print(f"{name}: {tally.sentence()}")
-    for warning in done.warnings:
-        print(f"note: {warning}")
+    warn(done.warnings)
     print(f"{args.out}: {done.messages} messages in {seconds:.1f} s, {done.duration / seconds:.1f} times real time")
     report = None if args.no_report else write_report(done, args.bags[0], args.config, args.out)
     if report:

@@ -111,9 +111,6 @@ def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
         f"The stage that augmented.yaml describes follows {tracking.along} for {tracking.seconds:.3g} s with"
         " stage.controller of the file and the compensation's gain and limit."
     ]
-    caution = tracking.caution(units)
-    if caution:
-        text.append(f"Warning: {caution}.")
     plots = [tracking_plot(tracking, units)] if tracking.errors else []
     return Section(heading, text, [Table(("tracking error", "rms", "peak"), rows)], plots=plots)
 

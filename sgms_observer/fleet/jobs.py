@@ -119,7 +119,7 @@ def _replay(job: ReplayJob) -> dict[str, Any]:
         "duration": done.duration,
         "messages": done.messages,
         "axes": {name: {**_plain(tally.figures()), "unit": tally.unit} for name, tally in done.tallies.items()},
-        "notes": list(done.warnings),
+        "warnings": list(done.warnings),
     }
 
 
@@ -138,7 +138,7 @@ def _diagnose(job: DiagnoseJob) -> dict[str, Any]:
         DiagnoseRequest([job.bag], job.config, job.out, job.holdout, job.axis, tolerance=job.tolerance, seed=job.seed)
     )
     result: dict[str, Any] = json.loads((Path(job.out) / "result.json").read_text(encoding="utf-8"))
-    return {key: result[key] for key in ("verdict", "gap", "effects", "next_experiment")}
+    return {key: result[key] for key in ("verdict", "warnings", "gap", "effects", "next_experiment")}
 
 
 def job_names(bags: list[str]) -> list[str]:

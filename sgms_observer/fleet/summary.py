@@ -76,7 +76,7 @@ def _replays(outcomes: Sequence[Outcome]) -> Section:
         "innovation, rms",
         "NIS",
         "samples in trouble",
-        "notes",
+        "warnings",
     )
     table = Table(header, [_replay_row(outcome, name, axis) for _, outcome, name, axis in rows],
                   "The worst fit first; an NIS far above 1 means a model that misses something")  # fmt: skip
@@ -99,7 +99,7 @@ def _replay_row(outcome: Outcome, name: str, axis: Mapping[str, Any]) -> tuple[s
         "-" if axis["innovation"] is None else f"{axis['innovation']:.4g} {axis['unit']}",
         f"{_nis(axis):.3g}",
         f"{axis['in_trouble']}",
-        "; ".join(outcome.figures["notes"]),
+        "; ".join(outcome.figures["warnings"]),
     )
 
 

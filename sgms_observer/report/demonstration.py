@@ -170,11 +170,13 @@ class Presentation:
 
     Attributes:
         lines: for the terminal.
+        warnings: sentences that start with ``Warning:``.
         page: the report.
         result: content of result.json.
     """
 
     lines: list[str]
+    warnings: list[str]
     page: Path
     result: dict[str, Any]
 
@@ -222,7 +224,7 @@ def present(bag: Path, settings: Settings, switched_ns: int, answered_ns: int, o
     )
     result = result_of(results)
     write_text(json.dumps(result, indent=1) + "\n", out / RESULT)
-    return Presentation([*verdicts, *warnings, *lines], write_page(page, out), result)
+    return Presentation([*verdicts, *lines], warnings, write_page(page, out), result)
 
 
 def _run_of(bag: Path, axis: AxisSettings) -> tuple[Run, Ints]:

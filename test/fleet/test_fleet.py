@@ -180,7 +180,7 @@ def test_recordings_of_one_name_get_folders_of_their_own() -> None:
 
 
 def test_what_comes_from_recordings_is_escaped(tmp_path: Path) -> None:
-    figures = {"duration": 1.0, "messages": 1, "notes": ["<script>alert(1)</script>"], "axes": {
+    figures = {"duration": 1.0, "messages": 1, "warnings": ["<script>alert(1)</script>"], "axes": {
         "<b>": {"samples": 1, "corrections": 0, "innovation": None, "nis": None, "in_trouble": 0}}}  # fmt: skip
     page = write_summary("title", [Outcome("<i>", "", figures), Outcome("b", "<u>")], tmp_path, "x.yaml").read_text()
     assert not any(tag in page for tag in ("<script>alert", "<b>", "<i>", "<u>"))

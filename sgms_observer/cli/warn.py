@@ -1,0 +1,18 @@
+"""Print warnings: on stderr, so that neither ``--quiet`` nor ``--json`` hides them. Imports nothing heavy."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+
+PREFIX = "Warning: "
+
+
+def warn(sentences: Iterable[str]) -> None:
+    """Print each sentence on stderr behind ``Warning:``.
+
+    Args:
+        sentences: with the prefix or without.
+    """
+    for sentence in sentences:
+        print(f"{PREFIX}{sentence.removeprefix(PREFIX)}", file=sys.stderr, flush=True)
