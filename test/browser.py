@@ -17,11 +17,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import pytest
+
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 SWITCHES = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-dev-shm-usage",
     "--no-first-run", "--disable-extensions", "--disable-component-update", "--remote-debugging-pipe",
 )  # fmt: skip
+
+REQUIRED = "SGMS_OBSERVER_REQUIRE_BROWSER"
+"""Environment variable with which a missing browser is a failure: without it the tests in a browser skip."""
 
 _PATIENCE = 180.0  # s, on a busy machine
 
@@ -100,6 +105,15 @@ class View:
 def executable() -> str | None:
     """Return the path of a Chromium on this machine, or None."""
     return next((found for name in NAMES if (found := shutil.which(name))), None)
+
+
+def require_browser() -> None:
+    """Skip the test where no Chromium is installed, or fail it where ``REQUIRED`` is set."""
+    if executable() is None:
+        sentence = f"no browser: none of {', '.join(NAMES)} is installed"
+        if os.environ.get(REQUIRED):
+            pytest.fail(f"{sentence}, and {REQUIRED} is set")
+        pytest.skip(sentence)
 
 
 class Browser:

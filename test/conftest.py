@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
-from browser import NAMES, Browser, executable
+from browser import Browser, require_browser
 from hypothesis import HealthCheck, settings
 from selection import ALONE, LIVE, QUICK
 
@@ -81,7 +81,6 @@ def _is_in(path: Path, names: Sequence[str]) -> bool:
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     """Return a headless Chromium."""
-    if executable() is None:
-        pytest.skip(f"no browser: none of {', '.join(NAMES)} is installed")
+    require_browser()
     with Browser() as running:
         yield running
