@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import AutoLocator
 from numpy.typing import NDArray
 
-from sgms_observer.report.page import COLOURS, Picture, Plot, light
+from sgms_observer.report.page import COLOURS, DrawnPlot, Picture, Plot, light
 
 matplotlib.use("Agg")
 
@@ -54,10 +54,12 @@ _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
 }
 
-MAX_POINTS = 20_000
-"""Points of a line in the plot: at this many, a page of ten lines has about one megabyte of them."""
-_STILL_POINTS = 2_000
-"""Points of a line in the still picture: three for each pixel of its width."""
+_STILL_SHARE, _MIN_STILL_POINTS = 0.1, 300
+"""Points of a line in the still picture, of those of the plot; at least one for each point of its width."""
+_MORE_DIGITS = re.compile(r"(\d\.\d\d)\d+")
+"""A coordinate of a drawing with more digits than show: a hundredth of a point is a fiftieth of a pixel."""
+_SPACES = re.compile(r"\s*([A-Z])\s*")
+"""Blanks around the letters of a path, which need none."""
 
 
 @dataclass
@@ -146,10 +148,16 @@ def _of_the_page(svg: str, name: str, caption: str) -> str:
     )
     body = svg[svg.index(">") + 1 :]
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
+    body = re.sub(r'(?<= d=")[^"]*', lambda path: _shortened(path[0]), body)
     body = re.sub(r'\bid="', f'id="{prefix}-', body)
     body = re.sub(r'(url\(|href=")#', rf"\1#{prefix}-", body)
     names = {pair[0]: colour for colour, pair in COLOURS.items()}
     return head + re.sub("|".join(names), lambda found: f"var(--{names[found[0]]})", body)
+
+
+def _shortened(path: str) -> str:
+    """Return a path with two digits behind the point and no needless blanks, which is half as long."""
+    return _SPACES.sub(r"\1", _MORE_DIGITS.sub(r"\1", path))
 
 
 @dataclass(frozen=True)
@@ -190,21 +198,26 @@ def time_plot(name: str, caption: str, time: Floats, panels: Sequence[Panel]) ->
         panels: what stands above each other.
     """
     signals = [line.values for panel in panels for line in panel.lines]
-    rows = extreme_rows(signals, MAX_POINTS)
-    content = {
-        "time": _packed(time[rows]),
-        "panels": [
-            {
-                "label": panel.label,
-                "lines": [
-                    {"label": line.label, "colour": line.colour, "values": _packed(line.values[rows])}
-                    for line in panel.lines
-                ],
-            }
-            for panel in panels
-        ],
-    }
-    return Plot(name, caption, content, _still(name, caption, time, panels))
+
+    def draw(points: int) -> DrawnPlot:
+        rows = extreme_rows(signals, points)
+        content = {
+            "time": _packed(time[rows]),
+            "panels": [
+                {
+                    "label": panel.label,
+                    "lines": [
+                        {"label": line.label, "colour": line.colour, "values": _packed(line.values[rows])}
+                        for line in panel.lines
+                    ],
+                }
+                for panel in panels
+            ],
+        }
+        still = _still(name, caption, time, panels, max(_MIN_STILL_POINTS, round(_STILL_SHARE * points)))
+        return DrawnPlot(content, still)
+
+    return Plot(name, caption, 1 + len(signals), draw)
 
 
 def extreme_rows(signals: Sequence[Floats], most: int) -> NDArray[np.int64]:
@@ -236,12 +249,12 @@ def _packed(values: Floats) -> str:
     return base64.b64encode(values.astype("<f4").tobytes()).decode("ascii")
 
 
-def _still(name: str, caption: str, time: Floats, panels: Sequence[Panel]) -> Picture:
+def _still(name: str, caption: str, time: Floats, panels: Sequence[Panel], points: int) -> Picture:
     """Draw the whole of it."""
     with sheet(name, caption, rows=len(panels), height=1.7, sharex=True) as drawn:
         for axes, panel in zip(drawn.axes, panels, strict=True):
             for line in panel.lines:
-                rows = extreme_rows([line.values], _STILL_POINTS)
+                rows = extreme_rows([line.values], points)
                 axes.plot(time[rows], line.values[rows], color=light(line.colour), lw=0.8, label=line.label)
             axes.set_ylabel(panel.label)
         drawn.axes[-1].set_xlabel("time [s]")

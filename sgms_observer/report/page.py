@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -70,21 +70,40 @@ class Picture:
     png: bytes
 
 
+MAX_POINTS = 20_000
+"""Points of a line in a plot over time."""
+MAX_VALUES = 150_000
+"""Numbers in all plots over time of a page, which share them: eight hundred kilobytes of the page."""
+
+
+@dataclass(frozen=True)
+class DrawnPlot:
+    """A plot over time as the page carries it.
+
+    Args:
+        content: series and panels, as the page's script reads them.
+        still: the whole of it as a picture, for paper and where no script runs.
+    """
+
+    content: Mapping[str, Any]
+    still: Picture
+
+
 @dataclass(frozen=True)
 class Plot:
     """A plot over time that zooms.
 
     Args:
-        name: short name.
+        name: short name, on this page the only one.
         caption: what it shows, in one sentence.
-        content: series and panels, as the page's script reads them.
-        still: the whole of it as a picture, for paper and where no script runs.
+        signals: how many it holds, the time among them.
+        draw: returns it with about so many points of each signal.
     """
 
     name: str
     caption: str
-    content: Mapping[str, Any]
-    still: Picture
+    signals: int
+    draw: Callable[[int], DrawnPlot]
 
 
 @dataclass(frozen=True)
@@ -174,11 +193,17 @@ class Page:
         """Return the plots of all sections."""
         return [plot for section in self.sections for plot in section.plots]
 
+    @cached_property
+    def drawn_plots(self) -> dict[str, DrawnPlot]:
+        """Return each plot by its name, with its share of the points of the page."""
+        points = min(MAX_POINTS, MAX_VALUES // max(1, sum(plot.signals for plot in self.plots)))
+        return {plot.name: plot.draw(points) for plot in self.plots}
+
     @property
     def pictures(self) -> list[Picture]:
         """Return every picture of the page."""
         listed = [picture for section in self.sections for picture in section.pictures]
-        return [*self.lead, *listed, *(plot.still for plot in self.plots)]
+        return [*self.lead, *listed, *(plot.still for plot in self.drawn_plots.values())]
 
 
 def render_page(page: Page) -> str:

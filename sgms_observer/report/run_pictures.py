@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, sheet, thinned
+from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, extreme_rows, sheet
 from sgms_observer.report.page import Picture
 from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
-_MAX_POINTS = 20_000
+_MAX_POINTS = 4_000
 _MIN_POINTS = 50
 
 
@@ -213,5 +213,5 @@ def draw_line(axes: Axes, x: Floats, y: Floats, color: str, label: str | None = 
         style: for matplotlib.
     """
     if np.isfinite(y).any():
-        x, y = thinned(x, _MAX_POINTS), thinned(y, _MAX_POINTS)
-        axes.plot(x, y, color=color, label=label, **style)  # type: ignore[arg-type]
+        rows = extreme_rows([x, y], _MAX_POINTS)
+        axes.plot(x[rows], y[rows], color=color, label=label, **style)  # type: ignore[arg-type]
