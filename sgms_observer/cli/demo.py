@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> Outcome:
     config = Path(args.config) if args.config else shipped_file("config", "demo.yaml")
     settings = load_settings(config)
     require_ros()
-    from sgms_observer.report.demonstration import RESULT, present
+    from sgms_observer.report.demonstration_run import RESULT, present
 
     out = Path(args.out)
     bag = out / "bag"

@@ -206,7 +206,7 @@ def replay_page(
     figures: Mapping[str, Mapping[str, float]],
     statuses: Mapping[str, Mapping[int, int]],
     recorded: Mapping[str, Recorded],
-    notes: Sequence[str],
+    warnings: Sequence[str],
     source: str,
 ) -> Page:
     """Return the page.
@@ -216,7 +216,7 @@ def replay_page(
         figures: name of each axis to its figures, as ``sgms replay --json`` prints them.
         statuses: name of each axis to the number of its samples in each status.
         recorded: name of each axis to its recorded outputs.
-        notes: sentences about the recording.
+        warnings: sentences about the recording.
         source: what was replayed with what, for the footer.
     """
     names = [view.axis.name for view in views]
@@ -227,9 +227,9 @@ def replay_page(
     for view, name in zip(views, names, strict=True):
         verdicts.append(_verdict(view, figures[name], recorded[name]))
         lights += _lights(of_axis[name], figures[name], statuses[name], recorded[name])
-        sections.append(_section(view, of_axis[name], figures[name], recorded[name], notes))
+        sections.append(_section(view, of_axis[name], figures[name], recorded[name]))
     title = f"Replay of {'axis' if len(names) == 1 else 'axes'} {', '.join(names)}"
-    return Page(title, " ".join(verdicts), sections, source, lights=lights)
+    return Page(title, " ".join(verdicts), sections, source, [f"Warning: {text}." for text in warnings], lights)
 
 
 def _verdict(view: AxisView, figures: Mapping[str, float], recorded: Recorded) -> str:
@@ -272,15 +272,12 @@ def _lights(
     return found
 
 
-def _section(
-    view: AxisView, of_axis: str, figures: Mapping[str, float], recorded: Recorded, notes: Sequence[str]
-) -> Section:
+def _section(view: AxisView, of_axis: str, figures: Mapping[str, float], recorded: Recorded) -> Section:
     """Return the section of one axis."""
     name, last = view.axis.name, view.recent(recorded.truth)
     text = [
         "The observer ran over the recording as the live node does. The innovation is the measured minus the predicted"
         f" {view.axis.units.effort_word} of friction, at each correction.",
-        *(f"Note: {note}." for note in notes),
     ]
     pictures = (hysteresis_picture(last, f"{name}_"), reversal_picture(last, f"{name}_"))
     tables, plots = [_table(view, figures, recorded)], [_over_time(view, recorded)]

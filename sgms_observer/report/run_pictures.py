@@ -100,7 +100,7 @@ def tracking_picture(run: Run, before: tuple[float, float], after: tuple[float, 
     caption = f"Tracking error without compensation, then with it, on one scale: the last {seconds} of each part."
     parts = [run.between(*window) for window in (before, after)]
     errors = [part.position - part.reference for part in parts]
-    factor, unit = _readable(np.concatenate(errors), run.units)
+    factor, unit = largest_prefixed(np.concatenate(errors), run.units)
     with sheet(name, caption, rows=2, height=1.9, sharey=True) as drawn:
         for axes, part, error, word in zip(drawn.axes, parts, errors, ("without", "with"), strict=True):
             draw_line(axes, part.time, factor * error, MEASURED)
@@ -111,9 +111,9 @@ def tracking_picture(run: Run, before: tuple[float, float], after: tuple[float, 
 
 def _motion(run: Run, name: str) -> Picture:
     caption = "Position with its set-point, tracking error and estimated velocity."
-    factor, unit = _readable(run.position, run.units)
-    error_factor, error_unit = _readable(run.position - run.reference, run.units)
-    speed_factor, speed_unit = _readable(run.velocity, run.units, "m/s")
+    factor, unit = largest_prefixed(run.position, run.units)
+    error_factor, error_unit = largest_prefixed(run.position - run.reference, run.units)
+    speed_factor, speed_unit = largest_prefixed(run.velocity, run.units, "m/s")
     with sheet(f"{name}motion", caption, rows=3, height=1.9, sharex=True) as drawn:
         top, middle, bottom = drawn.axes
         draw_line(top, run.time, factor * run.reference, REFERENCE, "set-point", linestyle="--")
@@ -152,8 +152,8 @@ def hysteresis_picture(run: Run, name: str) -> Picture:
         name: put in front of the picture's name.
     """
     caption = "Friction over velocity and over position: the hysteresis a Coulomb model cannot draw."
-    factor, unit = _readable(run.position, run.units)
-    speed_factor, speed_unit = _readable(run.velocity, run.units, "m/s")
+    factor, unit = largest_prefixed(run.position, run.units)
+    speed_factor, speed_unit = largest_prefixed(run.velocity, run.units, "m/s")
     abscissas = (speed_factor * run.velocity, factor * run.position)
     labels = (f"velocity [{speed_unit}]", f"position [{unit}]")
     with sheet(f"{name}hysteresis", caption, rows=2, height=2.8, sharey=True) as drawn:
@@ -184,8 +184,14 @@ def reversal_picture(run: Run, name: str) -> Picture:
     return drawn.picture
 
 
-def _readable(values: Floats, units: Units, unit: str = "m") -> tuple[float, str]:
-    """Return the factor and unit in which the largest of the known values is easy to read."""
+def largest_prefixed(values: Floats, units: Units, unit: str = "m") -> tuple[float, str]:
+    """Return the factor and unit in which the largest of the known values is easy to read.
+
+    Args:
+        values: shape (n,); NaN where nothing is known.
+        units: of the axis.
+        unit: of the values on a prismatic axis.
+    """
     known = np.abs(values[np.isfinite(values)])
     return units.prefixed(float(known.max(initial=0.0)), unit)
 
