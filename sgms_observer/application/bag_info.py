@@ -90,12 +90,12 @@ def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
     elif balance is not None and balance.is_significant("mass"):
         mass = balance.value("mass")
         smallest, heaviest = _MIN_MASS[joint_type or REVOLUTE], _MAX_MASS[joint_type or PRISMATIC]
-        if mass < 0.0:
+        if balance.is_mass_negative:
             found.append(
                 f"{facts.name}: the effort grows against the acceleration (mass {mass:.3g} {units.mass}) but with the"
                 " speed; check that effort and position belong to the same axis and side of the gear"
             )
-        elif not smallest <= mass <= heaviest:
+        elif mass > 0.0 and not smallest <= mass <= heaviest:
             found.append(
                 f"{facts.name}: the effort would move {mass:.3g}"
                 f" {units.mass if joint_type else 'kg or kg m^2'}; check the"

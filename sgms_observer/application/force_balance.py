@@ -1,7 +1,9 @@
 """Rough mass, friction, offset and gravity of an axis: least squares on its force balance at low frequencies.
 
 Good enough to start an identification from, to tell a reversed sign, and to see whether a recording shows anything.
-``effort = mass a + viscous v + Coulomb sign(v) + offset + A sin q + B cos q``; position and effort are filtered alike.
+``effort = mass a + viscous v + Coulomb h(x) + offset + A sin q + B cos q``; position and effort are filtered alike.
+``h`` is the direction of the motion. After a reversal it turns over twice the slip deflection: presliding. Without
+presliding, friction that turns late counts as a force against the acceleration where the motion is short.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from sgms_observer.diagnosis.motion import play_operator
 from sgms_observer.identification.confidence import least_squares_covariance
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recording
@@ -32,6 +35,10 @@ _MIN_TURN = 0.1
 """Smallest range [rad] over which sin q and cos q differ from a constant and a slope."""
 _MAX_CONDITION = 1.0e4
 """Of the scaled columns; above it they are one column to this recording."""
+_DEFLECTIONS = tuple(0.25 * 2.0 ** (-0.5 * k) for k in range(17))
+"""Slip deflections that are tried, as a share of half the range: from a quarter to a thousandth."""
+_MIN_DEFLECTION_STEPS = 2.0
+"""Encoder steps, and standard deviations of the position's noise, in a slip deflection at least."""
 _MAX_GRAVITY = 2.0
 """Gravity and offset over the largest effort: beyond it they cancel each other over a short arc."""
 
@@ -48,6 +55,9 @@ class ForceBalance:
         unexplained: rms residual over rms effort [-].
         dissipation: power that viscous and Coulomb friction take away, on average [W].
         dissipation_error: its standard error [W].
+        slip_deflection: way after a reversal over which half the friction turns [m or rad]; 0 where none shows.
+        is_mass_negative: the mass is surely negative, also if a stiffness is fitted beside it, which looks like a
+            negative mass where the motion has one frequency only.
     """
 
     corner: float
@@ -57,6 +67,8 @@ class ForceBalance:
     unexplained: float
     dissipation: float
     dissipation_error: float
+    slip_deflection: float
+    is_mass_negative: bool
 
     def value(self, name: str) -> float:
         """Return one value [SI unit], 0 if it was not fitted.
@@ -87,7 +99,7 @@ class ForceBalance:
 
     @property
     def sign(self) -> int:
-        """Return 1 if the effort moves the axis, -1 if it is counted against the motion, 0 if that cannot be told.
+        """Return 1 if the effort moves the axis, -1 if it is reversed, 0 if that cannot be told.
 
         Friction takes power away from a machine, and its mass is positive: both decide.
         """
@@ -103,6 +115,7 @@ class ForceBalance:
         return {
             "corner_hz": self.corner,
             "unexplained": self.unexplained,
+            "slip_deflection": self.slip_deflection,
             **{name: {"value": self.value(name), "std_error": self.std_error(name)} for name in self.names},
         }
 
@@ -120,30 +133,69 @@ def fit_force_balance(recordings: Sequence[Recording], axis: AxisSettings, has_g
     """
     rate = min(1.0 / recording.period for recording in recordings)
     corner = min(_MAX_CORNER, choose_band(recordings, axis).corner, 0.2 * rate)
-    parts = [_columns(recording, corner) for recording in recordings]
+    low = [_LowPassed(recording, corner) for recording in recordings]
     turn = max(float(np.ptp(recording.position)) for recording in recordings)
     names: tuple[str, ...] = ("mass", "viscous_coefficient", "coulomb_force", "offset")
     if has_gravity and turn > _MIN_TURN:
         names += ("gravity_sin", "gravity_cos")
-    effort = np.concatenate([values for _, values in parts])
-    values = _solve(np.concatenate([columns for columns, _ in parts])[:, : len(names)], effort)
+    effort = np.concatenate([one.effort for one in low])
+    deflection, values = _slip_deflection(low, len(names), effort)
     if len(names) > 4 and (values is None or _cancels(values, effort)):
         names = names[:4]
-        values = _solve(np.concatenate([columns for columns, _ in parts])[:, : len(names)], effort)
+        deflection, values = _slip_deflection(low, len(names), effort)
     if values is None:
         return None
     width = len(names)
-    matrix = np.concatenate([columns[:, :width] for columns, _ in parts])
-    residuals = [part - columns[:, :width] @ values for columns, part in parts]
-    covariance = least_squares_covariance([columns[:, :width] for columns, _ in parts], residuals)
+    columns = [one.columns(deflection)[:, :width] for one in low]
+    residuals = [one.effort - part @ values for one, part in zip(low, columns, strict=True)]
+    # The slip deflection was chosen by the data too: the other values are as uncertain as it makes them.
+    nearby = deflection * 2.0**0.25 if deflection > 0.0 else max(_smallest_deflection(one) for one in low)
+    changes = [values[2] * (one.columns(nearby)[:, 2] - part[:, 2]) for one, part in zip(low, columns, strict=True)]
+    with_deflection = [np.column_stack([part, change]) for part, change in zip(columns, changes, strict=True)]
+    covariance = least_squares_covariance(with_deflection, residuals)[:width, :width]
     unexplained = float(np.linalg.norm(np.concatenate(residuals)) / np.linalg.norm(effort))
+    matrix = np.concatenate(columns)
     velocity = matrix[:, 1]
     weights = np.zeros(width)
     weights[1:3] = float(np.mean(velocity**2)), float(np.mean(matrix[:, 2] * velocity))
     seen = np.isfinite(np.diag(covariance))
     variance = float(weights[seen] @ covariance[np.ix_(seen, seen)] @ weights[seen])
     error = math.sqrt(max(variance, 0.0)) if np.all(seen[1:3]) else math.inf
-    return ForceBalance(corner, names, values, covariance, unexplained, float(weights @ values), error)
+    with_stiffness = [np.column_stack([part, one.position]) for one, part in zip(low, columns, strict=True)]
+    return ForceBalance(corner, names, values, covariance, unexplained, float(weights @ values), error, deflection,
+                        values[0] < 0.0 and _is_mass_negative(with_stiffness, [one.effort for one in low]))  # fmt: skip
+
+
+def _slip_deflection(low: Sequence[_LowPassed], width: int, effort: Floats) -> tuple[float, Floats | None]:
+    """Return the slip deflection that explains most of the effort, 0 for none, and the other values with it."""
+    largest = max(0.5 * float(np.ptp(one.path)) for one in low)
+    smallest = max(_smallest_deflection(one) for one in low)
+    tried = [0.0, *(share * largest for share in _DEFLECTIONS if share * largest >= smallest)]
+    best: tuple[float, float, Floats | None] = (math.inf, 0.0, None)
+    for deflection in tried:
+        matrix = np.concatenate([one.columns(deflection)[:, :width] for one in low])
+        values = _solve(matrix, effort)
+        if values is not None:
+            error = float(np.linalg.norm(effort - matrix @ values))
+            best = min(best, (error, deflection, values), key=lambda found: found[0])
+    return best[1], best[2]
+
+
+def _smallest_deflection(one: _LowPassed) -> float:
+    """Return the smallest slip deflection that a recording can show [m or rad]."""
+    recording = one.recording
+    shown = _MIN_DEFLECTION_STEPS * max(recording.encoder_step, recording.position_noise)
+    return float(max(shown, _DEFLECTIONS[-1] * 0.5 * float(np.ptp(one.path))))
+
+
+def _is_mass_negative(columns: Sequence[Floats], efforts: Sequence[Floats]) -> bool:
+    """Return whether the first value, the mass, is surely negative."""
+    values = _solve(np.concatenate(columns), np.concatenate(efforts))
+    if values is None:
+        return False
+    residuals = [effort - part @ values for effort, part in zip(efforts, columns, strict=True)]
+    variance = float(least_squares_covariance(columns, residuals)[0, 0])
+    return bool(values[0] < -MIN_Z_SCORE * math.sqrt(max(variance, 0.0)))
 
 
 def _solve(matrix: Floats, effort: Floats) -> Floats | None:
@@ -162,20 +214,44 @@ def _cancels(values: Floats, effort: Floats) -> bool:
     return max(abs(float(values[3])), math.hypot(values[4], values[5])) > largest
 
 
-def _columns(recording: Recording, corner: float) -> tuple[Floats, Floats]:
-    """Return the columns of the force balance and the effort of one piece, filtered alike and thinned out."""
-    rate = 1.0 / recording.period
-    sections = signal.butter(4, 2.0 * corner / rate, output="sos")
+class _LowPassed:
+    """One piece behind the low-pass: its effort and the columns of the force balance, thinned out.
 
-    def low(values: Floats) -> Floats:
-        return np.asarray(signal.sosfiltfilt(sections, values, padlen=min(3 * len(sections) * 2, len(values) - 1)))
+    Args:
+        recording: the piece.
+        corner: of the low-pass [Hz].
+    """
 
-    position = low(recording.position)
-    velocity = np.gradient(position, recording.period)
-    noise = 2.0 * math.pi * corner * recording.position_noise  # of the velocity: below it the direction is not known
-    direction = low(velocity / np.sqrt(velocity**2 + noise**2 + 1e-300))
-    columns = [np.gradient(velocity, recording.period), velocity, direction, np.ones(len(position))]
-    columns += [np.sin(position), np.cos(position)]
-    border = min(int(rate / corner), len(position) // 10)  # where the filters settle
-    rows = slice(border, len(position) - border, max(1, int(rate / (_ROWS_PER_CORNER * corner))))
-    return np.column_stack(columns)[rows], low(recording.effort)[rows]
+    def __init__(self, recording: Recording, corner: float) -> None:
+        self.recording = recording
+        rate = 1.0 / recording.period
+        self._sections = signal.butter(4, 2.0 * corner / rate, output="sos")
+        count = len(recording.position)
+        border = min(int(rate / corner), count // 10)  # where the filters settle
+        self._rows = slice(border, count - border, max(1, int(rate / (_ROWS_PER_CORNER * corner))))
+        self.path = self._low(recording.position)
+        velocity = np.gradient(self.path, recording.period)
+        noise = 2.0 * math.pi * corner * recording.position_noise  # of the velocity: below it no direction is known
+        columns = [np.gradient(velocity, recording.period), velocity,
+                   self._low(velocity / np.sqrt(velocity**2 + noise**2 + 1e-300)), np.ones(count),
+                   np.sin(self.path), np.cos(self.path)]  # fmt: skip
+        self._columns = np.column_stack(columns)[self._rows]
+        self.position = self.path[self._rows] - float(np.mean(self.path))
+        self.effort = self._low(recording.effort)[self._rows]
+
+    def columns(self, slip_deflection: float) -> Floats:
+        """Return acceleration, velocity, direction, 1, sine and cosine of the position, shape (n, 6).
+
+        Args:
+            slip_deflection: way over which half the direction turns after a reversal [m or rad]; 0 for none.
+        """
+        if not slip_deflection > 0.0:
+            return self._columns
+        stretched = self.path - play_operator(self.path, slip_deflection)
+        columns = self._columns.copy()
+        columns[:, 2] = self._low(stretched / slip_deflection)[self._rows]
+        return columns
+
+    def _low(self, values: Floats) -> Floats:
+        pad = min(3 * len(self._sections) * 2, len(values) - 1)
+        return np.ascontiguousarray(signal.sosfiltfilt(self._sections, values, padlen=pad))
