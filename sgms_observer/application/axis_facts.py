@@ -52,10 +52,10 @@ class AxisFacts:
         effort_rms: [N or N m].
         missing_efforts: share of the samples without an effort [-].
         has_reference: set-points are recorded.
-        pieces: pieces between pauses that are long enough to learn from.
+        pieces: pieces between pauses that are long enough for a fit.
         balance: rough force balance, or None where it cannot be fitted.
         notes: sentences about what reading the recording dropped or changed.
-        fault: why nothing can be learnt from it; empty if something can.
+        fault: why nothing can be fitted to it; empty if something can.
     """
 
     name: str

@@ -53,10 +53,9 @@ def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
     diagnose = identify
     if not diagnose and facts.reversals < MIN_REVERSALS_TO_DIAGNOSE:
         diagnose = (
-            f"the motion reverses {facts.reversals} times; diagnosis compares blocks that hold both directions"
-            " and needs"
-            f" {MIN_REVERSALS_TO_DIAGNOSE} at least: record a longer motion to and fro, or give"
-            " several recordings"
+            f"the motion reverses {facts.reversals} times; diagnosis compares blocks that hold both directions and"
+            f" needs {MIN_REVERSALS_TO_DIAGNOSE} at least: record a longer motion to and fro, or give several"
+            " recordings"
         )
     replay = "" if facts.missing_efforts < 1.0 else "no sample has an effort: record control_effort"
     reasons = {"identify": identify, "diagnose": diagnose, "replay": replay}
@@ -65,6 +64,23 @@ def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
 
 def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
     """Return a sentence for each sign and unit that looks wrong.
+
+    Args:
+        facts: what the recording shows.
+        joint_type: prismatic or revolute; None if it is not known.
+    """
+    balance = facts.balance
+    if balance is None or balance.sign >= 0:
+        return unit_doubts(facts, joint_type)
+    sign = (
+        f"{facts.name}: the sign of control_effort is reversed relative to position (friction would add"
+        f" {-balance.dissipation:.3g} +- {balance.dissipation_error:.2g} W); set effort_scale: -1"
+    )
+    return (*unit_doubts(facts, joint_type), sign)
+
+
+def unit_doubts(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
+    """Return a sentence for each unit that looks wrong.
 
     Args:
         facts: what the recording shows.
@@ -82,24 +98,19 @@ def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
             " moves; if it is in degrees set position_scale: 0.01745329252, if in millimetres 0.001"
         )
     balance = facts.balance
-    if balance is not None and balance.sign < 0:
-        found.append(
-            f"{facts.name}: the effort is counted against the motion (friction takes"
-            f" {balance.dissipation:.3g} +- {balance.dissipation_error:.2g} W away); set effort_scale: -1"
-        )
-    elif balance is not None and balance.is_significant("mass"):
+    if balance is not None and balance.sign >= 0 and balance.is_significant("mass"):
         mass = balance.value("mass")
         smallest, heaviest = _MIN_MASS[joint_type or REVOLUTE], _MAX_MASS[joint_type or PRISMATIC]
         if balance.is_mass_negative:
             found.append(
-                f"{facts.name}: the effort grows against the acceleration (mass {mass:.3g} {units.mass}) but with the"
-                " speed; check that effort and position belong to the same axis and side of the gear"
+                f"{facts.name}: effort and position give a negative mass, {mass:.3g} {units.mass}; check that both"
+                " belong to the same axis and side of the gear"
             )
         elif mass > 0.0 and not smallest <= mass <= heaviest:
             found.append(
-                f"{facts.name}: the effort would move {mass:.3g}"
-                f" {units.mass if joint_type else 'kg or kg m^2'}; check the"
-                " units of effort and position, and set effort_scale or position_scale"
+                f"{facts.name}: effort and position give a mass of {mass:.3g}"
+                f" {units.mass if joint_type else 'kg or kg m^2'}; check their units, and set effort_scale or"
+                " position_scale"
             )
     return tuple(found)
 
@@ -114,15 +125,13 @@ def losses_in(facts: AxisFacts) -> tuple[str, ...]:
         )
     if facts.gaps:
         found.append(
-            f"{facts.name}: {facts.gaps} pauses lack samples, the longest {facts.longest_gap:.3g} s; record"
-            " with a longer"
-            " queue or on a less busy machine"
+            f"{facts.name}: {facts.gaps} pauses lack samples, the longest {facts.longest_gap:.3g} s; record with a"
+            " longer queue or on a less busy machine"
         )
     if facts.duplicate_stamps or facts.backward_stamps:
         found.append(
-            f"{facts.name}: {facts.duplicate_stamps} stamps repeat the one before and {facts.backward_stamps}"
-            " step back;"
-            " these samples are not used: stamp each sample when it is taken"
+            f"{facts.name}: {facts.duplicate_stamps} stamps repeat the one before and {facts.backward_stamps} step"
+            " back; these samples are not used: stamp each sample when it is taken"
         )
     return tuple(found)
 
@@ -132,8 +141,8 @@ def _reason_against_identification(facts: AxisFacts) -> str:
     balance = facts.balance
     if facts.missing_efforts > MAX_MISSING:
         return (
-            f"{100.0 * facts.missing_efforts:.3g} % of the samples have no effort: record control_effort at"
-            " the rate of position"
+            f"{100.0 * facts.missing_efforts:.3g} % of the samples have no effort: record control_effort at the rate of"
+            " position"
         )
     if facts.fault:
         return facts.fault
@@ -143,30 +152,31 @@ def _reason_against_identification(facts: AxisFacts) -> str:
         return "the position never changes: record a motion"
     if facts.encoder_step > 0.0 and facts.stroke < MIN_STEPS * facts.encoder_step:
         return (
-            f"the motion spans {facts.stroke / facts.encoder_step:.3g} steps of the encoder, and {MIN_STEPS:g}"
-            " are needed to"
-            " see speed and presliding: move further, or use a finer encoder"
+            f"the motion spans {facts.stroke / facts.encoder_step:.3g} steps of the encoder, and {MIN_STEPS:g} are"
+            " needed to resolve speed and presliding: move further, or use a finer encoder"
         )
     if facts.reversals < MIN_REVERSALS:
         return (
-            f"the motion reverses {facts.reversals} times, and {MIN_REVERSALS} are needed to tell friction"
-            " from a constant"
-            " force: record a motion to and fro"
+            f"the motion reverses {facts.reversals} times, and {MIN_REVERSALS} are needed to tell friction from a"
+            " constant force: record a motion to and fro"
         )
     if balance is None:
         return "the motion does not tell mass, friction and offset apart: vary speed and direction"
     if balance.sign < 0:
-        return "the effort is counted against the motion: reverse the sign of effort_scale in the parameter file"
+        return (
+            "the sign of control_effort is reversed relative to position: reverse the sign of effort_scale in the"
+            " parameter file"
+        )
     if balance.unexplained > MAX_UNEXPLAINED:
         return (
-            f"a moving mass with friction leaves {100.0 * balance.unexplained:.3g} % of the effort unexplained below"
+            f"mass and friction leave {100.0 * balance.unexplained:.3g} % of the effort unexplained below"
             f" {balance.corner:.3g} Hz: check that effort and position belong to the same axis, and their units"
         )
     return ""
 
 
 def refuse_learnt_from(bags: Sequence[str], holdout: Sequence[str]) -> None:
-    """Refuse a held-out bag that is learnt from as well.
+    """Refuse a held-out bag that is fitted to as well.
 
     Raises:
         ConfigurationError: a bag is both.
@@ -175,7 +185,7 @@ def refuse_learnt_from(bags: Sequence[str], holdout: Sequence[str]) -> None:
     for bag in holdout:
         if Path(bag).resolve() in known:
             raise ConfigurationError(
-                [f"--holdout {bag} is also a recording to learn from; it cannot judge: leave it out of one of both"]
+                [f"--holdout {bag} is also fitted to, so it is not held out: leave it out of one of both"]
             )
 
 
@@ -340,15 +350,18 @@ def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
         low, high = facts.effort_range
         lines.append(f"  effort {text(low, 'N')} to {text(high, 'N')}, rms {text(facts.effort_rms, 'N')}{missing}")
     if facts.balance is not None:
-        sign = {1: "the effort is counted as the motion", -1: "the effort is counted against the motion", 0: ""}
+        signs = {
+            1: "control_effort and position have the same sign",
+            -1: "the sign of control_effort is reversed relative to position",
+            0: "the sign of control_effort cannot be told",
+        }
         values = ", ".join(
             f"{name} {facts.balance.value(name):.4g} +- {facts.balance.std_error(name):.2g}"
             for name in facts.balance.names[:3]
         )
-        told = sign[facts.balance.sign] or "the sign of the effort does not show"
         lines.append(
             f"  below {facts.balance.corner:.3g} Hz: {values}; {100.0 * facts.balance.unexplained:.3g} % unexplained;"
-            f" {told}"
+            f" {signs[facts.balance.sign]}"
         )
     lines += [f"  note: {note}" for note in facts.notes]
     lines.append(f"  usable for: {', '.join(axis.usable_for) or NOTHING}")

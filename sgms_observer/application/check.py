@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sgms_observer.application.axis_facts import AxisFacts, read_axis_facts
-from sgms_observer.application.bag_info import doubts_about, losses_in, uses_of
+from sgms_observer.application.bag_info import losses_in, unit_doubts, uses_of
 from sgms_observer.bags.source import BagReader, find_inputs, missing_topic, survey_bag
 from sgms_observer.errors import RecordingError
 from sgms_observer.settings.axis import AxisSettings, Settings
@@ -93,17 +93,13 @@ def check(settings: Settings, bag: str, axes: Sequence[str], topics: Mapping[str
 def _faults(axis: AxisSettings, facts: AxisFacts, period: float) -> Iterator[str]:
     """Yield a sentence for each thing that does not fit."""
     yield from _timing(axis, facts, period)
-    reversed_sign = facts.balance is not None and facts.balance.sign < 0
-    for doubt in doubts_about(facts, axis.joint_type):
-        if reversed_sign and "against the motion" in doubt:
-            yield (
-                f"{axis.name}.effort_scale = {axis.effort_scale:g} has the wrong sign: the recorded effort is"
-                " then counted"
-                f" against the motion; set it to {-axis.effort_scale:g}"
-            )
-        else:
-            yield doubt
-    if not reversed_sign:
+    yield from unit_doubts(facts, axis.joint_type)
+    if facts.balance is not None and facts.balance.sign < 0:
+        yield (
+            f"{axis.name}.effort_scale = {axis.effort_scale:g} has the wrong sign: with it control_effort is reversed"
+            f" relative to position; set it to {-axis.effort_scale:g}"
+        )
+    else:
         yield from _sizes(axis, facts)
     yield from _lengths(axis, facts)
 
@@ -131,9 +127,8 @@ def _sizes(axis: AxisSettings, facts: AxisFacts) -> Iterator[str]:
             continue
         if max(given / shown, shown / given) > MAX_VALUE_RATIO:
             yield (
-                f"{axis.name}.{key} = {given:.4g} {unit} does not fit the recording, which shows about"
-                f" {shown:.3g} {unit};"
-                " correct it, or position_scale and effort_scale if the bag is in other units"
+                f"{axis.name}.{key} = {given:.4g} {unit} does not fit the recording, which shows about {shown:.3g}"
+                f" {unit}; correct it, or position_scale and effort_scale if the bag is in other units"
             )
 
 
@@ -152,9 +147,8 @@ def _lengths(axis: AxisSettings, facts: AxisFacts) -> Iterator[str]:
     )
     if deflection > stroke:
         yield (
-            f"{axis.name}.friction.element_stiffness lets an element slip after {units.readable(deflection)},"
-            " further than"
-            f" the motion of {said}; raise the stiffness"
+            f"{axis.name}.friction.element_stiffness lets an element slip after {units.readable(deflection)}, further"
+            f" than the motion of {said}; raise the stiffness"
         )
     reference = axis.stage.reference
     simulated = 2.0 * reference.amplitude if reference.kind == "sine" else reference.amplitude
@@ -168,9 +162,8 @@ def _lengths(axis: AxisSettings, facts: AxisFacts) -> Iterator[str]:
         for parameter, value in zip(catalogue.effect(effect.name).parameters, effect.values, strict=True):
             if parameter.name == "pitch" and abs(value) > stroke:
                 yield (
-                    f"{axis.name}.effects.{effect.name}.pitch = {units.readable(abs(value))} is longer than"
-                    " the motion of"
-                    f" {said}; correct it, or record a longer motion"
+                    f"{axis.name}.effects.{effect.name}.pitch = {units.readable(abs(value))} is longer than the motion"
+                    f" of {said}; correct it, or record a longer motion"
                 )
     resolution = axis.stage.encoder.resolution
     if resolution > 0.0 and facts.encoder_step > 0.0:

@@ -133,14 +133,14 @@ class DiagnoseRequest:
     """What to diagnose, and how.
 
     Attributes:
-        bags: recordings to learn from.
+        bags: fitted recordings.
         config: parameter file.
         out: folder of ``FILES``.
         holdout: recordings to judge on, never fitted to.
         axis: axis to diagnose; the first of the file if None.
         topics: names of the input topics where they differ.
         tolerance: how far the file's mass and friction may be off, as a share.
-        cutoff: upper corner of the judging band [Hz]; 0 chooses it from rate and encoder.
+        cutoff: upper corner of the band [Hz]; 0 chooses it from rate and encoder.
         seed: of all chance.
         workers: threads.
     """

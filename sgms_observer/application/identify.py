@@ -43,14 +43,14 @@ class IdentifyJob:
     """What to identify from what.
 
     Attributes:
-        bags: recordings to learn from.
+        bags: fitted recordings.
         config: parameter file to start from.
         out: parameter file to write.
         axes: names of the axes; empty for all of the file.
         model: ``sgms``, ``gms`` or ``least_squares``.
         elements: number of elements; 0 lets the held-out error choose.
-        cutoff: corner of the judging band [Hz]; 0 chooses it.
-        holdout: recordings that the model is judged on and does not learn from.
+        cutoff: corner of the band [Hz]; 0 chooses it.
+        holdout: held-out recordings: the model is judged on them and not fitted to them.
         topics: names of the inputs where they differ.
         is_overwriting: replace a file that is there.
     """

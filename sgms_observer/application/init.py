@@ -76,7 +76,7 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         (f"      position_scale: {number(draft.position_scale)}", f"{scales} {length}; 0.01745329252 for degrees"),
         (
             f"      effort_scale: {number(draft.effort_scale)}",
-            f"{scales} {force}; negative where it counts against the motion",
+            f"{scales} {force}; negative where its sign is reversed relative to position",
         ),
         (f"      mass: {number(draft.mass)}", _said(draft, "mass", f"{units.mass}, {body}")),
         ("      friction:", ""),
@@ -295,7 +295,8 @@ def _from_bag(
         if facts.balance is not None and facts.balance.sign < 0:
             axis = replace(axis, effort_scale=-axis.effort_scale)
             found.append(
-                f"{name}: the effort is counted against the motion; the file says effort_scale: {axis.effort_scale:g}"
+                f"{name}: the sign of control_effort is reversed relative to position; the file has effort_scale:"
+                f" {axis.effort_scale:g}"
             )
             facts = read_axis_facts(bag, axis, position, topics)
         draft = recorded_draft(facts, axis.joint_type, axis.position_scale, axis.effort_scale)

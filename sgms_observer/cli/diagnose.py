@@ -118,8 +118,8 @@ def run(args: argparse.Namespace) -> int | Outcome:
     maps = f", {answer.gap_with_learnt:.3g} with learnt maps" if answer.learnt else ""
     print(
         f"gap on {gap.held_out} data below {gap.band:.4g} Hz, in % of the rms effort: {gap.given:.3g} with the file as"
-        f" given, {gap.before:.3g} refitted, {gap.after:.3g} with what was found{maps}"
-        f" ({gap.floor:.3g} is not predictable)"
+        f" given, {gap.before:.3g} refitted, {gap.after:.3g} with the effects and changed values{maps};"
+        f" {gap.floor:.3g} is not predictable"
     )
     print(f"observer innovation: {done.checks[0].innovation:.4g} -> {done.checks[1].innovation:.4g} {unit} rms")
     before, after = done.checks

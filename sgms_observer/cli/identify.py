@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="HZ",
-        help="upper corner of the judging band, which is the zero-phase low-pass on the force balance (default: chosen"
+        help="upper corner of the band, which is the zero-phase low-pass on the force balance (default: chosen"
         " from encoder noise and sample rate)",
     )
     parser.add_argument(

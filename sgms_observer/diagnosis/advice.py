@@ -76,5 +76,8 @@ def next_experiment(
         }
         weakest = min(screenings, key=lambda name: screenings[name].independent_share, default=None)
         if weakest is not None:
-            return f"{weakest} would show least in these recordings; to show it, record: {effect(weakest).excitation}."
+            return (
+                f"These recordings are least sensitive to {weakest}. To test for it, record:"
+                f" {effect(weakest).excitation}."
+            )
     return None

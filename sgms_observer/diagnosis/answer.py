@@ -123,7 +123,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     gap = _gap(data, given, final, floor)
     whole = at_most("model", "share of the effort that is unexplained", 0.01 * gap.after, criteria.max_unexplained)
     unnamed_rest = at_most(
-        "model", "surely predictable share of the rest", predictable_share, criteria.min_predictable_share
+        "model", "surely predictable share of the residual", predictable_share, criteria.min_predictable_share
     )
     trust = [
         at_most("model", "gap over noise, where nothing predicts it", over_noise, criteria.max_gap_over_noise),
@@ -199,7 +199,7 @@ def _contact_law_tests(
         data: recordings of the gap.
         final: models without and with the named effects.
         residuals_with: function that returns the residuals with some of the effects, everything else fitted again [N].
-        predictable_share: share of the squared rest that surely is predictable.
+        predictable_share: share of the squared residual that surely is predictable.
     """
     names = {one.name for one in accepted_candidates(final.accepted) if one.is_contact_law}
     if not names:
@@ -210,10 +210,10 @@ def _contact_law_tests(
     predicted, of = predictable_share * after, ", ".join(sorted(names))
     return [
         at_most(
-            of, "what is left above the noise, over what it closes", max(after - final.noise**2, 0.0) / closed, 1.0
+            of, "residual above noise / closed residual", max(after - final.noise**2, 0.0) / closed, 1.0
         ),
         at_most(
-            of, "predictable rest, as a share of what it and the effect close", predicted / (predicted + closed),
+            of, "predictable residual / (predictable + closed residual)", predicted / (predicted + closed),
             data.options.criteria.min_predictable_share,
         ),
     ]  # fmt: skip
@@ -301,14 +301,14 @@ def _warnings(
         )
     if verdict == "cannot_tell" and whole.passed and not (diagnosis.is_poor or diagnosis.is_contact_hidden):
         warnings.append(
-            f"the gap is {over_noise:.0f} times the noise, and the recordings to learn from do not show why: learn"
-            " from recordings with the motion that is judged"
+            f"the gap is {over_noise:.0f} times the noise, and the fitted recordings do not contain its cause. Fit"
+            " recordings with the same motion as the held-out ones"
         )
     return tuple(warnings)
 
 
 def _best_unnamed(diagnosis: Diagnosis, criteria: Criteria) -> Decision | None:
-    """Return the rejected effect that predicts most of the rest of held-out recordings, or None if none surely does."""
+    """Return the rejected effect that predicts most of the held-out residual, or None if none surely does."""
     if not diagnosis.final_state.held_out_motions:
         return None
     last = diagnosis.rounds[-1].decisions if diagnosis.rounds and diagnosis.rounds[-1].accepted is None else ()

@@ -51,7 +51,7 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
     """Check recordings.
 
     Args:
-        motions: recordings to learn from.
+        motions: fitted recordings.
         axis: settings with the nominal model.
     """
     units = axis.units
@@ -74,7 +74,9 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
     if sliding < MIN_TRAVEL_OVER_SLIP_DEFLECTION * slip_deflection:
         poor.append("the axis hardly slides: record moves over the stroke in both directions")
     if reversals < MIN_REVERSALS:
-        poor.append("the axis hardly reverses: record moves in both directions, at least ten reversals")
+        poor.append(
+            f"the axis hardly reverses: record moves in both directions, with at least {MIN_REVERSALS} reversals"
+        )
     if grid_step > 0.0 and float(np.ptp(position)) < MIN_GRID_STEPS * grid_step:
         poor.append(
             f"the encoder is too coarse for this motion ({float(np.ptp(position)) / grid_step:.0f} steps of"
@@ -82,8 +84,8 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
         )
     if not poor and is_reversed(motions):
         poor.append(
-            "the effort points against the motion that it makes: turn the sign of effort_scale in the parameter file,"
-            " or that of the effort when the log is converted"
+            "the sign of control_effort is reversed relative to position: reverse the sign of effort_scale in the"
+            " parameter file, or that of the effort when the log is converted"
         )
     if reversals < 10 and not poor:
         notes.append(f"only {reversals} reversals: little can be said about presliding and break-away")
@@ -92,8 +94,8 @@ def audit(motions: Sequence[Motion], axis: AxisSettings) -> Audit:
     if hidden > HALF_A_REVERSAL:
         warnings.append(
             f"the encoder step of {grid_step:.3g} {units.position} is too coarse for the contact:"
-            f" {50.0 * hidden:.0f} % of the change of friction at a reversal lie within one step; a delay, a limit, a"
-            " mass error and the like cannot be told from the contact and are not named"
+            f" {50.0 * hidden:.0f} % of the change of friction at a reversal lies within one encoder step, so the"
+            " effects that resemble contact friction (delay, saturation, mass error) are not named. Use a finer encoder"
         )
     configured = axis.stage.encoder.resolution
     coarser = configured > 0.0 and grid_step > MIN_GRID_RATIO * configured

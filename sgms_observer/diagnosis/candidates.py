@@ -132,7 +132,7 @@ def finish_fit(setup: RefitSetup, found: Refit) -> Refit:
 def alone(item: Candidate, before: Refit) -> Candidate:
     """Return an effect fitted alone: the nominal parameters are those of the model before.
 
-    Parameters that hardly show in the recordings to learn from drift in a fit of all parameters, and with them the
+    Parameters that hardly show in the fitted recordings drift in a fit of all parameters, and with them the
     predicted friction at rest, which may hide or feign an improvement of the reported gap.
 
     Args:

@@ -58,7 +58,7 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
     Args:
         record: position and effort.
         axis: settings with the model.
-        band: upper corner of the judging band [Hz].
+        band: upper corner of the band [Hz].
         block: length of a block of time [s].
     """
     whole = replace(

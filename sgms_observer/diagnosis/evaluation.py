@@ -32,7 +32,7 @@ class EvaluationData:
     """Recordings that the evidence of a fit is computed on.
 
     Attributes:
-        fit_motions: recordings to learn from.
+        fit_motions: fitted recordings.
         motions: held-out recordings, or ``fit_motions`` if there are none.
         fit_data: ``fit_motions`` with their noise.
         held_out_data: held-out recordings with the noise of ``fit_data``; may be empty.
@@ -102,7 +102,7 @@ class Evidence:
     """Residuals of a fit in blocks of time, on data that it was not fitted to.
 
     Attributes:
-        fit: whitened residual of each block of the recordings to learn from. Without held-out recordings, each block is
+        fit: whitened residual of each block of the fitted recordings. Without held-out recordings, each block is
             predicted by the fit without the block.
         held_out: whitened residual of each block of the held-out recordings.
         force: weighted residual of each block of ``EvaluationData.motions`` [N].

@@ -103,7 +103,7 @@ def in_blocks(parts: Sequence[Floats], motions: Sequence[Motion], length: float)
 
 
 def left_out_residuals(found: Refit, data: WhitenedData, length: float) -> list[Floats]:
-    """Return the whitened residual of each block of the recordings to learn from, predicted without the block.
+    """Return the whitened residual of each block of the fitted recordings, predicted without the block.
 
     Args:
         found: fit with derivatives at its solution.
@@ -121,7 +121,7 @@ def left_out_residuals(found: Refit, data: WhitenedData, length: float) -> list[
 
 
 def fit_residuals(found: Refit, data: WhitenedData, length: float) -> list[Floats]:
-    """Return the whitened residual of each block of the recordings to learn from; arguments as above."""
+    """Return the whitened residual of each block of the fitted recordings; arguments as above."""
     parts: list[Floats] = []
     for motion, series in zip(data.motions, as_time_series(found.residual[:, None], data), strict=True):
         duration = len(motion.time) * motion.period

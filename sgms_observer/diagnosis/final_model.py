@@ -132,7 +132,7 @@ def _with_another_map(
 def _to_learn_and_judge(
     data: GapData, model: Model, left: Sequence[Floats], is_at_rest: bool
 ) -> tuple[WeightedResidual, WeightedResidual]:
-    """Return the residual on the recordings to learn from and on the evaluated ones; one object if they are the same.
+    """Return the residual on the fitted recordings and on the evaluated ones; one object if they are the same.
 
     Args:
         data: recordings of the gap.
@@ -189,10 +189,10 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
         found = fit_map(known, rest if data.has_held_out else known, MAP_NAMES[0], units, criteria, over)
         left = found.improvement.decrease if found else 0.0
         if is_confusable:
-            title = "what the coordinates of a contact still predict, over what it closes"
+            title = "residual predictable over the coordinates of a contact / closed residual"
             tests.append(at_most(one.name, title, left / max(closed, 1.0e-300), 1.0))
         else:
-            title = "share of what its coordinates predict that it leaves"
+            title = "predictable share left over its coordinates"
             share = left / max(left + closed, 1.0e-300)
             tests.append(at_most(one.name, title, share, criteria.min_predictable_share))
     return tests

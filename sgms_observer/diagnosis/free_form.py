@@ -55,7 +55,7 @@ def free_form(
 
     Args:
         names: coordinates, see ``coordinates_of``.
-        fitted: residual on the recordings to learn from.
+        fitted: residual on the fitted recordings.
         evaluated: residual on the evaluated recordings. The same object as ``fitted`` if there are no others; the
             prediction is then cross-validated.
         criteria: length of a block.

@@ -173,7 +173,7 @@ def noise_floor(
     Args:
         motions: recordings.
         model: model with approximately the right friction.
-        noise: noise of the recordings to learn from; the largest is used.
+        noise: noise of the fitted recordings; the largest is used.
         seed: seed of the replicates.
         weights: of the samples of each recording.
     """

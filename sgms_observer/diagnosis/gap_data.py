@@ -35,7 +35,7 @@ class GapData:
     Attributes:
         diagnosis: the diagnosis.
         options: its options.
-        motions: held-out recordings, or halves of the recordings to learn from.
+        motions: held-out recordings, or halves of the fitted recordings.
         whitened: the same with the weights of their residuals.
     """
 
@@ -105,12 +105,12 @@ class GapData:
         )  # fmt: skip
 
     def fitted(self, model: Model) -> WeightedResidual:
-        """Return the residual of a model on the recordings to learn from, with the weights of the evidence."""
+        """Return the residual of a model on the fitted recordings, with the weights of the evidence."""
         motions = self.diagnosis.final_state.fit_motions
         return WeightedResidual(motions, residuals(model, motions), self.diagnosis.evaluation.fit_data.weights)
 
     def fitted_gap(self, model: Model) -> WeightedResidual:
-        """Return the residual of a model on the recordings to learn from, with the weights of the gap."""
+        """Return the residual of a model on the fitted recordings, with the weights of the gap."""
         return replace(self.fitted(model), weights=self.diagnosis.evaluation.fit_data.gap_weights)
 
     def predictable(self, rest: WeightedResidual, model: Model) -> FreeForm | None:

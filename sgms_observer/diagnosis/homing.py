@@ -89,7 +89,7 @@ def homing_warnings(models: Sequence[Model], evaluation: EvaluationData, units: 
         closable = gain.before - evaluation.floor**2 * len(here)
         if gain.z_score > criteria.z_score_of(OFFSETS_PER_PITCH) and gain.decrease > MIN_CLOSED_SHARE * closable > 0.0:
             warnings.append(
-                f"{motion.name} fits if it counts its position from {units.readable(offset)} further along: home the"
-                " axis before each recording, or no effect that is bound to a place can be judged on it"
+                f"the position of {motion.name} is shifted by {units.readable(offset)}. Home the axis before each"
+                f" recording; position-dependent effects cannot be judged on {motion.name}"
             )
     return warnings

@@ -66,7 +66,7 @@ def fit_map(
     """Return the map that predicts most of a residual on data it was not fitted to, or None if none is significant.
 
     Args:
-        fitted: residual on the recordings to learn from.
+        fitted: residual on the fitted recordings.
         evaluated: residual on the evaluated recordings. The same object as ``fitted`` if there are no others; the
             prediction is then cross-validated.
         name: name of the effect, one of ``MAP_NAMES``.

@@ -149,7 +149,7 @@ def formula_of(
 
     Args:
         learnt: the map.
-        fitted: residual without the map on the recordings to learn from.
+        fitted: residual without the map on the fitted recordings.
         evaluated: the same on the evaluated recordings. The same object as ``fitted`` if there are no others; the
             predictions are then cross-validated.
         units: units of the axis.

@@ -77,8 +77,7 @@ def _held_out(answer: Answer) -> Light:
     if answer.diagnosis.final_state.held_out_motions:
         count = len(answer.diagnosis.final_state.held_out_motions)
         return Light(DATA, question, GOOD, f"{count} held-out recording{'s' if count > 1 else ''}.")
-    halves = "Halves of the recordings judged each other; name a recording of another day with --holdout."
-    return Light(DATA, question, UNSURE, halves)
+    return Light(DATA, question, UNSURE, "Cross-validated on halves. Give a separate recording with --holdout.")
 
 
 def _fits(answer: Answer) -> Light:
@@ -88,9 +87,9 @@ def _fits(answer: Answer) -> Light:
     open_ends = [name for name, fit in fits if not fit.is_converged]
     question = "Did the fits converge?"
     if not open_ends:
-        return Light(CONVERGENCE, question, GOOD, "The last steps changed the fits by less than chance does.")
+        return Light(CONVERGENCE, question, GOOD, "The last steps hardly reduced the squared residual.")
     ends = " and ".join(dict.fromkeys(open_ends))
-    return Light(CONVERGENCE, question, UNSURE, f"The last step of the fit of {ends} was not small yet.")
+    return Light(CONVERGENCE, question, UNSURE, f"The last step still reduced the squared residual of {ends}.")
 
 
 def _tolerance(answer: Answer, options: Options) -> Light:
@@ -193,9 +192,9 @@ def _changed(answer: Answer, units: Units) -> list[Light]:
 
 
 def _rest(answer: Answer) -> Light:
-    """Ask whether the remaining residual is noise."""
-    question = "Is what is left noise?"
-    rest, near = _test(answer, "surely predictable share of the rest"), _test(answer, "gap over noise")
+    """Ask whether the residual is noise."""
+    question = "Is the residual noise?"
+    rest, near = _test(answer, "surely predictable share of the residual"), _test(answer, "gap over noise")
     if rest is None or near is None:
         return Light(BELIEVABILITY, question, UNSURE, "It was not tested.")
     facts = (

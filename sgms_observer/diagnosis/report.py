@@ -168,15 +168,16 @@ def _answer(answer: Answer, units: Units) -> Section:
     (low, high), (least, most) = gap.interval_before, gap.interval_after
     text = [
         f"Gap: measured minus predicted effort below {gap.band:.4g} Hz on {gap.held_out} data, rms, in % of the rms"
-        f" measured effort. Refitted within its tolerance the file leaves {gap.before:.3g} % (90 % interval {low:.3g}"
-        f" to {high:.3g} %), with what was found {gap.after:.3g} % ({least:.3g} to {most:.3g} %)"
+        f" measured effort. With the file refitted within its tolerance it is {gap.before:.3g} % (90 % interval"
+        f" {low:.3g} to {high:.3g} %), with the effects and changed values {gap.after:.3g} % ({least:.3g} to"
+        f" {most:.3g} %)"
         + (f", and with learnt maps {answer.gap_with_learnt:.3g} %." if answer.learnt else "."),
     ]
     for item in answer.effects:
         entry = effect(item.settings.name)
         text.append(f"{entry.name}: {entry.equation}. Place: {entry.place.value}. Shows as: {entry.signature}.")
     for learnt in answer.learnt:
-        text.append(f"Learnt: {learnt.sentence}. It closes {100.0 * learnt.share:.0f} % of the squared rest.")
+        text.append(f"Learnt: {learnt.sentence}. It closes {100.0 * learnt.share:.0f} % of the squared residual.")
         if learnt.formula:
             text.append(f"A short formula predicts as well as this map: {learnt.formula.text}.")
     maps = [map_picture(learnt, units) for learnt in answer.learnt]
@@ -193,9 +194,9 @@ def _fit(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
     word = units.effort_word
     text = (
         f"Fit: 100 % minus the gap. The file as it was given fits {100.0 - answer.gap.given:.2f} %, refitted within its"
-        f" tolerance {100.0 - answer.gap.before:.2f} %, with what was found {100.0 - answer.gap_with_learnt:.2f} %. The"
-        f" residual is the measured minus the modelled {word}. residual.mcap holds these signals for PlotJuggler and"
-        " Foxglove."
+        f" tolerance {100.0 - answer.gap.before:.2f} %, with everything found {100.0 - answer.gap_with_learnt:.2f} %."
+        f" The residual is the measured minus the modelled {word}. residual.mcap holds these signals for PlotJuggler"
+        " and Foxglove."
     )
     pictures = [measured_over_modelled(answer, traces, units), *friction_pictures(answer, traces, units)]
     return Section(f"Measured and modelled {word}", [text], (), pictures, [over_time(traces, units)])
@@ -203,7 +204,10 @@ def _fit(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
 
 def _where(answer: Answer, units: Units) -> Section:
     """Return the section on the coordinates that the residual depends on."""
-    text = "Residual of the refitted file over each coordinate, with the band in which chance would leave it (95 %)."
+    text = (
+        "Residual of the refitted file over each coordinate, with the range that holds 95 % of it where it depends on"
+        " nothing."
+    )
     if not answer.located:
         text += " It depends on nothing beyond chance."
     tables = [located_table(answer, units)] if answer.located else []

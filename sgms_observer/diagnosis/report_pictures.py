@@ -56,7 +56,7 @@ def gap_bar(answer: Answer) -> Picture:
         steps.append(("with changed values", gap.after))
     if answer.learnt:
         steps.append(("with learnt map", answer.gap_with_learnt))
-    caption = "Gap after each step, down to the part that nothing recorded here predicts."
+    caption = "Gap after each step, down to the residual that no recorded signal predicts."
     with sheet("gap", caption, height=0.8 + 0.32 * len(steps)) as drawn:
         axes = drawn.axes[0]
         names, sizes = [name for name, _ in steps][::-1], [size for _, size in steps][::-1]

@@ -22,7 +22,7 @@ def gap_table(answer: Answer) -> Table:
     rows = [
         ("named", f"{gap.named:.3g} %", "closed by the effects and changed values"),
         ("predictable, without a name", f"{gap.predictable:.3g} %", "a free-form regression predicts it"),
-        ("not predictable", f"{gap.floor:.3g} %", "noise, encoder, and what nothing recorded here predicts"),
+        ("not predictable", f"{gap.floor:.3g} %", "noise, encoder, and residual that no recorded signal predicts"),
         ("closure", closure, "(before - after) / (before - not predictable)"),
     ]
     return Table(("part", "size", "meaning"), rows, "Parts of the gap; their squares add up", is_folded=True)

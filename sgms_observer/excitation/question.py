@@ -25,9 +25,9 @@ NO_REFERENCE_SHOWS = {
     "mass_error": "it is the mass, which is identified",
     "actuator_gain": "only a known mass or force shows it",
     "actuator_saturation": "only efforts up to the actuator's limit show it",
-    "learnt_map": "it is learnt from what is left",
-    "learnt_map_2": "it is learnt from what is left",
-    "learnt_map_3": "it is learnt from what is left",
+    "learnt_map": "it is fitted to the residual",
+    "learnt_map_2": "it is fitted to the residual",
+    "learnt_map_3": "it is fitted to the residual",
 }
 """Effects that no choice of the reference makes visible, and why."""
 _OVER_TIME = ("thermal_drift", "wear_step")

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 DURATION = 60.0
 """Time of a reference where the user gives none [s]: enough for the default question on a table of some centimetres."""
 MIN_DURATION = 8.0
-"""Shortest reference [s]: below it neither a judging band nor two of the slower segments fit."""
+"""Shortest reference [s]: below it neither a band nor two of the slower segments fit."""
 _DESIGN_PERIOD = 1.0e-3  # s; segments are compared at this rate at most
 _REST = 0.5  # s at rest at the beginning and at the end
 _QUANTILE = 1.96  # standard deviations in half a 95 % interval

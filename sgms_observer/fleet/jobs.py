@@ -54,7 +54,7 @@ class DiagnoseJob:
 
     Attributes:
         name: name of the job in the summary, and of its folder.
-        bag: the recording to learn from.
+        bag: the fitted recording.
         holdout: recordings to judge on.
         config: parameter file.
         out: folder of result.json, augmented.yaml and report.html.

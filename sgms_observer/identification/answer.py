@@ -199,7 +199,7 @@ def judged_on_held_out(answer: Answer, axis: AxisSettings, unexplained: float) -
 
 def _opposed_sentence(axis: AxisSettings) -> str:
     return (
-        f"{axis.name}: control_effort counts against the position: its sign is reversed; set effort_scale:"
+        f"{axis.name}: the sign of control_effort is reversed relative to position; set effort_scale:"
         f" {-axis.effort_scale:g}, as in the file that was written, and check the wiring before any effort is sent"
     )
 

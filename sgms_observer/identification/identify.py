@@ -40,7 +40,7 @@ class IdentifyOptions:
 
     Attributes:
         model: ``sgms`` or ``gms``.
-        cutoff: corner of the low-pass on the force balance [Hz]; 0 takes the judging band.
+        cutoff: corner of the low-pass on the force balance [Hz]; 0 takes the band.
         largest_count: largest number of elements to try.
         count: number of elements; 0 chooses it by the held-out error.
     """
@@ -77,7 +77,7 @@ class Identification:
         rms_error: rms force error over all rows [N].
         rms_effort: rms of the filtered effort over the same rows [N].
         held_out_error: rms force error of the chosen number of elements, on validation chunks [N].
-        band: the judging band.
+        band: the band.
         model: ``sgms`` or ``gms``.
         is_converged: whether the last search converged.
         terms: effects of the balance.
@@ -235,7 +235,7 @@ def long_enough(recordings: Sequence[Recording], cutoff: float) -> tuple[list[Re
 
     Args:
         recordings: evenly sampled pieces, one at least.
-        cutoff: corner of the judging band [Hz].
+        cutoff: corner of the band [Hz].
     """
     pieces = [piece for piece in recordings if piece.duration >= MIN_PERIODS / cutoff]
     if not pieces:

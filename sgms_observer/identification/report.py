@@ -39,7 +39,7 @@ class IdentifiedAxis:
         units: of the axis.
         answer: changes, table, sentences, warnings.
         traces: model beside measurement.
-        band_hz: upper corner of the judging band [Hz].
+        band_hz: upper corner of the band [Hz].
         unexplained: rms residual over rms effort on validation chunks [-]; None for least squares.
         is_converged: whether the search converged; None for least squares, which needs none.
         notes: sentences about the recordings.
@@ -249,7 +249,7 @@ def _shown(part: IdentifiedAxis, of_axis: str) -> Light:
 
 def _held_out(part: IdentifiedAxis, of_axis: str) -> Light:
     """Ask whether there is a held-out recording."""
-    question = f"Was the model{of_axis} judged on recordings that it did not learn from?"
+    question = f"Was the model{of_axis} judged on recordings that it was not fitted to?"
     if part.traces.held_out:
         count = len(part.traces.held_out)
         return Light(DATA, question, GOOD, f"{count} held-out recording{'s' if count > 1 else ''}.")

@@ -1,1 +1,1 @@
-"""Recordings prepared for offline work: even pieces, encoder step and noise, judging band."""
+"""Recordings prepared for offline work: even pieces, encoder step and noise, band."""

@@ -1,4 +1,4 @@
-"""The judging band: the frequencies at which measured and predicted effort are compared.
+"""The band: the frequencies at which measured and predicted effort are compared.
 
 Mass times the acceleration of a noisy position grows with the frequency to the power of 5/2. Above the corner chosen
 here it would be larger than the share ``NOISE_SHARE`` of the effort (or larger than the effort's own noise), and a
@@ -34,7 +34,7 @@ _MIN_INERTIA_SHARE = 0.01  # of the rms effort; below it the recordings do not s
 
 @dataclass(frozen=True)
 class Band:
-    """A judging band with its reason.
+    """A band with its reason.
 
     Attributes:
         corner: its upper corner [Hz].
@@ -46,11 +46,11 @@ class Band:
 
     def sentence(self) -> str:
         """Return the sentence that commands print."""
-        return f"judging band 0 to {self.corner:.4g} Hz, limited by {self.limit}"
+        return f"band 0 to {self.corner:.4g} Hz, limited by {self.limit}"
 
 
 def judging_band(recordings: Sequence[Recording], axis: AxisSettings) -> float:
-    """Return the upper corner of the judging band [Hz].
+    """Return the upper corner of the band [Hz].
 
     Args:
         recordings: evenly sampled pieces of one axis.
@@ -60,7 +60,7 @@ def judging_band(recordings: Sequence[Recording], axis: AxisSettings) -> float:
 
 
 def choose_band(recordings: Sequence[Recording], axis: AxisSettings, cutoff: float = 0.0) -> Band:
-    """Choose the judging band.
+    """Choose the band.
 
     Args:
         recordings: evenly sampled pieces of one axis.

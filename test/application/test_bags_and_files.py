@@ -79,7 +79,7 @@ def test_info_says_why_a_bag_is_not_usable(tmp_path: Path, capsys: pytest.Captur
         axis = result(capsys, "info", bag)["axes"][0]
         return {use["for"]: use["reason"] for use in axis["uses"] if not use["possible"]}
 
-    assert "counted against the motion" in reasons(write(tmp_path / "sign", effort_factor=-1.0))["identify"]
+    assert "reversed relative to position" in reasons(write(tmp_path / "sign", effort_factor=-1.0))["identify"]
     assert "at least 200: record" in reasons(write(tmp_path / "short", keep=slice(0, 100)))["identify"]
     time, position, effort = motion()
     stamps = np.round(time * 1e9).astype(np.int64)

@@ -119,7 +119,7 @@ def test_the_same_joint_in_degrees_and_against_the_motion(tmp_path: Path, capsys
         assert run(capsys, "check", yaml, bag)["fits"]
     si, odd = made["si"]["axes"][0], made["odd"]["axes"][0]
     assert odd["effort_scale"] == -0.001
-    assert any("counted against the motion" in warning for warning in made["odd"]["warnings"])
+    assert any("reversed relative to position" in warning for warning in made["odd"]["warnings"])
     for key in ("mass", "coulomb_force", "viscous_coefficient"):
         assert odd[key] == pytest.approx(si[key], rel=1e-3)
     assert odd["effects"]["gravity"]["angle"] == pytest.approx(si["effects"]["gravity"]["angle"], abs=1e-3)

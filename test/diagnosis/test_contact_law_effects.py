@@ -62,7 +62,7 @@ def test_a_law_effect_that_explains_all_is_a_name() -> None:
     assert not any(item.name.startswith("effects.stribeck") for item in answer.changed)
 
 
-LAW_TEST = "what is left above the noise, over what it closes"
+LAW_TEST = "residual above noise / closed residual"
 
 
 @pytest.mark.parametrize("hidden", [FALL, EffectSettings("quadratic_drag", (1200.0,))])

@@ -65,7 +65,7 @@ def check(answer: Answer, learn: Recording) -> None:
     gap = answer.gap
     named = [item for item in answer.effects if item.settings.name != "quantisation"]
     whole = next(test for test in answer.tests if test.name == "share of the effort that is unexplained")
-    rest = next(test for test in answer.tests if test.name == "surely predictable share of the rest")
+    rest = next(test for test in answer.tests if test.name == "surely predictable share of the residual")
     if named:
         assert gap.after < gap.before
         (shrinks,) = [test for test in answer.tests if test.name == "gap as reported: z-score"]

@@ -226,5 +226,5 @@ def test_a_recording_that_was_learnt_from_does_not_judge(tmp_path: Path) -> None
     bag.mkdir()
     refuse_learnt_from([str(bag)], [str(tmp_path / "other")])
     for same in (str(bag), str(tmp_path / "." / "bag") + "/", str(tmp_path / "x" / ".." / "bag")):
-        with pytest.raises(ConfigurationError, match="also a recording to learn from"):
+        with pytest.raises(ConfigurationError, match="also fitted to"):
             refuse_learnt_from([str(bag)], [same])

@@ -79,7 +79,7 @@ def evaluation_of(
     """Return evaluation data with the noise of the true model and the first gap of the nominal model.
 
     Args:
-        learn: recordings to learn from.
+        learn: fitted recordings.
         truth: model with what is hidden.
         held: held-out recordings.
         floor: rms residual of a perfect model [N]; from replicates if None.

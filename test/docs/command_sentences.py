@@ -7,19 +7,30 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from node_sentences import HOLE, ROOT
+from node_sentences import HOLE, PLACES, ROOT
 
 ERRORS = (
     "ConfigurationError", "RecordingError", "DataError", "SgmsError", "HiddenError", "HeldUp", "_Silence", "OutOfTime"
 )  # fmt: skip
 PREFIX = "Warning: "
-ELSEWHERE = ("settings", "nodes", "export", "effects", "formulas")
+ELSEWHERE = ("settings", "nodes", "effects", "formulas")
 """Folders whose sentences are of one kind each, which the page explains as one, or that `node_sentences` reads."""
 
 AXES = "sgms_observer/settings/axis.py"
 """Where every command looks up the names of --axis."""
 
-_HEAD = re.compile(r"^(.*?)(?:[;:(]| - |$)")
+NOT_MESSAGES = {
+    "axis … moves between … and … for … s, at up to … and",
+    "identify the axis first, or record more motion",
+    "record the position with a finer encoder, the motor's for example",
+    "with … elements, low-pass … Hz",
+    "rms … error on held-out chunks by number of elements […]",
+    "% of the rms … unexplained on held-out chunks",
+    "% of the rms … unexplained on held-out bags",
+}
+"""What the scan finds beside them: a question before a motion, next experiments, and results of an identification."""
+
+_HEAD = re.compile(r"^(.*?)(?:[;:(]| - |\. (?=[A-Z])|$)")
 _FEWEST_LETTERS = 12
 
 
@@ -28,11 +39,12 @@ def command_sentences() -> dict[str, str]:
     found: dict[str, str] = {}
     for path in sorted(ROOT.glob("sgms_observer/**/*.py")):
         file = path.relative_to(ROOT)
-        if file.parts[1] in ELSEWHERE and file.as_posix() != AXES:
+        is_elsewhere = file.parts[1] in ELSEWHERE or file.as_posix() in PLACES
+        if is_elsewhere and file.as_posix() != AXES:
             continue
         for sentence in _sentences(path):
             head = beginning(sentence)
-            if len(head.replace(HOLE, "")) >= _FEWEST_LETTERS:
+            if head not in NOT_MESSAGES and len(head.replace(HOLE, "")) >= _FEWEST_LETTERS:
                 found.setdefault(head, file.as_posix())
     return found
 
@@ -44,37 +56,53 @@ def beginning(sentence: str) -> str:
         sentence: with holes for what is filled in.
     """
     plain = sentence.removeprefix(PREFIX).replace(f"{HOLE}: ", f"{HOLE} ", 1).replace("\n", " ")
-    head = _HEAD.match(plain)
+    head = _HEAD.match(re.sub(rf"^[{HOLE} .,=]+", "", plain))
     assert head is not None
-    return re.sub(rf"(?:[{HOLE} .,=]+|^)$", "", re.sub(rf"^[{HOLE} .,=]+", "", head.group(1))).strip()
+    return re.sub(rf"[{HOLE} .,=]+$", "", head.group(1)).strip()
 
 
 def _sentences(path: Path) -> Iterator[str]:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    inside = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
-    for node in ast.walk(tree):
-        if id(node) in inside:
-            continue
-        if isinstance(node, ast.Call) and _name(node.func) in ERRORS and node.args:
-            first = node.args[0]
-            yield from filter(None, map(_text, first.elts if isinstance(first, ast.List) else [first]))
-        elif isinstance(node, ast.Call) and _name(node.func) == "append" and _name(_owner(node.func)) in _LISTS:
-            yield from filter(None, map(_text, node.args))
-        elif isinstance(node, ast.Yield) and node.value is not None and path.name == "check.py":
-            yield from filter(None, [_text(node.value)])
-        elif isinstance(node, ast.FunctionDef) and node.name.endswith("_sentence"):
-            yield from filter(
-                None, (_text(one.value) for one in ast.walk(node) if isinstance(one, ast.Return) and one.value)
-            )
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and node.args:
+            function = _name(node.func)
+            if function in (*ERRORS, "warn"):
+                yield from _texts(node.args[0])
+            elif function in ("append", "extend") and isinstance(node.func, ast.Attribute):
+                yield from _texts(node.args[0]) if _name(node.func.value) in LISTS else ()
+        elif isinstance(node, ast.Assign | ast.AnnAssign | ast.AugAssign) and node.value is not None:
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            yield from _texts(node.value) if any(_name(target) in LISTS for target in targets) else ()
+        elif isinstance(node, ast.keyword | ast.Yield) and node.value is not None:
+            is_message = node.arg in LISTS if isinstance(node, ast.keyword) else path.name == "check.py"
+            yield from _texts(node.value) if is_message else ()
+        elif isinstance(node, ast.FunctionDef) and re.search(RETURNED, node.name):
+            for one in ast.walk(node):
+                yield from _texts(one.value) if isinstance(one, ast.Return) and one.value else ()
         elif isinstance(node, ast.JoinedStr | ast.Constant) and (text := _text(node) or "").startswith(PREFIX):
             yield text
 
 
-_LISTS = ("warnings", "_warnings", "faults", "doubts", "out", "poor", "said")
+LISTS = ("warning", "warnings", "_warnings", "faults", "fault", "doubts", "out", "poor", "said", "found", "sentence",
+         "sentences")  # fmt: skip
+"""Names of variables, attributes and arguments that hold messages."""
+RETURNED = r"_sentence$|^caution$|warnings?$|^_reason_against_"
+"""Names of functions that return a message, or several."""
 
 
-def _owner(call: ast.expr) -> ast.expr:
-    return call.value if isinstance(call, ast.Attribute) else call
+def _texts(node: ast.AST) -> Iterator[str]:
+    """Yield the messages of an expression: a text, one of two, a list of them, or one for each of something."""
+    if isinstance(node, ast.List | ast.Tuple):
+        for part in node.elts:
+            yield from () if isinstance(part, ast.Tuple) else _texts(part)
+    elif isinstance(node, ast.IfExp):
+        yield from _texts(node.body)
+        yield from _texts(node.orelse)
+    elif isinstance(node, ast.ListComp | ast.GeneratorExp):
+        yield from _texts(node.elt)
+    elif isinstance(node, ast.Call) and _name(node.func) in ("tuple", "list") and node.args:
+        yield from _texts(node.args[0])
+    elif text := _text(node):
+        yield text
 
 
 def _name(node: ast.expr) -> str:

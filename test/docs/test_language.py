@@ -30,6 +30,9 @@ PREFERRED = {
     r"nobody (?:told|knows of)": "the subject that does not know",
     r"\d(?:\.\d)? times smaller and \d(?:\.\d)? times larger": "rms 4.6x smaller, peak 1.4x larger",
     r"takes? leave of": "leaves",
+    r"judging band": "band",
+    r"count(?:s|ed) against the (?:motion|position)": "the sign of control_effort is reversed relative to position",
+    r"squared rest\b": "squared residual",
     r"seed of all chance": "seed of all random numbers",
 }
 """What is not written (a regular expression), and what is."""

@@ -61,6 +61,22 @@ def test_every_error_and_warning_of_a_command_has_its_row() -> None:
     assert len(listed) == len(set(listed))
 
 
+def test_the_scan_finds_messages_in_every_form() -> None:
+    """Lists of doubts, a returned caution, a list of warnings, an argument, and the folder of the export."""
+    said = command_sentences()
+    for message, file in {
+        "pauses lack samples, the longest … s": "sgms_observer/application/bag_info.py",
+        "the motion does not tell mass, friction and offset apart": "sgms_observer/application/bag_info.py",
+        "the position never changes": "sgms_observer/application/axis_draft.py",
+        "lacks its file": "sgms_observer/bags/bag_folder.py",
+        "no node subscribed to the played topics within … s": "sgms_observer/cli/play.py",
+        "the recording has no reference, so nothing shows whether stage.controller of the file is the controller of the"
+        " recording": "sgms_observer/diagnosis/tracking.py",
+        "estimator.kind is …, and C has the EKF only": "sgms_observer/export/c_target.py",
+    }.items():
+        assert said[message] == file
+
+
 def test_no_row_explains_what_no_command_says() -> None:
     said = command_sentences()
     assert [message for message, _ in ROWS if message not in said] == []
@@ -75,6 +91,7 @@ def test_beginning_of_a_sentence_is_what_a_reader_can_look_up() -> None:
     assert beginning("Warning: x: the fit did not converge; record longer") == "x"
     assert beginning(f"Warning: {HOLE}: the fit did not converge; record longer") == "the fit did not converge"
     assert beginning(f"{HOLE} in {HOLE} is {HOLE}; {HOLE} is needed") == f"in {HOLE} is"
+    assert beginning("the position of x is shifted by 1 mm. Home the axis") == "the position of x is shifted by 1 mm"
     assert beginning(f"{HOLE} exists already and is not overwritten; give another name") == (
         "exists already and is not overwritten"
     )

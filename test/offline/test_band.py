@@ -1,4 +1,4 @@
-"""The judging band keeps the acceleration noise of the encoder out, in any unit and from any start file."""
+"""The band keeps the acceleration noise of the encoder out, in any unit and from any start file."""
 
 from __future__ import annotations
 
