@@ -1,4 +1,4 @@
-"""Find what the model lacks, from a fitted recording and one to judge on.
+"""Find what the model lacks, from a fitted recording and a held-out one.
 
 python examples/diagnose_a_bag.py
 """

@@ -45,7 +45,7 @@ def options(description: str, out: str, seconds: float) -> argparse.Namespace:
 
 @dataclass(frozen=True)
 class Data:
-    """The owner's parameter file (3 % wrong mass, no cogging), a fitted recording, and one to judge on."""
+    """The owner's parameter file (3 % wrong mass, no cogging), a recording to fit to, and a held-out one."""
 
     config: Path
     learn: Path

@@ -43,6 +43,26 @@ def test_scripts_are_short() -> None:
             assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST, path.name
 
 
+def test_a_log_becomes_a_bag_in_si_units(tmp_path: Path) -> None:
+    said = _run("convert_a_log", "--out", str(tmp_path), "--seconds", "6")
+    assert "6000 samples of axis x, 5.999 s at 1000 Hz" in said
+    assert "position -10 mm to 10 mm" in said and "usable for: identify, diagnose, replay" in said
+    mass = float(re.findall(r"mass (\S+) \+-", said)[0])
+    assert mass == pytest.approx(10.0, rel=0.1)
+
+
+def test_a_first_parameter_file_fits_its_bag(tmp_path: Path) -> None:
+    said = _run("start_a_parameter_file", "--out", str(tmp_path), "--seconds", "6")
+    assert f"{tmp_path / 'first.yaml'} is right and fits {tmp_path / 'learn'}" in said
+
+
+def test_many_recordings_are_diagnosed_each_by_itself(tmp_path: Path) -> None:
+    said = _run("process_many_recordings", "--out", str(tmp_path), "--seconds", "8")
+    assert "2 of 2 recordings gave a result" in said
+    assert re.search(r"^learn: \w+, found .*cogging", said, re.MULTILINE)
+    assert (tmp_path / "diagnosed" / "report.html").exists()
+
+
 def test_identification_finds_the_mass(tmp_path: Path) -> None:
     said = _run("identify_from_a_bag", "--out", str(tmp_path), "--seconds", "8")
     mass = float(re.findall(r"mass (\S+) kg", said)[-1])
