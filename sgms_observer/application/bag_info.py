@@ -196,12 +196,12 @@ class AxisInfo:
     Attributes:
         facts: what the recording shows.
         uses: what it can be used for.
-        doubts: sentences about signs and units that look wrong, and samples that were lost.
+        warnings: sentences about signs and units that look wrong, and samples that were lost.
     """
 
     facts: AxisFacts
     uses: tuple[Use, ...]
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     @property
     def usable_for(self) -> tuple[str, ...]:
@@ -252,7 +252,7 @@ class BagInfo:
                         {"for": use.purpose, "possible": use.is_possible, "reason": use.reason or None}
                         for use in axis.uses
                     ],
-                    "doubts": list(axis.doubts),
+                    "doubts": list(axis.warnings),
                 }
                 for axis in self.axes
             ],
@@ -260,7 +260,7 @@ class BagInfo:
         }
 
     def lines(self) -> list[str]:
-        """Return what people read, apart from the warnings and doubts."""
+        """Return what people read, apart from the warnings."""
         found = [f"{self.path}: {len(self.topics)} topics"]
         for topic in self.topics:
             rate = f" at {topic.rate:.6g} Hz" if topic.rate else ""

@@ -237,10 +237,10 @@ class TopicSurvey:
         Args:
             joint: its name.
         """
-        own = [stamps for names, stamps in self.stamp_ns.items() if joint in names]
-        if len(own) == 1:
-            return own[0]
-        return np.sort(np.concatenate(own)) if own else np.empty(0, np.int64)
+        found = [stamps for names, stamps in self.stamp_ns.items() if joint in names]
+        if len(found) == 1:
+            return found[0]
+        return np.sort(np.concatenate(found)) if found else np.empty(0, np.int64)
 
     @property
     def rate(self) -> float:
@@ -287,6 +287,7 @@ def survey_bag(path: str | Path) -> tuple[tuple[TopicSurvey, ...], tuple[str, ..
     topics = []
     for name in sorted(kinds):
         joined = {names: np.concatenate(parts) for names, parts in stamps[name].items()}
-        own = {joint: (int(a), int(b), int(c)) for joint, (a, b, c) in filled[name].items()}
-        topics.append(TopicSurvey(name, kinds[name], counts[name], tuple(own), joined, own, malformed[name]))
+        filled_of = {joint: (int(a), int(b), int(c)) for joint, (a, b, c) in filled[name].items()}
+        joints = tuple(filled_of)
+        topics.append(TopicSurvey(name, kinds[name], counts[name], joints, joined, filled_of, malformed[name]))
     return tuple(topics), warnings

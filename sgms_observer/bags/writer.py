@@ -279,7 +279,7 @@ class BagWriter:
             yield
         except (OSError, sqlite3.Error) as error:
             reason = getattr(error, "strerror", None) or str(error)
-            kept = f"what was recorded is in {self._partial}; " if self._keep and self._partial.exists() else ""
+            partial = f"what was recorded is in {self._partial}; " if self._keep and self._partial.exists() else ""
             raise RecordingError(
-                f"{self.path} cannot be written: {reason}; {kept}check free space and permissions"
+                f"{self.path} cannot be written: {reason}; {partial}check free space and permissions"
             ) from error

@@ -52,10 +52,10 @@ def listen(topics: list[str], out: Path) -> None:
     rclpy.init(args=[])
     node = rclpy.create_node("bench_listener")
     heard = {topic: _Heard() for topic in topics}
-    for topic, kept in heard.items():
-        subscribe(node, topic, kept.taking())
+    for topic, messages in heard.items():
+        subscribe(node, topic, messages.taking())
     spin_until_interrupted(node)
-    np.savez(out, **{topic: kept.table() for topic, kept in heard.items()})  # type: ignore[arg-type]
+    np.savez(out, **{topic: messages.table() for topic, messages in heard.items()})  # type: ignore[arg-type]
 
 
 def main() -> int:

@@ -57,14 +57,14 @@ def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = 
         _run(folder / f"{rate}_{order[0]}_first", config, round(0.5 * seconds * rate), rate, axes, order)
         for order in orders
     ]
-    own, relay = (_together([half[name] for half in halves]) for name in ("observer_node", "relay"))
+    observer, relay = (_together([half[name] for half in halves]) for name in ("observer_node", "relay"))
     late = np.concatenate([half["publisher"].delays for half in halves])
     return {
         "rate_hz": rate,
         "sent": sum(half["publisher"].count for half in halves),
-        **own.figures(),
+        **observer.figures(),
         "relay": relay.figures(),
-        "over_relay": _ratio(own, relay),
+        "over_relay": _ratio(observer, relay),
         "over_relay_if_first": {
             order[0]: _ratio(half["observer_node"], half["relay"]) for order, half in zip(orders, halves, strict=True)
         },
@@ -109,9 +109,10 @@ def _together(ways: Sequence[_Way]) -> _Way:
     )
 
 
-def _ratio(own: _Way, relay: _Way) -> dict[str, float]:
+def _ratio(observer: _Way, relay: _Way) -> dict[str, float]:
     """Return median and 99 % of the compensation over those of the relay."""
-    return {key: round(value / _percentiles(relay.delays)[key], 2) for key, value in _percentiles(own.delays).items()}
+    of_relay = _percentiles(relay.delays)
+    return {key: round(value / of_relay[key], 2) for key, value in _percentiles(observer.delays).items()}
 
 
 def _run(folder: Path, config: Path, count: int, rate: int, axes: int, order: Sequence[str]) -> dict[str, _Way]:

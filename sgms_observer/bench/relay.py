@@ -23,9 +23,9 @@ def relay(topic: str) -> None:
     publish = node.create_publisher(JointState, topic, SAMPLE_QOS).publish
     waiting: dict[bytes, str] = {}
 
-    def take(own: str, message: bytes) -> None:
+    def take(source: str, message: bytes) -> None:
         stamp = bytes(message[_STAMP])
-        if waiting.setdefault(stamp, own) != own:
+        if waiting.setdefault(stamp, source) != source:
             del waiting[stamp]
             publish(message)
 

@@ -53,11 +53,11 @@ def _script() -> str:
     parser = build_parser(None)
     commands = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction)).choices
     options, choices = [], []
-    for name, own in commands.items():
-        given = [action for action in own._actions if action.option_strings]
+    for name, subparser in commands.items():
+        given = [action for action in subparser._actions if action.option_strings]
         words = " ".join(option for action in given for option in action.option_strings if option.startswith("--"))
         options.append(f'                            {name}) words="{words}" ;;')
-        for action in own._actions:
+        for action in subparser._actions:
             if action.choices:
                 places = [f'"{name} {option}"' for option in action.option_strings] or [f'"{name} {name}"']
                 values = " ".join(map(str, action.choices))

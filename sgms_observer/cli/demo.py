@@ -63,9 +63,9 @@ def run(args: argparse.Namespace) -> Outcome:
     refuse_existing_files([out / REPORT, out / RESULT], args.overwrite)
     try_folder(out)
     shutil.rmtree(bag, ignore_errors=True)
-    switched_ns, answered_ns, said = _play(config, [axis.name for axis in settings.axes], out, bag, args.duration)
+    switched_ns, answered_ns, notes = _play(config, [axis.name for axis in settings.axes], out, bag, args.duration)
     result = present(bag, settings, switched_ns, answered_ns, out)
-    for line in [*result.lines, *said]:
+    for line in [*result.lines, *notes]:
         print(line)
     warn(result.warnings)
     print(f"report: {result.page}")
@@ -106,8 +106,8 @@ def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) 
         _wait_until_written(bag)
         for name in (RECORDER, OBSERVER, STAGE):
             conductor.stop(name)
-        said = conductor.said(STAGE).splitlines()
-    noted = [AGE_SENTENCE + line.partition(AGE_SENTENCE)[2] for line in said if AGE_SENTENCE in line]
+        output_lines = conductor.output_of(STAGE).splitlines()
+    noted = [AGE_SENTENCE + line.partition(AGE_SENTENCE)[2] for line in output_lines if AGE_SENTENCE in line]
     return switched_ns, answered_ns, [f"                      {line}" for line in noted]
 
 

@@ -30,5 +30,5 @@ def run(args: argparse.Namespace) -> Outcome:
     info = inspect_bag(args.bag, topics_from(args.topic), args.axis, args.joint_type)
     for line in info.lines():
         print(line)
-    warn([*info.warnings, *(doubt for axis in info.axes for doubt in axis.doubts)])
+    warn([*info.warnings, *(warning for axis in info.axes for warning in axis.warnings)])
     return Outcome(result=info.as_json())

@@ -84,8 +84,8 @@ def build_parser(wanted: str | None) -> SentenceParser:
         if wanted is not None and name != wanted:
             continue
         command = load_command(name)
-        own = commands.add_parser(name, help=command.HELP, description=command.HELP)
-        command.add_arguments(own)
+        subparser = commands.add_parser(name, help=command.HELP, description=command.HELP)
+        command.add_arguments(subparser)
     return parser
 
 

@@ -110,8 +110,8 @@ def _choose(bag: Any, names: list[str] | None, renamed: dict[str, str]) -> tuple
     absent = [topic for topic in renamed if topic not in bag.topics]
     if absent:
         raise RecordingError(f"{bag.path} has no topic {absent[0]}; it holds {', '.join(sorted(bag.topics))}")
-    taken = {name for topic, name in renamed.items() if topic != name}
-    wanted = [topic for topic, kind in bag.topics.items() if kind and (topic not in taken or topic in renamed)]
+    replaced = {name for topic, name in renamed.items() if topic != name}
+    wanted = [topic for topic, kind in bag.topics.items() if kind and (topic not in replaced or topic in renamed)]
     if names is not None:
         wanted = list(dict.fromkeys(_absolute(name) for name in names))
     topics = tuple(topic for topic in wanted if topic in bag.topics)

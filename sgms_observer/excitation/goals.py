@@ -227,8 +227,8 @@ def _effect_goal(
         for name, effect_name in (("offset", "offset"), ("delay", "actuator_delay")):
             if owners[k] == effect_name:
                 masks[:, row, found.names.index(name)] = False
-        own = [len(found.names) + j for j, owner in enumerate(listed_owners) if owner == owners[k]]
-        masks[:, row, own] = False  # an effect of the file is its own columns' question
+        own_columns = [len(found.names) + j for j, owner in enumerate(listed_owners) if owner == owners[k]]
+        masks[:, row, own_columns] = False  # an effect of the file is its own columns' question
         rivals = [first + j for j, owner in enumerate(owners) if owner in question.rivals(owners[k])]
         masks[0, row, rivals] = True
     names = tuple(owners[k] for k in numbers)
@@ -247,9 +247,9 @@ def _effect_goal(
     chosen = np.where(is_told[:, None], masks[0], masks[1])
     keep = np.flatnonzero(is_told | is_seen)
     shown = {names[k] for k in keep}
-    told = {names[k] for k in np.flatnonzero(is_told)}
+    separable = {names[k] for k in np.flatnonzero(is_told)}
     hidden = tuple(name for name in question.effects if name not in shown)
-    inseparable = tuple(name for name in question.effects if name in shown - told)
+    inseparable = tuple(name for name in question.effects if name in shown - separable)
     return (goal(chosen, keep) if len(keep) else None), hidden, inseparable
 
 

@@ -154,7 +154,7 @@ def _shape_value(
     seconds: float,
 ) -> float:  # fmt: skip
     """Return a typical value of a parameter that shapes an effect, within what the limits can show."""
-    stroke, reach = place.high - place.low, 0.5 * place.presliding
+    stroke, presliding_range = place.high - place.low, 0.5 * place.presliding
     travel = 0.25 * limits.speed * seconds
     second = variant % 2
     typical = {
@@ -166,10 +166,10 @@ def _shape_value(
         "reference_velocity": limits.speed,
         "peak_velocity": 0.3 * limits.speed,
         "velocity": min(5.0 * place.stribeck_velocity, 0.5 * limits.speed),
-        "distance": 3.0 * reach,
-        "memory_distance": 3.0 * reach,
-        "gap": 3.0 * reach,
-        "stop": 0.1 * reach,
+        "distance": 3.0 * presliding_range,
+        "memory_distance": 3.0 * presliding_range,
+        "gap": 3.0 * presliding_range,
+        "stop": 0.1 * presliding_range,
         "dwell_time": 0.3,
         "attraction_rate": axis.friction.coulomb_force / 0.02,
         "frequency": _BELOW_BAND * band,

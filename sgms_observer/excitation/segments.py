@@ -163,10 +163,10 @@ def _traverses(place: Place, limits: ExcitationLimits) -> list[Segment]:
     out = []
     for speed in np.geomspace(slowest, limits.speed, _SPEEDS).tolist():
         shortest = max(4.0 * presliding, _TRAVERSE_TIME * speed + 0.5 * math.pi * speed**2 / limits.acceleration)
-        for reach in _apart([stroke, 0.2 * stroke, min(shortest, stroke)]):
-            low = min(max(place.home - 0.5 * reach, place.low), place.high - reach)
+        for length in _apart([stroke, 0.2 * stroke, min(shortest, stroke)]):
+            low = min(max(place.home - 0.5 * length, place.low), place.high - length)
 
-            def move(track: Track, low: float = low, high: float = low + reach, speed: float = speed) -> None:
+            def move(track: Track, low: float = low, high: float = low + length, speed: float = speed) -> None:
                 track.move(low, math.inf)
                 track.move(high, speed)
                 track.move(low, speed)
@@ -174,7 +174,7 @@ def _traverses(place: Place, limits: ExcitationLimits) -> list[Segment]:
                     _down(track, place)
 
             readable = limits.units.readable
-            name = f"{readable(reach)} forth and back at {readable(speed, 'm/s')}"
+            name = f"{readable(length)} forth and back at {readable(speed, 'm/s')}"
             out.append(Segment("traverses at constant speed", name, move))
     return out
 
@@ -218,18 +218,18 @@ def _fast(place: Place, limits: ExcitationLimits) -> list[Segment]:
     out = []
     for share in (1.0, 1.0 / 3.0):
         top = limits.speed**2 / (share * limits.acceleration)
-        for reach in _apart([min(stroke, 3.0 * top), min(0.3 * stroke, top), min(0.1 * stroke, 0.3 * top)]):
-            low = min(max(place.home - 0.5 * reach, place.low), place.high - reach)
+        for length in _apart([min(stroke, 3.0 * top), min(0.3 * stroke, top), min(0.1 * stroke, 0.3 * top)]):
+            low = min(max(place.home - 0.5 * length, place.low), place.high - length)
 
-            def move(track: Track, low: float = low, reach: float = reach, share: float = share) -> None:
+            def move(track: Track, low: float = low, length: float = length, share: float = share) -> None:
                 acceleration = share * limits.acceleration
-                for target in (low, low + reach, low, low + reach, low):
+                for target in (low, low + length, low, low + length, low):
                     track.move(target, math.inf, acceleration)
                 if low > place.home - place.approach:
                     _down(track, place)
 
             readable = limits.units.readable
-            name = f"{readable(reach)} at {readable(share * limits.acceleration, 'm/s^2')}"
+            name = f"{readable(length)} at {readable(share * limits.acceleration, 'm/s^2')}"
             out.append(Segment("moves at high acceleration", name, move))
     return out
 

@@ -141,13 +141,13 @@ def c_files(settings: Settings, axes: Sequence[AxisSettings], real: str) -> tupl
     warnings: list[str] = []
     parts, entries, files = [], [], {}
     for axis in axes:
-        own, sentences = with_ekf(axis)
+        exported, sentences = with_ekf(axis)
         warnings += sentences
-        own = replace(own, compensation=replace(own.compensation, enabled=True))
+        exported = replace(exported, compensation=replace(exported.compensation, enabled=True))
         prefix = _prefix_of(axis, len(axes))
-        samples = vector_samples(own, settings.sample_period)
-        columns = _columns_of(AxisObserver(own, settings.sample_period).step(samples))
-        part = translate_axis(program, AxisObserver(own, settings.sample_period), prefix)
+        samples = vector_samples(exported, settings.sample_period)
+        columns = _columns_of(AxisObserver(exported, settings.sample_period).step(samples))
+        part = translate_axis(program, AxisObserver(exported, settings.sample_period), prefix)
         parts.append(part)
         entries.append(_entry(part, axis, settings.sample_period, columns))
         files[entries[-1]["vector"]] = _vector_text(samples, columns)

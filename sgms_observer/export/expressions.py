@@ -168,22 +168,22 @@ class Expressions(Views):
 
     def _boolop(self, node: ast.BoolOp) -> Value:
         is_and = isinstance(node.op, ast.And)
-        kept = []
+        operands = []
         for operand in node.values:
             value = self.expression(operand)
             if value.is_known:
                 if bool(value.const) != is_and:
                     return number(not is_and)
                 continue
-            kept.append(value)
-        if not kept:
+            operands.append(value)
+        if not operands:
             return number(is_and)
-        if len(kept) == 1:
-            return kept[0]
+        if len(operands) == 1:
+            return operands[0]
         sign, rank = ("&&", 40) if is_and else ("||", 30)
         # both signs in one line want parentheses from some compilers
-        text = f" {sign} ".join(value.inside(41) for value in kept)
-        return Value(text, BOOL, rank, reads=reads_of(kept))
+        text = f" {sign} ".join(value.inside(41) for value in operands)
+        return Value(text, BOOL, rank, reads=reads_of(operands))
 
     def _compare(self, node: ast.Compare) -> Value:
         if isinstance(node.ops[0], (ast.Is, ast.IsNot)):

@@ -86,23 +86,23 @@ def without_unused(block: list[Statement]) -> list[Statement]:
 
 def _needed(block: list[Statement], needed: frozenset[str]) -> list[Statement]:
     """Return a block without assignments nobody reads and without empty blocks."""
-    kept: list[Statement] = []
+    used: list[Statement] = []
     for statement in block:
         if isinstance(statement, Line):
             if statement.target is not None and statement.target not in needed:
                 if statement.is_pure:
                     continue
                 statement = Line(statement.text, statement.reads)
-            kept.append(statement)
+            used.append(statement)
         elif isinstance(statement, Branch):
             then, otherwise = _needed(statement.then, needed), _needed(statement.otherwise, needed)
             if then or otherwise:
-                kept.append(Branch(statement.test, statement.reads, then, otherwise))
+                used.append(Branch(statement.test, statement.reads, then, otherwise))
         else:
             inner = _needed(statement.block, needed)
             if inner:
-                kept.append(Loop(statement.head, statement.reads, statement.variable, inner))
-    return kept
+                used.append(Loop(statement.head, statement.reads, statement.variable, inner))
+    return used
 
 
 def _mentions(statement: Statement, name: str) -> bool:

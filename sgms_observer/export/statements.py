@@ -24,11 +24,11 @@ from sgms_observer.export.values import (
     number_as,
 )
 
-MOST_UNROLLED = 64
+MAX_UNROLLED = 64
 """A loop over what selects is written out up to this length."""
 
 HALVING = ("high - low > 1",)
-MOST_HALVINGS = 31
+MAX_HALVINGS = 31
 """A search by halving among whole numbers ends within so many rounds."""
 
 
@@ -137,8 +137,8 @@ class Statements(Expressions):
             self.flow[name] = value
         elif value.is_known and isinstance(kind, Scalar):
             is_plain = value.precedence == ATOM and "[" not in value.text
-            own = Value(name, kind, const=value.const, reads=frozenset([name]))
-            self.flow[name] = cast(value, kind) if is_plain else own
+            constant = Value(name, kind, const=value.const, reads=frozenset([name]))
+            self.flow[name] = cast(value, kind) if is_plain else constant
         if isinstance(value.type, Array):
             self.roots[name] = self.roots.get(name, frozenset([name])) | value.roots
         text = cast(value, kind).text if isinstance(kind, Scalar) else value.text
@@ -165,8 +165,8 @@ class Statements(Expressions):
         self.temporaries += 1
         name = f"got_{self.temporaries}"
         self.types[name] = value.type
-        own = frozenset([name])
-        items = [Value(f"{name}.{member}", kind, reads=own) for member, kind in value.type.fields]
+        reads_name = frozenset([name])
+        items = [Value(f"{name}.{member}", kind, reads=reads_name) for member, kind in value.type.fields]
         return [Line(value.text, value.reads, name, value.is_pure)], items
 
     def _local_array(self, target: ast.expr, node: ast.expr) -> list[Statement] | None:
@@ -288,7 +288,7 @@ class Statements(Expressions):
         self.temporaries += 1
         name = f"halved_{self.temporaries}"
         loop: Statement = Loop(
-            f"int {name} = 0; {name} < {MOST_HALVINGS} && {test.inside(41)}; {name}++", test.reads, name, body
+            f"int {name} = 0; {name} < {MAX_HALVINGS} && {test.inside(41)}; {name}++", test.reads, name, body
         )
         return [loop], False
 
@@ -350,8 +350,8 @@ class Statements(Expressions):
 
     def _written_out(self, node: ast.For, name: str, places: range) -> list[Statement]:
         """Return the body once for every value of the counter."""
-        if len(places) > MOST_UNROLLED:
-            raise self.refuse(node, f"a choice among more than {MOST_UNROLLED} entries")
+        if len(places) > MAX_UNROLLED:
+            raise self.refuse(node, f"a choice among more than {MAX_UNROLLED} entries")
         done: list[Statement] = []
         for place in places:
             self.flow[name] = number(place)

@@ -77,12 +77,12 @@ def names_in(text: str) -> set[str]:
 def functions_text(program: Program, calls: Sequence[str]) -> str:
     """Return the translated functions that the calls need, each before those that call it."""
     needed = names_in("\n".join(calls))
-    kept: list[str] = []
+    texts: list[str] = []
     for function in reversed(list(program.functions.values())):
         if function.name in needed:
-            kept.append(function.text)
+            texts.append(function.text)
             needed |= names_in(function.text)
-    return "\n".join(reversed(kept))
+    return "\n".join(reversed(texts))
 
 
 def body_text(program: Program, functions: str, constants: Sequence[str], wanted: str) -> str:
@@ -193,9 +193,9 @@ class Translator(Program):
         base = source.name.strip("_")
         if base in C_NAMES:
             base = f"{base}_kernel"
-        taken = {function.name for function in self.functions.values()}
+        used_names = {function.name for function in self.functions.values()}
         name, count = base, 1
-        while name in taken:
+        while name in used_names:
             count += 1
             name = f"{base}_{count}"
         shown = [_declaration(item) for item in parameters if item.is_used]
@@ -252,9 +252,9 @@ def _inside(name: str, argument: Value) -> Value:
         return argument
     if isinstance(argument.type, Scalar) and argument.is_known and isinstance(argument.const, bool):
         return argument
-    own = frozenset([name])
+    reads_name = frozenset([name])
     is_pointer = isinstance(argument.type, (Struct, Record))
-    return Value(name, argument.type, ATOM, reads=own, roots=own, is_pointer=is_pointer, is_stable=True)
+    return Value(name, argument.type, ATOM, reads=reads_name, roots=reads_name, is_pointer=is_pointer, is_stable=True)
 
 
 def _key(argument: Value) -> Any:

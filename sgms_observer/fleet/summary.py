@@ -53,8 +53,8 @@ def verdict(outcomes: Sequence[Outcome]) -> str:
     start = f"{len(good)} of {len(outcomes)} recordings gave a result"
     verdicts = Counter(outcome.figures["verdict"] for outcome in good if "verdict" in outcome.figures)
     if verdicts:
-        told = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in sorted(verdicts.items()))
-        return f"{start}: {told}."
+        counts = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in sorted(verdicts.items()))
+        return f"{start}: {counts}."
     high = [o.name for o in good if any(_nis(axis) > MAX_NIS for axis in o.figures.get("axes", {}).values())]
     if high:
         return f"{start}; the model fits badly (NIS above {MAX_NIS:g}) in {len(high)} of them."

@@ -147,7 +147,7 @@ class Conductor:
         """
         return self._processes[name].pid
 
-    def said(self, name: str) -> str:
+    def output_of(self, name: str) -> str:
         """Return all that a process said.
 
         Args:
@@ -288,7 +288,7 @@ class Conductor:
 
     def _ended(self, name: str, code: int) -> DataError:
         """Return the sentence about a process that ended too early."""
-        lines = [line for line in self.said(name).splitlines() if line.strip()]
+        lines = [line for line in self.output_of(name).splitlines() if line.strip()]
         last = lines[-1] if lines else "it said nothing"
         if not lines and shutil.disk_usage(self._folder).free < _NO_ROOM:
             last = f"the disk of {self._folder} is full; make room or choose another folder"

@@ -164,7 +164,7 @@ class TableLink:
             arguments = ["--config", str(config), *self._remaps]
             self._conductor.start(OBSERVER, "sgms_observer.nodes.observer_node", arguments)
             self.has_observer = True
-            self._conductor.wait(lambda: _ACTIVE in self._conductor.said(OBSERVER), f"{OBSERVER} to become active")
+            self._conductor.wait(lambda: _ACTIVE in self._conductor.output_of(OBSERVER), f"{OBSERVER} to become active")
             self._await(self._parameters.service_is_ready, f"{OBSERVER} offers no service; see its log")
             self._await(lambda: bool(self._listener.ages), f"{OBSERVER} publishes no {COMPENSATION}; see its log")
 

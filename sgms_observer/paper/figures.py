@@ -48,7 +48,7 @@ EIGHT = FrictionSettings(
 SLIP_DISTANCE = EIGHT.element_fraction[0] * EIGHT.static_force / EIGHT.element_stiffness[0]
 """All eight elements of the caption slip at this deflection [m]: nu_i / kappa_i is the same for each."""
 
-MOST_POINTS = 5_000
+MAX_POINTS = 5_000
 """Points of a line in a figure."""
 _STEP = 1.0e-4  # s
 
@@ -164,7 +164,7 @@ def figure_two() -> tuple[Picture, ...]:
             axis = drawn.axes[0]
             for is_gms, label, colour, style in ((True, "GMS", MEASURED, "-"), (False, "S-GMS", ESTIMATE, "--")):
                 x, y = curve(is_gms)
-                every = max(1, len(x) // MOST_POINTS)
+                every = max(1, len(x) // MAX_POINTS)
                 y = y * (1e9 if name == "b" else 1.0)
                 axis.plot((x * x_scale)[::every], y[::every], style, color=colour, label=label)
             axis.set(xlabel=x_label, ylabel=y_label)

@@ -238,7 +238,7 @@ def checked_group(
     tree: Any,
     faults: Faults,
     *,
-    apart: Collection[str] = (),
+    separate: Collection[str] = (),
     elsewhere: Mapping[str, str] | None = None,
     joint_type: str = PRISMATIC,
 ) -> Group:
@@ -249,7 +249,7 @@ def checked_group(
         defaults: the group as it is when nothing is given.
         tree: the mapping as read; nothing stands for an empty one.
         faults: receives every sentence; a faulty setting keeps its default.
-        apart: keys that the caller reads itself.
+        separate: keys that the caller reads itself.
         elsewhere: settings of other groups for better guesses, name to full name.
         joint_type: of the axis that the group belongs to; the sentences have its units.
     """
@@ -262,7 +262,7 @@ def checked_group(
     prefix = f"{path}." if path else ""
     given: dict[str, Any] = {}
     for key, raw in tree.items():
-        if isinstance(key, str) and key in apart:
+        if isinstance(key, str) and key in separate:
             continue
         if isinstance(key, str) and key in sections:
             nested = getattr(defaults, key)
@@ -274,5 +274,5 @@ def checked_group(
             if value is not None:
                 given[key] = value
         else:
-            unknown_key(path, key, [*settings, *sections, *apart], elsewhere or {}, faults)
+            unknown_key(path, key, [*settings, *sections, *separate], elsewhere or {}, faults)
     return replace(defaults, **given) if given else defaults  # type: ignore[type-var]

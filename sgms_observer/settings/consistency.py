@@ -20,7 +20,7 @@ from sgms_observer.settings.units import Units
 FRACTION_TOLERANCE = 1e-3
 
 #: Longest window of the filter [samples]: longer ones are slips of the unit.
-LONGEST_WINDOW = 10_000
+MAX_WINDOW = 10_000
 
 
 def friction_consistency(
@@ -154,11 +154,11 @@ def _filter_consistency(path: str, filter_: FilterSettings, period: float, fault
             f"{path}.window = {shown(filter_.window)} s must be >= {shown(intervals * period)} s, {intervals} times "
             f"sample_period, for degree = {filter_.degree}; lengthen it or lower degree",
         )
-    if filter_.kind == "savgol" and filter_.window > LONGEST_WINDOW * period and not faults.has(f"{path}.window"):
+    if filter_.kind == "savgol" and filter_.window > MAX_WINDOW * period and not faults.has(f"{path}.window"):
         faults.add(
             f"{path}.window",
-            f"{path}.window = {shown(filter_.window)} s must be <= {shown(LONGEST_WINDOW * period)} s, "
-            f"{LONGEST_WINDOW} times sample_period; shorten it",
+            f"{path}.window = {shown(filter_.window)} s must be <= {shown(MAX_WINDOW * period)} s, "
+            f"{MAX_WINDOW} times sample_period; shorten it",
         )
     if filter_.maximum_gap < 2 * period and not faults.has(f"{path}.maximum_gap"):
         faults.add(

@@ -55,14 +55,14 @@ def checked_axis(
     kind = tree.get("joint_type") if isinstance(tree, Mapping) else None
     kind = kind if kind in JOINT_TYPES else PRISMATIC
     axis = checked_group(
-        name, AxisSettings(name=name), tree, faults, apart=_APART_IN_AXIS, elsewhere=elsewhere, joint_type=kind
+        name, AxisSettings(name=name), tree, faults, separate=_APART_IN_AXIS, elsewhere=elsewhere, joint_type=kind
     )
     if not isinstance(tree, Mapping):
         tree = {}
     friction = _friction(f"{name}.friction", axis.friction, tree.get("friction"), elsewhere, faults, kind)
     stage_tree = tree.get("stage")
     stage: StageSettings = checked_group(
-        f"{name}.stage", axis.stage, stage_tree, faults, apart=_APART_IN_STAGE, elsewhere=elsewhere, joint_type=kind
+        f"{name}.stage", axis.stage, stage_tree, faults, separate=_APART_IN_STAGE, elsewhere=elsewhere, joint_type=kind
     )
     reference = (
         replace(stage.reference, file=resolved(stage.reference.file, folder))
@@ -143,8 +143,8 @@ def resolved(name: str, folder: Path) -> str:
     """
     if not name or Path(name).is_absolute() or folder == Path("."):
         return name
-    beside = str(folder / name)
-    return beside if is_file(beside) else name
+    in_folder = str(folder / name)
+    return in_folder if is_file(in_folder) else name
 
 
 #: Switches that every rclpy node declares, and parameters of other ROS nodes, which do nothing here.
@@ -250,8 +250,8 @@ def repeated_faults(
     for key, line in getattr(document, "repeated", ()):
         if is_for_node(f"/{key.strip('/')}", node_names):
             yield key, f"{key} in line {line} of {source_name} must be given once; join the two sections"
-    for _, _, own in our_sections(document, node_names):
-        for name, line in repeated_keys(own):
+    for _, _, section in our_sections(document, node_names):
+        for name, line in repeated_keys(section):
             yield name, f"{name} in line {line} of {source_name} must be given once; remove one of the two"
 
 
@@ -270,14 +270,14 @@ def _axis_names(tree: Mapping[Any, Any], faults: Faults) -> tuple[str, ...]:
     if not names and not faults.has("axes"):
         faults.add("axes", "axes = [] must name at least one axis; write axes: [x]")
     usable: dict[str, None] = {}
-    taken = {*declared_settings(Settings), *ROS_PARAMETERS, "axes"}
+    reserved = {*declared_settings(Settings), *ROS_PARAMETERS, "axes"}
     for name in names:
         if not _AXIS_NAME.fullmatch(name):
             faults.add(
                 "axes",
                 f"axes = {shown(name)} must be a word of letters, digits, -, _ and / between them; rename the axis",
             )
-        elif name in taken:
+        elif name in reserved:
             faults.add("axes", f"axes = {shown(name)} must not be the name of a setting; rename the axis")
         elif name in usable:
             faults.add("axes", f"axes = {shown(list(names))} must name each axis once; remove the second {name}")

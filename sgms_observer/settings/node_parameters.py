@@ -88,15 +88,15 @@ def declare_all(declare: Declare, catalogue: CatalogueSource = installed_catalog
         catalogue: gives the known effects.
     """
 
-    def own(declaration: ParameterDeclaration) -> Any:
+    def declared_value(declaration: ParameterDeclaration) -> Any:
         value = _plain(declare(declaration))
         return declaration.default if value is None else value
 
-    names = usable_axes(own(_declaration("axes", AXES)))
-    shared = {key: own(_declaration(key, entry)) for key, entry in declared_settings(Settings).items()}
+    names = usable_axes(declared_value(_declaration("axes", AXES)))
+    shared = {key: declared_value(_declaration(key, entry)) for key, entry in declared_settings(Settings).items()}
     known = _known_effects(catalogue, shared["effect_files"])
     for name in names:
-        _declare_axis(name, own, known)
+        _declare_axis(name, declared_value, known)
 
 
 def _known_effects(catalogue: CatalogueSource, files: Any) -> Catalogue:
@@ -109,10 +109,10 @@ def _known_effects(catalogue: CatalogueSource, files: Any) -> Catalogue:
         return {}
 
 
-def _declare_axis(axis: str, own: Declare, known: Catalogue) -> None:
+def _declare_axis(axis: str, declared_value: Declare, known: Catalogue) -> None:
     """Declare everything about one axis."""
     friction: dict[str, Any] = {}
-    asked = own(_declaration(f"{axis}.joint_type", declared_settings(AxisSettings)["joint_type"]))
+    asked = declared_value(_declaration(f"{axis}.joint_type", declared_settings(AxisSettings)["joint_type"]))
     joint_type = asked if asked in JOINT_TYPES else PRISMATIC
     for declaration in _group(axis, AxisSettings, joint_type):
         if declaration.name == f"{axis}.joint_type":
@@ -121,13 +121,13 @@ def _declare_axis(axis: str, own: Declare, known: Catalogue) -> None:
             declaration = replace(
                 declaration, default=[0.0] * len(friction[f"{axis}.friction.element_stiffness"] or ())
             )
-        value = own(declaration)
+        value = declared_value(declaration)
         if declaration.name.startswith(f"{axis}.friction."):
             friction[declaration.name] = value
-    _declare_effects(f"{axis}.effects", own, known, joint_type)
+    _declare_effects(f"{axis}.effects", declared_value, known, joint_type)
     for declaration in _group(f"{axis}.stage.friction", FrictionSettings, joint_type):
-        own(replace(declaration, default=friction[declaration.name.replace(".stage.", ".", 1)]))
-    _declare_effects(f"{axis}.stage.effects", own, known, joint_type)
+        declared_value(replace(declaration, default=friction[declaration.name.replace(".stage.", ".", 1)]))
+    _declare_effects(f"{axis}.stage.effects", declared_value, known, joint_type)
 
 
 def _group(path: str, kind: type, joint_type: str) -> Iterable[ParameterDeclaration]:
@@ -138,12 +138,12 @@ def _group(path: str, kind: type, joint_type: str) -> Iterable[ParameterDeclarat
         yield from _group(f"{path}.{key}", nested, joint_type)
 
 
-def _declare_effects(path: str, own: Declare, known: Catalogue, joint_type: str) -> None:
+def _declare_effects(path: str, declared_value: Declare, known: Catalogue, joint_type: str) -> None:
     """Declare the names of effects, then the parameters of those that are named."""
-    names = own(_declaration(f"{path}.names", NAMES))
+    names = declared_value(_declaration(f"{path}.names", NAMES))
     for name in dict.fromkeys(names if isinstance(names, (list, tuple)) else ()):
         for key, declared in declared_values(known[name], joint_type).items() if name in known else ():
-            own(_declaration(f"{path}.{name}.{key}", declared))
+            declared_value(_declaration(f"{path}.{name}.{key}", declared))
 
 
 def _plain(value: Any) -> Any:
@@ -198,7 +198,7 @@ def read_arguments(argv: Sequence[str], node_name: str = "observer_node") -> Nod
     Raises:
         ConfigurationError: one sentence per fault of all the parameters together.
     """
-    kept, given, full_name = _taken_apart(argv, node_name)
+    other_arguments, given, full_name = _taken_apart(argv, node_name)
     tree, sentences = _laid_over_each_other(given, full_name)
     try:
         settings = settings_from_tree(tree, node_names=(full_name,))
@@ -206,7 +206,7 @@ def read_arguments(argv: Sequence[str], node_name: str = "observer_node") -> Nod
         sentences += error.sentences
     if sentences:
         raise ConfigurationError(sentences)
-    return NodeArguments(kept, settings, given_parameters(tree) if given else None)
+    return NodeArguments(other_arguments, settings, given_parameters(tree) if given else None)
 
 
 def refuse_incomplete(arguments: NodeArguments, node_name: str) -> None:
@@ -250,11 +250,11 @@ def _laid_over_each_other(
         document = read_document(value)
         sentences += (sentence for _, sentence in repeated_faults(document, value, (full_name,)))
         if our_sections(document, (full_name,)):
-            own = _moved(parameter_tree(document, value, (full_name,)), Path(value).parent)
-            name = own.get("save_file", SAVE_FILE if "axes" in own else None)
+            parameters = _moved(parameter_tree(document, value, (full_name,)), Path(value).parent)
+            name = parameters.get("save_file", SAVE_FILE if "axes" in parameters else None)
             if isinstance(name, str):  # the check has a sentence for anything else
-                own["save_file"] = str(Path(value).resolve().parent / Path(name).expanduser())
-            tree = overlaid(tree, own)
+                parameters["save_file"] = str(Path(value).resolve().parent / Path(name).expanduser())
+            tree = overlaid(tree, parameters)
         else:
             for_others.append((document, value))
     if for_others and not tree:  # a launch file may hand on files for others, but not only those
@@ -269,7 +269,7 @@ def _moved(tree: dict[Any, Any], folder: Path) -> dict[Any, Any]:
 
 def _taken_apart(argv: Sequence[str], node_name: str) -> tuple[list[str], list[tuple[tuple[str, ...], str]], str]:
     """Return the other arguments, the parameter arguments in order, and the node's full name."""
-    kept: list[str] = []
+    other_arguments: list[str] = []
     given: list[tuple[tuple[str, ...], str]] = []
     rules: list[str] = []
     is_ros = False
@@ -279,19 +279,19 @@ def _taken_apart(argv: Sequence[str], node_name: str) -> tuple[list[str], list[t
             is_ros = argument == "--ros-args"
         kind = next((kind for kind in (_FILE, _PARAMETER, _REMAP) if is_ros and argument in kind), None)
         if kind is None:
-            kept.append(argument)
+            other_arguments.append(argument)
             continue
         value = next(arguments, None)
         if value is None:
             raise ConfigurationError([f"{argument} = (nothing) must have a value; write it behind {argument}"])
         if kind == _REMAP:
-            kept += [argument, value]
+            other_arguments += [argument, value]
             rules.append(value)
         else:
             given.append((kind, value))
     name = _renamed(rules, node_name, ("__node", "__name")) or node_name
     namespace = (_renamed(rules, name, ("__ns",)) or "/").strip("/")
-    return kept, given, f"/{namespace}/{name}" if namespace else f"/{name}"
+    return other_arguments, given, f"/{namespace}/{name}" if namespace else f"/{name}"
 
 
 def _renamed(rules: Sequence[str], node_name: str, targets: tuple[str, ...]) -> str | None:

@@ -103,19 +103,19 @@ def expanded(tree: Any, _seen: dict[int, Any] | None = None) -> Any:
     """
     if not isinstance(tree, Mapping):
         return tree
-    seen = {} if _seen is None else _seen
-    if id(tree) in seen:
-        return seen[id(tree)]
-    seen[id(tree)] = tree  # a tree that contains itself stays as it is
+    visited = {} if _seen is None else _seen
+    if id(tree) in visited:
+        return visited[id(tree)]
+    visited[id(tree)] = tree  # a tree that contains itself stays as it is
     result: dict[Any, Any] = {}
     for key, value in tree.items():
-        nested = expanded(value, seen)
+        nested = expanded(value, visited)
         names = key.split(".") if isinstance(key, str) and "." in key.strip(".") else [key]
         for name in reversed(names[1:]):
             nested = {name: nested}
         old = result.get(names[0])
         result[names[0]] = overlaid(old, nested) if isinstance(old, Mapping) and isinstance(nested, Mapping) else nested
-    seen[id(tree)] = result
+    visited[id(tree)] = result
     return result
 
 
@@ -126,14 +126,14 @@ def repeated_keys(tree: Any, prefix: str = "", _seen: set[int] | None = None) ->
         tree: parameters as ``yaml_text.parse`` returned them.
         prefix: full name of the group, with a dot.
     """
-    seen = set() if _seen is None else _seen
-    if not isinstance(tree, Mapping) or id(tree) in seen:
+    visited = set() if _seen is None else _seen
+    if not isinstance(tree, Mapping) or id(tree) in visited:
         return
-    seen.add(id(tree))
+    visited.add(id(tree))
     if isinstance(tree, Group):
         yield from ((f"{prefix}{key}", line) for key, line in tree.repeated)
     for key, value in tree.items():
-        yield from repeated_keys(value, f"{prefix}{key}.", seen)
+        yield from repeated_keys(value, f"{prefix}{key}.", visited)
 
 
 def our_sections(

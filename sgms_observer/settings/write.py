@@ -67,15 +67,15 @@ def _normal_value(declared: Declared, raw: Any) -> Any:
     return str(value) if isinstance(value, str) else value
 
 
-def _normal_group(kind: type, tree: Any, apart: Mapping[str, Callable[[Any], Any]] | None = None) -> Any:
-    """Return a group of settings in normal form; ``apart`` rewrites the keys that no dataclass field declares."""
+def _normal_group(kind: type, tree: Any, rewriters: Mapping[str, Callable[[Any], Any]] | None = None) -> Any:
+    """Return a group of settings in normal form; ``rewriters`` rewrites the keys that no dataclass field declares."""
     if not isinstance(tree, Mapping):
         return {} if tree is None else tree
     settings, groups = declared_settings(kind), declared_sections(kind)
     result = {}
     for key, value in tree.items():
-        if isinstance(key, str) and apart and key in apart:
-            result[key] = apart[key](value)
+        if isinstance(key, str) and rewriters and key in rewriters:
+            result[key] = rewriters[key](value)
         elif isinstance(key, str) and key in settings:
             result[key] = _normal_value(settings[key], value)
         elif isinstance(key, str) and key in groups:
@@ -89,8 +89,8 @@ def _normal_axis(tree: Any, file_name: Callable[[str], str]) -> Any:
     """Return one axis in normal form."""
 
     def normal_stage(stage: Any) -> Any:
-        own = {"friction": lambda value: _normal_group(FrictionSettings, value), "effects": _normal_stage_effects}
-        result = _normal_group(declared_sections(AxisSettings)["stage"][0], stage, own)
+        rewriters = {"friction": lambda value: _normal_group(FrictionSettings, value), "effects": _normal_stage_effects}
+        result = _normal_group(declared_sections(AxisSettings)["stage"][0], stage, rewriters)
         reference = result.get("reference") if isinstance(result, Mapping) else None
         if isinstance(reference, dict) and isinstance(reference.get("file"), str) and reference["file"]:
             reference["file"] = file_name(reference["file"])
@@ -171,8 +171,8 @@ def updated_tree(tree: Mapping[Any, Any], axis: str, changes: Mapping[str, Any])
     for dotted, value in changes.items():
         keys = (*([axis] if axis else []), *dotted.split("."))
         holding = [place for place in places if _at(document, (*place, *keys)) is not _MISSING]
-        beside = [place for place in places if _at(document, (*place, keys[0])) is not _MISSING]
-        chosen = holding if value is None else holding[-1:] or [(beside or places)[-1]]
+        in_same_group = [place for place in places if _at(document, (*place, keys[0])) is not _MISSING]
+        chosen = holding if value is None else holding[-1:] or [(in_same_group or places)[-1]]
         for place in chosen:
             _put(document, (*place, *keys), value)
     return document
@@ -218,15 +218,15 @@ def tree_of(settings: Settings, catalogue: CatalogueSource = installed_catalogue
     known = catalogue(settings.effect_files) if any(a.effects or a.stage_effects for a in settings.axes) else {}
     tree: dict[str, Any] = {"axes": [axis.name for axis in settings.axes], **_group_tree(settings)}
     for axis in settings.axes:
-        own = _group_tree(axis)
-        own["effects"] = _effects_tree(axis.effects, known)
+        axis_tree = _group_tree(axis)
+        axis_tree["effects"] = _effects_tree(axis.effects, known)
         if axis.stage_friction is not None:
-            own["stage"]["friction"] = _group_tree(axis.stage_friction)
+            axis_tree["stage"]["friction"] = _group_tree(axis.stage_friction)
         if axis.stage_effects is not None:
-            own["stage"]["effects"] = (
+            axis_tree["stage"]["effects"] = (
                 _effects_tree(axis.stage_effects, known) if axis.stage_effects else {"names": [NO_EFFECT]}
             )
-        tree[axis.name] = own
+        tree[axis.name] = axis_tree
     return {"/**": {"ros__parameters": tree}}
 
 
@@ -341,6 +341,6 @@ def settings_text(
         comments: as for ``yaml_of``.
     """
     tree: dict[Any, Any] = settings.source or tree_of(settings)
-    for axis, own in changes.items():
-        tree = updated_tree(tree, axis, own)
+    for axis, axis_changes in changes.items():
+        tree = updated_tree(tree, axis, axis_changes)
     return yaml_of(tree, comments, read_from=Path(settings.folder).resolve(), to=Path(path).resolve().parent)

@@ -51,12 +51,12 @@ def _construct_group(loader: Any, node: Any) -> Any:
     """Yield a mapping, then fill it; PyYAML fills it late so that a tree may contain itself."""
     group = Group()
     yield group
-    seen: set[str] = set()
+    given_keys: set[str] = set()
     repeated = []
     for key, _ in node.value:
-        if isinstance(key, yaml.ScalarNode) and key.value in seen and key.value != "<<":
+        if isinstance(key, yaml.ScalarNode) and key.value in given_keys and key.value != "<<":
             repeated.append((key.value, key.start_mark.line + 1))
-        seen.add(key.value if isinstance(key, yaml.ScalarNode) else "")
+        given_keys.add(key.value if isinstance(key, yaml.ScalarNode) else "")
     group.repeated = tuple(repeated)
     group.update(loader.construct_mapping(node))
 
@@ -210,7 +210,7 @@ def comments_in(text: str) -> tuple[tuple[KeptComment, ...], tuple[str, ...]]:
 
 def with_comments(
     text: str,
-    kept: Sequence[KeptComment],
+    comments: Sequence[KeptComment],
     last: Sequence[str] = (),
     is_stale: Callable[[str], bool] = lambda line: False,
 ) -> str:
@@ -218,11 +218,11 @@ def with_comments(
 
     Args:
         text: the text, with remarks of its own.
-        kept: comments of the file that it was made from.
+        comments: comments of the file that it was made from.
         last: comments behind its last key.
         is_stale: whether a comment no longer holds where the key has a new remark.
     """
-    waiting = {one.name: one for one in kept}
+    waiting = {one.name: one for one in comments}
     lines: list[str] = []
     for line, name, indent in keyed_lines(text):
         one = waiting.pop(name, None) if name else None

@@ -49,8 +49,8 @@ TERMS = {
 """One spelling for each term."""
 
 CORE = (
-    "compensation", "diagnosis", "effects", "estimators", "filters", "formulas", "friction", "identification",
-    "observer", "offline", "report",
+    "bags", "bench", "cli", "compensation", "diagnosis", "effects", "estimators", "excitation", "export", "filters",
+    "fleet", "formulas", "friction", "identification", "observer", "offline", "paper", "report", "settings",
 )  # fmt: skip
 """Folders of ``sgms_observer`` whose names are checked below."""
 
