@@ -52,8 +52,19 @@ def test_pages_ask_for_nothing_from_a_network(site: Path) -> None:
         assert not [address for pair in loaded for address in pair if address.startswith(("http:", "https:", "//"))]
 
 
+def test_search_finds_pages_from_the_disk(site: Path, browser: Browser) -> None:
+    """As a reader types: one page first by its title, and a sentence where no page has all the words."""
+    links = "[...document.querySelectorAll('#mkdocs-search-results h3 a')]"
+    titles = f"{links}.map(link => [link.textContent, link.getAttribute('href')])"
+    *found, complaints = browser.press(site / "search.html", list("diagnose a recording"), [titles])
+    assert found[0] == [[]] and complaints == ()
+    assert found[-1][0][0] == ["Diagnose a recording", "diagnose.html"]
+    said = "document.getElementById('mkdocs-search-results').textContent"
+    assert browser.press(site / "search.html", list("xyzzy"), [said])[-2] == ["No page has all of these words."]
+
+
 def test_pages_read_well_in_a_browser(site: Path, browser: Browser) -> None:
-    pages = [page for page in sorted(site.rglob("*.html")) if page.name != "404.html"]
+    pages = [page for page in sorted(site.rglob("*.html")) if page.name not in ("404.html", "search.html")]
     assert pages
     for page in pages:
         check(browser, page)
