@@ -139,7 +139,7 @@ def _lengths(axis: AxisSettings, facts: AxisFacts) -> Iterator[str]:
     units, stroke = axis.units, facts.stroke
     if not stroke > 0.0:
         return
-    said = units.readable(stroke)
+    readable_stroke = units.readable(stroke)
     friction = axis.friction
     deflection = max(
         share * friction.static_force / stiffness
@@ -148,14 +148,14 @@ def _lengths(axis: AxisSettings, facts: AxisFacts) -> Iterator[str]:
     if deflection > stroke:
         yield (
             f"{axis.name}.friction.element_stiffness lets an element slip after {units.readable(deflection)}, further"
-            f" than the motion of {said}; raise the stiffness"
+            f" than the motion of {readable_stroke}; raise the stiffness"
         )
     reference = axis.stage.reference
     simulated = 2.0 * reference.amplitude if reference.kind == "sine" else reference.amplitude
     has_stroke = reference.kind in ("sine", "point_to_point") and simulated > 0.0
     if has_stroke and max(stroke / simulated, simulated / stroke) > MAX_STROKE_RATIO:
         yield (
-            f"{axis.name}.stage.reference spans {units.readable(simulated)}, the recording {said}; correct"
+            f"{axis.name}.stage.reference spans {units.readable(simulated)}, the recording {readable_stroke}; correct"
             " position_scale, or the reference"
         )
     for effect in axis.effects:
@@ -163,7 +163,7 @@ def _lengths(axis: AxisSettings, facts: AxisFacts) -> Iterator[str]:
             if parameter.name == "pitch" and abs(value) > stroke:
                 yield (
                     f"{axis.name}.effects.{effect.name}.pitch = {units.readable(abs(value))} is longer than the motion"
-                    f" of {said}; correct it, or record a longer motion"
+                    f" of {readable_stroke}; correct it, or record a longer motion"
                 )
     resolution = axis.stage.encoder.resolution
     if resolution > 0.0 and facts.encoder_step > 0.0:

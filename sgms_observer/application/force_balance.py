@@ -158,9 +158,9 @@ def fit_force_balance(recordings: Sequence[Recording], axis: AxisSettings, has_g
     velocity = matrix[:, 1]
     weights = np.zeros(width)
     weights[1:3] = float(np.mean(velocity**2)), float(np.mean(matrix[:, 2] * velocity))
-    seen = np.isfinite(np.diag(covariance))
-    variance = float(weights[seen] @ covariance[np.ix_(seen, seen)] @ weights[seen])
-    error = math.sqrt(max(variance, 0.0)) if np.all(seen[1:3]) else math.inf
+    is_observable = np.isfinite(np.diag(covariance))
+    variance = float(weights[is_observable] @ covariance[np.ix_(is_observable, is_observable)] @ weights[is_observable])
+    error = math.sqrt(max(variance, 0.0)) if np.all(is_observable[1:3]) else math.inf
     with_stiffness = [np.column_stack([part, one.position]) for one, part in zip(low, columns, strict=True)]
     return ForceBalance(corner, names, values, covariance, unexplained, float(weights @ values), error, deflection,
                         values[0] < 0.0 and _is_mass_negative(with_stiffness, [one.effort for one in low]))  # fmt: skip

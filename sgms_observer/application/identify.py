@@ -31,7 +31,7 @@ from sgms_observer.settings.write import settings_text
 from sgms_observer.settings.yaml_text import comments_in, with_comments
 from sgms_observer.whole_file import refuse_existing_files, try_folder, write_text
 
-LEAST_SQUARES = "least_squares"
+INVERSE_MODEL = "least_squares"
 HIGHEST_LEAST_SQUARES_CUTOFF = 100.0
 """Highest corner of the inverse dynamic model [Hz]: rigid bodies end there."""
 _PROVENANCE = "Identified by sgms identify"
@@ -157,7 +157,7 @@ def _identified(
     notes = (*pieces.notes, *unseen.notes)
     unexplained: float | None = None
     is_converged: bool | None = None
-    if job.model == LEAST_SQUARES:
+    if job.model == INVERSE_MODEL:
         cutoff = job.cutoff or min(HIGHEST_LEAST_SQUARES_CUTOFF, choose_band(pieces, axis).corner)
         answer, traces = _least_squares(pieces, unseen, axis, cutoff)
     else:
@@ -191,12 +191,12 @@ def _write(settings: Settings, job: IdentifyJob, hashes: Sequence[str], found: S
     changes = {axis.name: axis.answer.changes for axis in found}
     text = settings_text(settings, job.out, changes, remarks)
     try:
-        kept, last = comments_in(Path(job.config).read_text(encoding="utf-8"))
+        comments, last = comments_in(Path(job.config).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{job.config} cannot be read: {error}; check the path") from None
-    if kept and any(line.startswith(_PROVENANCE) for line in kept[0].above):
-        kept = (replace(kept[0], above=()), *kept[1:])
-    text = with_comments(text, kept, last, lambda comment: any(word in comment for word in _STALE))
+    if comments and any(line.startswith(_PROVENANCE) for line in comments[0].above):
+        comments = (replace(comments[0], above=()), *comments[1:])
+    text = with_comments(text, comments, last, lambda comment: any(word in comment for word in _STALE))
     head = _provenance(job.bags, hashes, sentences)
     write_text("\n".join(f"# {line}".rstrip() for line in head.splitlines()) + "\n" + text, job.out)
     load_settings(job.out)

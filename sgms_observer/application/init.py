@@ -162,7 +162,7 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
 def _effects(draft: AxisDraft) -> list[tuple[str, str]]:
     """Return the lines of the effects that a recording shows, or of none."""
     units = Units(draft.joint_type)
-    said = {
+    meanings = {
         "gravity": f"{units.effort} at the horizontal, and the angle from hanging down at position zero",
         "offset": units.effort,
     }
@@ -172,7 +172,7 @@ def _effects(draft: AxisDraft) -> list[tuple[str, str]]:
     ]
     for name, values in draft.effects.items():
         content = ", ".join(f"{key}: {number(value)}" for key, value in values.items())
-        lines.append((f"        {name}: {{{content}}}", f"{said[name]}; from the bag"))
+        lines.append((f"        {name}: {{{content}}}", f"{meanings[name]}; from the bag"))
     return lines
 
 

@@ -81,10 +81,10 @@ class Compilation:
         self.failure = ""
 
     def poll(self) -> bool:
-        """Start what can start, take in what was said, and return whether everything is over."""
+        """Start what can start, take in what was printed, and return whether everything is over."""
         for name, process in list(self._running.items()):
-            said = process.stdout.read() if process.stdout is not None else None
-            self._functions[name] = self._functions.get(name, 0) + (said or b"").count(b".")
+            output = process.stdout.read() if process.stdout is not None else None
+            self._functions[name] = self._functions.get(name, 0) + (output or b"").count(b".")
             if process.poll() is not None:
                 del self._running[name]
                 self._end(name, process.returncode)

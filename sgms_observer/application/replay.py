@@ -111,14 +111,15 @@ def replay_bag(
 
         expected = (last - first) * 1e-9 / settings.sample_period
         views = tuple(AxisView(axis, first, expected) for axis in settings.axes)
-    with _short_turns(), beside(_blocks_of_all_axes(source, names), _READ_AHEAD) as samples:
+    with _short_turns(), in_own_thread(_blocks_of_all_axes(source, names), _READ_AHEAD) as samples:
         from sgms_observer.observer.all_axes import AllAxes
         from sgms_observer.observer.outgoing import Outgoing
 
         observers = AllAxes(settings.axes, settings.sample_period)
         outgoing = Outgoing(settings)
         observed = ((block, observers.step(block)) for block in samples)
-        with BagWriter(out, storage, is_overwriting=is_overwriting) as written, beside(observed, _WAITING) as blocks:
+        writer = BagWriter(out, storage, is_overwriting=is_overwriting)
+        with writer as written, in_own_thread(observed, _WAITING) as blocks:
             for block, estimates in blocks:
                 for number, estimate in estimates.items():
                     tallies[names[number]].add(estimate)
@@ -175,7 +176,7 @@ def _short_turns() -> Iterator[None]:
 
 
 @contextmanager
-def beside(given: Iterable[Given], most: int) -> Iterator[Iterator[Given]]:
+def in_own_thread(given: Iterable[Given], most: int) -> Iterator[Iterator[Given]]:
     """Yield the items, in order, each made in a thread of its own that begins at once and ends with the block.
 
     The kernels, numpy and the files leave Python's lock alone, so that reading, estimating and writing share the cores.
@@ -260,12 +261,12 @@ class Tally:
         """Count a block of estimates."""
         import numpy as np
 
-        taken = np.isfinite(estimates.innovation)
-        innovation = estimates.innovation[taken]
-        self._samples += len(taken)
+        is_corrected = np.isfinite(estimates.innovation)
+        innovation = estimates.innovation[is_corrected]
+        self._samples += len(is_corrected)
         self._corrections += len(innovation)
         self._squares += float(np.sum(innovation**2))
-        self._nis += float(np.sum((innovation / estimates.innovation_std[taken]) ** 2))
+        self._nis += float(np.sum((innovation / estimates.innovation_std[is_corrected]) ** 2))
         for status, count in zip(*np.unique(estimates.status, return_counts=True), strict=True):
             self.statuses[int(status)] = self.statuses.get(int(status), 0) + int(count)
 

@@ -145,15 +145,15 @@ def _write_records(
 ) -> None:
     """Write what a real stage publishes, in topic units, and the truth in SI."""
     stamp_ns = records[0].stamp_ns
-    seen = [record.samples.in_topic_units(own) for record, own in zip(records, scales, strict=True)]
+    measured = [record.samples.in_topic_units(of_axis) for record, of_axis in zip(records, scales, strict=True)]
     # The reference first: a reader pairs position and effort as soon as it has both, and waits for no reference
     # that it has never heard of.
     bag.write_joint_states(
         "reference", stamp_ns, names,
-        position=_columns("reference_position", seen), velocity=_columns("reference_velocity", seen),
+        position=_columns("reference_position", measured), velocity=_columns("reference_velocity", measured),
     )  # fmt: skip
-    bag.write_joint_states("position", stamp_ns, names, position=_columns("position", seen))
-    bag.write_joint_states("control_effort", stamp_ns, names, effort=_columns("effort", seen))
+    bag.write_joint_states("position", stamp_ns, names, position=_columns("position", measured))
+    bag.write_joint_states("control_effort", stamp_ns, names, effort=_columns("effort", measured))
     bag.write_joint_states(
         "friction_true", stamp_ns, names,
         position=_columns("position", records), velocity=_columns("velocity", records),
@@ -166,9 +166,9 @@ def _write_estimates(
 ) -> None:
     """Write every ``publish_every``-th estimate of the run; ``first`` is the number of the block's first sample."""
     if publish_every > 1:
-        kept = slice(-first % publish_every, None, publish_every)
+        rows = slice(-first % publish_every, None, publish_every)
         estimates = [
-            replace(block, **{field.name: getattr(block, field.name)[kept] for field in fields(block)})
+            replace(block, **{field.name: getattr(block, field.name)[rows] for field in fields(block)})
             for block in estimates
         ]
     write_estimates(bag, names, estimates)

@@ -39,12 +39,12 @@ def start(name: str, description: str, kind: str, arguments: Sequence[str] | Non
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        own, ros = _split(given)
+        other_arguments, ros = _split(given)
         parser = SentenceParser(prog=name, description=description, epilog=_EPILOG)
         add = parser.add_argument
         add("--version", action="version", version=f"{name} {__version__}")
         add("--config", metavar="FILE", help="parameter file; the same as --ros-args --params-file FILE")
-        options = parser.parse_args(own)
+        options = parser.parse_args(other_arguments)
         if options.config:
             ros = ["--ros-args", "--params-file", options.config, "--", *ros]
         if importlib.util.find_spec("rclpy") is None:
@@ -76,11 +76,11 @@ def _run_checked(name: str, kind: str, ros: Sequence[str]) -> int:
 
 def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return the arguments for us and those for ROS: from ``--ros-args`` up to ``--`` or the end."""
-    own: list[str] = []
+    other_arguments: list[str] = []
     ros: list[str] = []
     is_ros = False
     for argument in arguments:
         is_ros = is_ros or argument == "--ros-args"
-        (ros if is_ros else own).append(argument)
+        (ros if is_ros else other_arguments).append(argument)
         is_ros = is_ros and argument != "--"
-    return own, ros
+    return other_arguments, ros

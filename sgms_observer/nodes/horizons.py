@@ -150,7 +150,7 @@ class HorizonExchange:
             if self._axes[number].compensation.enabled or had_force:
                 yield self._message(number, stamp, horizon)
 
-    def let_go(self, now_ns: int) -> Iterator[bytes]:
+    def released(self, now_ns: int) -> Iterator[bytes]:
         """Yield messages that bring what was given out to zero from now on, within the slew limit of each axis.
 
         Args:

@@ -70,7 +70,7 @@ class Intake:
         scales = scales_by_axis(axes)
         self.axes = tuple(scales)
         self.counts = IntakeCounts()
-        self.pairings = tuple(Pairing(sample_period, own) for own in scales.values())
+        self.pairings = tuple(Pairing(sample_period, scale) for scale in scales.values())
         self._known: dict[tuple[str, ...], _Places] = {}
         self._decoders = {topic: JointStateDecoder() for topic in ("position", "control_effort", "reference")}
 

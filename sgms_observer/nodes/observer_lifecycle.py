@@ -24,7 +24,7 @@ from sgms_observer.nodes.neighbours import Neighbours, without_compensation
 from sgms_observer.nodes.report import Report, scale_sentences
 from sgms_observer.nodes.statistics import Sentences
 from sgms_observer.nodes.topics import HORIZON_QOS, Outlets, subscribe
-from sgms_observer.nodes.watchdog import SHORTEST_PERIOD, Watchdog
+from sgms_observer.nodes.watchdog import MIN_PERIOD, Watchdog
 from sgms_observer.observer.outgoing import (
     PARAMETERS,
     REFERENCE_HORIZON,
@@ -124,7 +124,7 @@ class ObserverNode(ManagedNode):
         """Leave no compensation behind: to zero within the slew limit, and what is left after a second at once."""
         watchdog, begun = self._watchdog, time.monotonic()
         if self.context.ok() and self._engine is not None and self._outlets is not None:
-            self._outlets.give_horizons(self._engine.horizons.let_go(self.get_clock().now().nanoseconds))
+            self._outlets.give_horizons(self._engine.horizons.released(self.get_clock().now().nanoseconds))
         while self.context.ok() and watchdog is not None and any(watchdog.outputs):
             now = time.monotonic()
             forces = watchdog.silent(now, is_ending=True)
@@ -134,7 +134,7 @@ class ObserverNode(ManagedNode):
                     watchdog.feed(number, 0.0, now)
             self._publish_compensation(forces)
             if any(watchdog.outputs):
-                time.sleep(SHORTEST_PERIOD)
+                time.sleep(MIN_PERIOD)
             elif self._outlets is not None:
                 self._outlets.wait_acknowledged()
         self._watchdog = None

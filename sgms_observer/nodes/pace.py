@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from sgms_observer.compensation.horizon import Horizon
 
-LONGEST_CATCH_UP = 0.5
+MAX_CATCH_UP = 0.5
 """A clock that leaps further than this [s] was stopped, set or asleep: the samples in between are given up."""
 
-LONGEST_LAG_OF_FOLLOWER = 60.0
+MAX_LAG_OF_FOLLOWER = 60.0
 """The same for an axis that follows set-points: it may lag behind the clock, but what it is to follow must not leap."""
 
 AGE_SENTENCE = "the compensation arrived"
@@ -30,7 +30,7 @@ class Pace:
         longest_catch_up: samples that are due for longer than this are given up [s].
     """
 
-    def __init__(self, sample_period: float, start_ns: int, longest_catch_up: float = LONGEST_CATCH_UP) -> None:
+    def __init__(self, sample_period: float, start_ns: int, longest_catch_up: float = MAX_CATCH_UP) -> None:
         self._longest_ns = longest_catch_up * 1e9
         self._period_ns = sample_period * 1e9
         self._start_ns = start_ns

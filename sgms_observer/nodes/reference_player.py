@@ -83,7 +83,7 @@ def play_reference(
         begun = time.monotonic()
         samples = math.ceil((begun + _LEAD - clock.heard_at) / sample_period)
         start_ns = clock.stamp_ns + samples * round(sample_period * 1e9)
-        done, told, is_braking = 0, -math.inf, False
+        done, published, is_braking = 0, -math.inf, False
         while done < len(position):
             late = time.monotonic() - begun - done * period
             if (stop.is_set() or late > _LATEST) and not is_braking:
@@ -94,10 +94,10 @@ def play_reference(
                     np.append(old[:done], new) for old, new in zip((position, velocity), way, strict=True)
                 )
                 missed = max(0, int(late / period))  # what was not sent in time is left out, and the rest comes later
-                begun, start_ns, told = begun + missed * period, start_ns + round(missed * period * 1e9), -math.inf
+                begun, start_ns, published = begun + missed * period, start_ns + round(missed * period * 1e9), -math.inf
             now = time.monotonic() - begun
-            if now >= told + EVERY:
-                told = now
+            if now >= published + EVERY:
+                published = now
                 now_ns = start_ns + round((now - _LEAD) * 1e9)
                 set_points.tell_ahead(period, start_ns, now_ns, position, velocity)
             due = min(len(position), int((time.monotonic() - begun) / period) + 1)

@@ -71,10 +71,10 @@ def axis_entry(
 
 def _axis_sentences(entry: DiagnosticStatus, statistics: AxisStatistics, new: PairingCounts) -> list[str]:
     """Return everything that is to be said of an axis in the log, each sentence once."""
-    troubles = [status.sentence for status in sorted(statistics.seen) if _LEVELS.get(status, WARN) != OK]
+    troubles = [status.sentence for status in sorted(statistics.recent) if _LEVELS.get(status, WARN) != OK]
     troubles += [HIGH_NIS] if statistics.nis > MAX_NIS else []
-    told = [entry.message] if entry.level != OK else []
-    return list(dict.fromkeys([*new.sentences(), *troubles, *told]))
+    messages = [entry.message] if entry.level != OK else []
+    return list(dict.fromkeys([*new.sentences(), *troubles, *messages]))
 
 
 def scale_sentences(axes: Sequence[AxisSettings]) -> list[str]:

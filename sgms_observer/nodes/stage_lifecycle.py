@@ -20,7 +20,7 @@ from sgms_observer.bags.cdr import JointStateDecoder
 from sgms_observer.errors import DataError, SgmsError
 from sgms_observer.nodes.horizons import BEFORE, EVERY, decode_horizons, encode_reference
 from sgms_observer.nodes.lifecycle import ManagedNode
-from sgms_observer.nodes.pace import AGE_SENTENCE, LONGEST_CATCH_UP, LONGEST_LAG_OF_FOLLOWER, DueForces, Pace
+from sgms_observer.nodes.pace import AGE_SENTENCE, MAX_CATCH_UP, MAX_LAG_OF_FOLLOWER, DueForces, Pace
 from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe
 from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, REFERENCE_HORIZON, OutgoingBlock
 from sgms_observer.observer.samples import Samples
@@ -198,14 +198,14 @@ class StageNode(ManagedNode):
         Args:
             next_ns: stamp of the next sample [ns].
         """
-        reach = max(axis.compensation.horizon for axis in self.settings.axes)
-        if self._table is None or self._reference_ahead is None or reach == 0.0:
+        horizon = max(axis.compensation.horizon for axis in self.settings.axes)
+        if self._table is None or self._reference_ahead is None or horizon == 0.0:
             return
         is_due = not self._told_ns <= next_ns < self._told_ns + round(EVERY * 1e9)
         if not is_due or not self._reference_ahead.get_subscription_count():
             return
         self._told_ns = next_ns
-        time_ahead = np.arange(-BEFORE, reach + _BEYOND, _REFERENCE_STEP)
+        time_ahead = np.arange(-BEFORE, horizon + _BEYOND, _REFERENCE_STEP)
         motions = {
             axis.name: np.stack(stage.reference_ahead(time_ahead))
             for axis, stage in zip(self.settings.axes, self._table.stages, strict=True)
@@ -219,7 +219,7 @@ class StageNode(ManagedNode):
         turn = max(self.settings.sample_period, _SHORTEST_TURN)
         clock = self.get_clock()
         has_follower = any(stage.followed is not None for stage in self._working_table().stages)
-        longest = LONGEST_LAG_OF_FOLLOWER if has_follower else LONGEST_CATCH_UP
+        longest = MAX_LAG_OF_FOLLOWER if has_follower else MAX_CATCH_UP
         pace: Pace | None = None
         deadline = before = time.monotonic()
         while not self._must_stop.is_set() and self.context.ok():
@@ -252,18 +252,19 @@ class StageNode(ManagedNode):
         self._latest_ns = int(stamps[-1])
         axes = self.settings.axes
         names = tuple(axis.name for axis in axes)
-        own = [i for i, stage in enumerate(self._table.stages) if stage.followed is None]
-        seen = [record.samples.in_topic_units(axis.scales) for record, axis in zip(records, axes, strict=True)]
-        given = [seen[i] for i in own]
-        reference = {field: _columns(given, f"reference_{field}") for field in ("position", "velocity")} if own else {}
+        unfollowed = [i for i, stage in enumerate(self._table.stages) if stage.followed is None]
+        measured = [record.samples.in_topic_units(axis.scales) for record, axis in zip(records, axes, strict=True)]
+        given = [measured[i] for i in unfollowed]
+        fields_of = ("position", "velocity") if unfollowed else ()
+        reference = {field: _columns(given, f"reference_{field}") for field in fields_of}
         truth = {"position": "position", "velocity": "velocity", "effort": "friction"}
-        if own:
-            effort = np.stack([forces[i] for i in own], axis=1)
-            block = OutgoingBlock(REFERENCE, tuple(names[i] for i in own), stamps, {**reference, "effort": effort})
-            self._topics.publish(block)
+        if unfollowed:
+            effort = np.stack([forces[i] for i in unfollowed], axis=1)
+            own_names = tuple(names[i] for i in unfollowed)
+            self._topics.publish(OutgoingBlock(REFERENCE, own_names, stamps, {**reference, "effort": effort}))
         for topic, values in (
-            (POSITION, {"position": _columns(seen, "position")}),
-            (EFFORT, {"effort": _columns(seen, "effort")}),
+            (POSITION, {"position": _columns(measured, "position")}),
+            (EFFORT, {"effort": _columns(measured, "effort")}),
             (TRUTH, {field: _columns(records, name) for field, name in truth.items()}),
         ):
             self._topics.publish(OutgoingBlock(topic, names, stamps, values))

@@ -26,14 +26,14 @@ class AxisStatistics:
         samples: samples since the last report.
         total: samples since the start.
         totals: samples per ``Status`` since the start.
-        seen: statuses since the last report.
+        recent: statuses since the last report.
         latest: status of the latest sample.
     """
 
     samples: int = 0
     total: int = 0
     totals: dict[Status, int] = field(default_factory=dict)
-    seen: set[Status] = field(default_factory=set)
+    recent: set[Status] = field(default_factory=set)
     latest: Status = Status.STARTING
     _nis_sum: float = 0.0
     _nis_count: int = 0
@@ -54,7 +54,7 @@ class AxisStatistics:
             if count:
                 status = _STATUS[code]
                 self.totals[status] = self.totals.get(status, 0) + count
-                self.seen.add(status)
+                self.recent.add(status)
         self.latest = _STATUS[codes[-1]]
         corrected = np.isfinite(estimates.innovation) & (estimates.innovation_std > 0.0)
         if corrected.any():
@@ -66,7 +66,7 @@ class AxisStatistics:
         """Take in a live sample: nine times as quick as a block's way."""
         status = self.latest = _STATUS[code]
         self.totals[status] = self.totals.get(status, 0) + 1
-        self.seen.add(status)
+        self.recent.add(status)
         if math.isfinite(innovation) and deviation > 0.0:
             ratio = innovation / deviation
             self._nis_sum += ratio * ratio
@@ -75,7 +75,7 @@ class AxisStatistics:
     @property
     def worst(self) -> Status:
         """Return the worst status since the last report."""
-        return max(self.seen, default=Status.RUNNING)
+        return max(self.recent, default=Status.RUNNING)
 
     @property
     def rejected(self) -> int:
@@ -90,7 +90,7 @@ class AxisStatistics:
     def start_anew(self) -> None:
         """Begin the next report."""
         self.samples = 0
-        self.seen = {self.latest}
+        self.recent = {self.latest}
         self._nis_sum = 0.0
         self._nis_count = 0
 

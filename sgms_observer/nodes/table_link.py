@@ -208,7 +208,7 @@ class TableLink:
         playing = Playing(self._set_points, self._listener, motion, origin, self.lead)
         self._listener.span = playing.begin_ns + recorded * round(motion.period * 1e9), playing.end_ns
         self._listener.forget()
-        seen, is_resting = 0, False
+        checked, is_resting = 0, False
         try:
             while not self._listener.positions or self._listener.positions[-1][0] < playing.end_ns:
                 playing.send_due()
@@ -216,10 +216,10 @@ class TableLink:
                 if self._signals.first:
                     raise KeyboardInterrupt
                 self._raise_silence()
-                ready = self._listener.ready(seen)
-                if ready > seen:
-                    self._show(self._listener.positions[seen:ready], playing, motion.period, first, watch)
-                    seen = ready
+                ready = self._listener.ready(checked)
+                if ready > checked:
+                    self._show(self._listener.positions[checked:ready], playing, motion.period, first, watch)
+                    checked = ready
             else:
                 is_resting = True
                 self._spin_for(_LAST_SAMPLES if self._listener.is_recording else 0.0)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from sgms_observer.compensation.safety import SafetyStage
 from sgms_observer.settings.axis import AxisSettings
 
-SHORTEST_PERIOD = 0.005
+MIN_PERIOD = 0.005
 """The watchdog looks no more often than this [s]."""
 
 
@@ -42,7 +42,7 @@ class Watchdog:
     @property
     def period(self) -> float:
         """Return how often ``silent`` is to be called [s]."""
-        return max(min(watched.timeout for watched in self._watched) / 2.0, SHORTEST_PERIOD)
+        return max(min(watched.timeout for watched in self._watched) / 2.0, MIN_PERIOD)
 
     def configure(self, axes: Sequence[AxisSettings]) -> None:
         """Take other settings over; the forces stay where they are.

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sgms_observer.application.replay import beside
+from sgms_observer.application.replay import in_own_thread
 from sgms_observer.bags.source import BagReader
 from sgms_observer.cli.main import main
 
@@ -23,7 +23,7 @@ _CONFIG = """/**:
 
 def test_items_come_in_order_and_the_thread_ends() -> None:
     before = threading.active_count()
-    with beside(range(50), 2) as taken:
+    with in_own_thread(range(50), 2) as taken:
         assert list(taken) == list(range(50))
     assert threading.active_count() == before
 
@@ -34,11 +34,11 @@ def test_an_error_in_the_thread_is_raised_behind_the_items_before_it() -> None:
         raise OSError("gone")
 
     found = []
-    with beside(items(), 2) as taken, pytest.raises(OSError, match="gone"):
+    with in_own_thread(items(), 2) as taken, pytest.raises(OSError, match="gone"):
         for item in taken:
             found.append(item)
     assert found == [1]
-    with beside(items(), 2) as taken:
+    with in_own_thread(items(), 2) as taken:
         assert next(taken) == 1  # the error behind it is nobody's any more
 
 
@@ -52,7 +52,7 @@ def test_the_thread_begins_before_it_is_asked_and_stops_with_its_consumer() -> N
             yield number
 
     before = threading.active_count()
-    with beside(items(), 2) as taken:
+    with in_own_thread(items(), 2) as taken:
         assert has_begun.wait(10.0)
         assert next(taken) == 0
     assert threading.active_count() == before

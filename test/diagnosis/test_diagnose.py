@@ -1,5 +1,6 @@
 """``sgms diagnose`` from bags to files: a blind case, its truth opened only at the end."""
 
+import html
 import json
 import math
 import re
@@ -65,6 +66,15 @@ def test_report_is_self_contained(case: tuple[CasePaths, Path]) -> None:
     page = (case[1] / "report.html").read_text()
     assert "cogging" in page and "What these recordings could not show" in page
     assert 'src="http' not in page and 'href="http' not in page
+
+
+def test_a_doubt_about_the_predicted_tracking_is_among_the_warnings(case: tuple[CasePaths, Path]) -> None:
+    result = json.loads((case[1] / "result.json").read_text())
+    caution = result["tracking_predicted"]["caution"]
+    page = html.unescape((case[1] / "report.html").read_text())
+    above = page[: page.index("<h2>")]
+    assert "stage.controller" in caution, "the case's own loop is not the controller of its file"
+    assert caution in result["warnings"] and f"<p>Warning: {caution}.</p>" in above
 
 
 def test_report_asks_for_the_pitch_that_was_found(case: tuple[CasePaths, Path]) -> None:

@@ -49,8 +49,9 @@ TERMS = {
 """One spelling for each term."""
 
 CORE = (
-    "bags", "bench", "cli", "compensation", "diagnosis", "effects", "estimators", "excitation", "export", "filters",
-    "fleet", "formulas", "friction", "identification", "observer", "offline", "paper", "report", "settings",
+    "application", "bags", "bench", "cli", "compensation", "diagnosis", "effects", "estimators", "excitation", "export",
+    "filters", "fleet", "formulas", "friction", "identification", "nodes", "observer", "offline", "paper", "report",
+    "settings",
 )  # fmt: skip
 """Folders of ``sgms_observer`` whose names are checked below."""
 
@@ -70,6 +71,9 @@ NAMES = {
     r"own(ed)?": "whose it is: file_effects, errors_of_fit",
 }
 """Identifiers that are not used (a regular expression of the whole), and what is."""
+
+NOT_YET = ("nodes/axis_listener.py",)
+"""Files of these folders whose names are not changed yet."""
 
 MODULES = ("beside", "closing", "court", "kin", "learnt", "level", "moving", "state", "told", "twins")
 """Names that a module does not have: it has the noun of what lives there."""
@@ -134,7 +138,8 @@ def _bad_names(source: str) -> list[str]:
 
 @pytest.mark.parametrize("folder", CORE)
 def test_names_of_the_core_are_terms_of_the_field(folder: str) -> None:
-    paths = sorted((ROOT / "sgms_observer" / folder).glob("*.py"))
+    listed = sorted((ROOT / "sgms_observer" / folder).glob("*.py"))
+    paths = [path for path in listed if f"{folder}/{path.name}" not in NOT_YET]
     assert paths
     assert [path.name for path in paths if path.stem in MODULES] == []
     assert [f"{path.name}:{fault}" for path in paths for fault in _bad_names(path.read_text(encoding="utf-8"))] == []

@@ -16,7 +16,7 @@ from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bags.diagnostics_cdr import ERROR, WARN
 from sgms_observer.nodes.engine import Engine, parameter_changes
 from sgms_observer.nodes.intake import Intake, IntakeCounts
-from sgms_observer.nodes.pace import LONGEST_CATCH_UP, Pace
+from sgms_observer.nodes.pace import MAX_CATCH_UP, Pace
 from sgms_observer.nodes.report import NO_SAMPLES, axis_entry
 from sgms_observer.nodes.statistics import AxisStatistics, Growth, Sentences, StepClock
 from sgms_observer.nodes.transport import claim_domain
@@ -165,7 +165,7 @@ class TestPace:
     def test_a_leap_is_not_caught_up(self) -> None:
         pace = Pace(1.0e-3, 0)
         pace.due(0)
-        leap = int(3 * LONGEST_CATCH_UP * SECOND)
+        leap = int(3 * MAX_CATCH_UP * SECOND)
         assert pace.due(leap) == 1 and pace.skipped > 1000
         assert pace.stamp_ns(0) == leap
 
