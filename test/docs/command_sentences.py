@@ -21,6 +21,7 @@ AXES = "sgms_observer/settings/axis.py"
 
 NOT_MESSAGES = {
     "axis … moves between … and … for … s, at up to … and",
+    "not diagnosed yet",
     "identify the axis first, or record more motion",
     "record the position with a finer encoder, the motor's for example",
     "with … elements, low-pass … Hz",
@@ -28,7 +29,7 @@ NOT_MESSAGES = {
     "% of the rms … unexplained on held-out chunks",
     "% of the rms … unexplained on held-out bags",
 }
-"""What the scan finds beside them: a question before a motion, next experiments, and results of an identification."""
+"""What the scan finds beside them: a question before a motion, next experiments, and results."""
 
 _HEAD = re.compile(r"^(.*?)(?:[;:(]| - |\. (?=[A-Z])|$)")
 _FEWEST_LETTERS = 12
@@ -62,7 +63,11 @@ def beginning(sentence: str) -> str:
 
 
 def _sentences(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    inside = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+    for node in ast.walk(tree):
+        if id(node) in inside:
+            continue
         if isinstance(node, ast.Call) and node.args:
             function = _name(node.func)
             if function in (*ERRORS, "warn"):

@@ -72,7 +72,7 @@ NAMES = {
 }
 """Identifiers that are not used (a regular expression of the whole), and what is."""
 
-NOT_YET = ("nodes/axis_listener.py",)
+NOT_YET = ("cli/commission.py", "nodes/axis_listener.py")
 """Files of these folders whose names are not changed yet."""
 
 MODULES = ("beside", "closing", "court", "kin", "learnt", "level", "moving", "state", "told", "twins")
