@@ -103,14 +103,14 @@ def diagnose(
     state = state.converged().with_changes_of_lag(options.criteria)
     state = choose_element_freedom(state.converged(), options)
     warnings = list(audited.warnings)
-    if axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
-        warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
     file_state = state
     if audited.is_poor:
         report("refit of the file's own elements", LAST_SHARE)
         state, rounds, written = without_insignificant_effects(file_state, state, (), nominal, options)
     else:
         state, rounds, written = _search_and_prune(file_state, nominal, known_effects, options, report)
+    if axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
+        warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
     found = Diagnosis(
         nominal, known_effects, file_state, state, written, rounds, state.evaluation(options), audited.resolution,
         (*audited.notes, *notes_on_changes([*state.fit_motions, *state.held_out_motions])), tuple(warnings),
