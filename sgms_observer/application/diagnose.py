@@ -26,7 +26,7 @@ from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_lo
 from sgms_observer.diagnosis.result import write_augmented, write_result
 from sgms_observer.diagnosis.traces import traces_of
 from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
-from sgms_observer.diagnosis.workflow import diagnose
+from sgms_observer.diagnosis.workflow import diagnose_from, fitted_file
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recording, read_recordings
@@ -278,8 +278,9 @@ def _diagnosed(
         done = max(done, share)
         show(done)
 
+    file = fitted_file(learn, judge, axis, options, go_on)
     while True:
-        found = diagnose(learn, judge, axis, options, go_on)
+        found = diagnose_from(file, options, go_on)
         answer = answer_of(found, axis, options)
         if answer.doubtful:
             refused.append(max(answer.doubtful, key=lambda test: test.value))

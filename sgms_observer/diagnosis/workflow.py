@@ -62,14 +62,29 @@ NOT_SEARCHED = ("quantisation", *MAP_NAMES)
 """Effects that are not searched: the encoder resolution is measured directly, learnt maps are fitted at the end."""
 
 
-def diagnose(
-    records: Sequence[Recording],
-    holdouts: Sequence[Recording],
-    axis: AxisSettings,
-    options: Options,
-    report: Report = lambda text, share: None,
-) -> Diagnosis:
-    """Return the effects and changed values that the model of an axis misses.
+@dataclass(frozen=True)
+class FittedFile:
+    """The file refitted within its tolerance: where every search begins.
+
+    Attributes:
+        axis: settings with the nominal model.
+        nominal: the given model, without effects.
+        known_effects: effects of the file.
+        audited: what the recordings can show.
+        state: the fit.
+    """
+
+    axis: AxisSettings
+    nominal: Model
+    known_effects: tuple[EffectSettings, ...]
+    audited: audit.Audit
+    state: FitState
+
+
+def fitted_file(
+    records: Sequence[Recording], holdouts: Sequence[Recording], axis: AxisSettings, options: Options, report: Report
+) -> FittedFile:
+    """Return the file refitted to recordings.
 
     Args:
         records: recordings to learn from.
@@ -101,18 +116,39 @@ def diagnose(
         hidden_by_encoder=audited.hidden_by_encoder,
     )  # fmt: skip
     state = state.converged().with_changes_of_lag(options.criteria)
-    state = choose_element_freedom(state.converged(), options)
-    warnings = list(audited.warnings)
-    file_state = state
+    return FittedFile(axis, nominal, known_effects, audited, choose_element_freedom(state.converged(), options))
+
+
+def diagnose(
+    records: Sequence[Recording],
+    holdouts: Sequence[Recording],
+    axis: AxisSettings,
+    options: Options,
+    report: Report = lambda text, share: None,
+) -> Diagnosis:
+    """Return the effects and changed values that the model of an axis misses; arguments and error as above."""
+    return diagnose_from(fitted_file(records, holdouts, axis, options, report), options, report)
+
+
+def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnosis:
+    """Return the same from a file that is fitted already.
+
+    Args:
+        file: the fit to begin with.
+        options: options of the diagnosis.
+        report: called with the current step and the completed share.
+    """
+    audited, nominal = file.audited, file.nominal
     if audited.is_poor:
         report("refit of the file's own elements", LAST_SHARE)
-        state, rounds, written = without_insignificant_effects(file_state, state, (), nominal, options)
+        state, rounds, written = without_insignificant_effects(file.state, file.state, (), nominal, options)
     else:
-        state, rounds, written = _search_and_prune(file_state, nominal, known_effects, options, report)
-    if axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
+        state, rounds, written = _search_and_prune(file.state, nominal, file.known_effects, options, report)
+    warnings = list(audited.warnings)
+    if file.axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
     found = Diagnosis(
-        nominal, known_effects, file_state, state, written, rounds, state.evaluation(options), audited.resolution,
+        nominal, file.known_effects, file.state, state, written, rounds, state.evaluation(options), audited.resolution,
         (*audited.notes, *notes_on_changes([*state.fit_motions, *state.held_out_motions])), tuple(warnings),
         audited.is_poor,
     )  # fmt: skip
