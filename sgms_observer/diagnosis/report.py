@@ -170,8 +170,7 @@ def _answer(answer: Answer, units: Units) -> Section:
         f"Gap: measured minus predicted effort below {gap.band:.4g} Hz on {gap.held_out} data, rms, in % of the rms"
         f" measured effort. With the file refitted within its tolerance it is {gap.before:.3g} % (90 % interval"
         f" {low:.3g} to {high:.3g} %), with the effects and changed values {gap.after:.3g} % ({least:.3g} to"
-        f" {most:.3g} %)"
-        + (f", and with learnt maps {answer.gap_with_learnt:.3g} %." if answer.learnt else "."),
+        f" {most:.3g} %)" + (f", and with learnt maps {answer.gap_with_learnt:.3g} %." if answer.learnt else "."),
     ]
     for item in answer.effects:
         entry = effect(item.settings.name)

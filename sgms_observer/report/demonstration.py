@@ -16,7 +16,6 @@ MIN_RECORDED_SHARE = 0.95
 """Share of the samples that have an estimate, below which the figures do not stand for the whole run."""
 
 
-
 @dataclass(frozen=True)
 class Half:
     """Errors over one half of the run.
