@@ -79,8 +79,7 @@ def test_each_recording_has_its_own_lag() -> None:
     assert lags_of(*motions) == pytest.approx((0.1, HELD_LAG), abs=NEAR)
 
 
-@pytest.mark.parametrize("stiffness", [0.8, 1.25])
-@pytest.mark.parametrize("lag", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize(("stiffness", "lag"), [(0.8, 0.0), (0.8, 0.3), (1.25, 0.1)])
 def test_a_file_with_another_stiffness_does_not_move_the_lag(stiffness: float, lag: float) -> None:
     """The noise is that of a wrong file at first, in which a change of the lag is not sure yet."""
     source = record()
