@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+from c_build import needs
 
 from sgms_observer.cli.main import main
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 
 
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+@needs("gcc", "make")
 def test_c_folder_tests_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "drive"
     assert main(["export", str(CONFIG / "paper.yaml"), "--target", "c", "--out", str(folder)]) == 0
@@ -53,7 +53,7 @@ def test_axes_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert "an FMU holds one axis" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+@needs("cc")
 def test_without_a_compiler_an_fmu_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

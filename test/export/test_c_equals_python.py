@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from c_build import COMPILERS, SANITIZED, STRICT, assert_equal, can_sanitize, exported, run_vector
+from c_build import COMPILERS, SANITIZED, STRICT, assert_equal, can_sanitize, exported, needs, run_vector
 
 from sgms_observer.effects.catalogue import BUILT_IN, effect
 from sgms_observer.effects.effect import Effect, EffectParameter, flat_values
@@ -24,7 +23,7 @@ from sgms_observer.settings.axis import (
 from sgms_observer.settings.load import load_settings
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
-pytestmark = pytest.mark.skipif(None in (shutil.which("gcc"), shutil.which("make")), reason="needs gcc and make")
+pytestmark = needs("gcc", "make")
 
 AXIS = AxisSettings(
     estimator=EstimatorSettings(kind="ekf"), compensation=CompensationSettings(enabled=True, look_ahead=1.0e-3)

@@ -6,7 +6,6 @@ building against the real one is left to the machine that will run it (docs/expo
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from c_build import needs
 
 from sgms_observer.export.c_target import PACKAGE, c_files, controller_files
 from sgms_observer.settings.axis import AxisSettings, CompensationSettings, EstimatorSettings, Settings
@@ -122,7 +122,7 @@ def test_names_in_the_package_agree(tmp_path: Path) -> None:
     assert manager["friction_compensation"]["type"] == kind.get("name")
 
 
-@pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
+@needs("gcc", "g++")
 def test_the_controller_adds_the_compensation(tmp_path: Path) -> None:
     """Two axes, one of them counted backwards and in thousandths: both get the same compensation in their own units."""
     other = replace(AXIS, name="y", position_scale=1.0, effort_scale=-1e-3)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import shutil
 import zipfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from c_build import needs
 
 from sgms_observer.export.fmu_target import write_fmu
 from sgms_observer.export.fmu_variables import base_exponents
@@ -26,7 +26,7 @@ from sim_plant.reference import make_reference
 from sim_plant.stage import SimulatedStage
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install fmpy")
-pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+pytestmark = needs("cc")
 
 TOLERANCE = 1e-6
 NAMES = ("position", "velocity", "acceleration", "measured_position", "control_effort", "friction", "effect_force")

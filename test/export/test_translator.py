@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from c_build import assert_equal, exported
+from c_build import assert_equal, exported, needs
 
 from sgms_observer.effects import catalogue
 from sgms_observer.effects.effect import Effect, EffectParameter, Place
@@ -48,7 +47,7 @@ def user_effect(name: str, place: Place, output: Any, advance: Any = None, state
     return Effect(name, place, STRENGTH, "", "", "", (), "", output, advance, state)
 
 
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+@needs("gcc")
 def test_effects_of_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Constants, loops, choices and states of a user's formulas arrive in C."""
     entries = (
