@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
@@ -81,22 +82,33 @@ def test_plain_pyyaml_reads_the_shipped_files_alike(name: str) -> None:
     assert all(len({type(entry) for entry in found}) <= 1 for found in lists(tree))  # rcl takes no mixed lists
 
 
-def test_recording_is_deep_and_reliable() -> None:
+#: Every ROS node has these, and nobody records them for us.
+OF_ROS = {"/rosout", "/parameter_events", "/clock"}
+#: ros2_control's, in the place of position and control_effort.
+OF_ROS2_CONTROL = {"/joint_states"}
+
+
+def topics_of_nodes() -> set[str]:
+    """Return the topics of both nodes by the SROS 2 policy, which a test compares with the nodes on the graph."""
+    policy = ElementTree.parse(ROOT / "config" / "sros2" / "policy.xml").getroot()
+    found = set()
+    for node in ("observer_node", "stage_node"):
+        for entry in policy.iterfind(f"enclaves/enclave[@path='/sgms/{node}']/profiles/profile/topics/topic"):
+            name = entry.text or ""
+            found.add(f"/{node}{name[1:]}" if name.startswith("~/") else f"/{name.lstrip('/')}")
+    return {name for name in found - OF_ROS if not name.endswith("/transition_event")}
+
+
+def test_recording_is_deep_and_reliable_for_every_topic_of_the_nodes() -> None:
     profiles = yaml.safe_load((ROOT / "config" / "record_qos.yaml").read_text(encoding="utf-8"))
-    for topic in (
-        "position",
-        "control_effort",
-        "reference",
-        "friction_estimate",
-        "friction_std",
-        "friction_compensation",
-    ):
-        assert profiles[f"/{topic}"] == {
+    assert set(profiles) == topics_of_nodes() | OF_ROS2_CONTROL
+    for topic, profile in profiles.items():
+        assert profile == {
             "history": "keep_last",
-            "depth": 2000,
+            "depth": 100 if topic.endswith("_horizon") else 2000,
             "reliability": "reliable",
             "durability": "volatile",
-        }
+        }, topic
 
 
 def test_the_reference_page_is_current() -> None:
