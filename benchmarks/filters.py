@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sgms_observer.filters.differentiator import Differentiator
+from sgms_observer.filters.motion import LEAD
 from sgms_observer.observer.samples import Floats
 from sgms_observer.settings.axis import (
     AxisSettings,
@@ -104,7 +105,7 @@ def errors(settings: FilterSettings, readings: Readings, period: float) -> tuple
     motion = Differentiator(settings, period).step(readings.stamp_ns, readings.position, readings.effort)
     fine = readings.fine
     now = readings.stamp_ns * 1e-9
-    claimed = now - motion.lead_period.sum(axis=1)
+    claimed = now - motion.table[:, LEAD + motion.delay_samples :].sum(axis=1)
     good = motion.is_ready & (now > 0.1)
 
     def rms(value: Floats, truth: Floats, at: Floats) -> float:

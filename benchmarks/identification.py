@@ -14,6 +14,7 @@ import json
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,8 +25,22 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.reference import design_excitation
-from sgms_observer.identification.identify import Identification, IdentifyOptions, force_error, identify
-from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RHO, V_S, VISCOUS, Parameters
+from sgms_observer.identification.effect_terms import NO_EFFECTS
+from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
+from sgms_observer.identification.prepared import prepare_all
+from sgms_observer.identification.problem import (
+    DELAY,
+    ELEMENTS,
+    MASS,
+    OFFSET,
+    RATE,
+    RHO,
+    V_S,
+    VISCOUS,
+    ElementShape,
+    Parameters,
+    residual_and_jacobian,
+)
 from sgms_observer.offline.recording import Recording, recordings_from_samples
 from sgms_observer.settings.axis import (
     AxisSettings,
@@ -105,6 +120,31 @@ def truth(axis: AxisSettings) -> Parameters:
     scalars[RATE] = friction.attraction_rate / friction.coulomb_force
     level = friction.coulomb_force * np.array(friction.element_fraction)
     return Parameters(scalars, np.array(friction.element_stiffness), level)
+
+
+def force_error(
+    recordings: Sequence[Recording],
+    parameters: Parameters,
+    axis: AxisSettings,
+    model: str,
+    cutoff: float,
+) -> float:
+    """Return the rms force error of given parameters on recordings [N].
+
+    Args:
+        recordings: evenly sampled pieces.
+        parameters: the model; the true parameters give the floor.
+        axis: smoothing.
+        model: ``sgms`` or ``gms``.
+        cutoff: corner of the low-pass [Hz].
+    """
+    total, rows = 0.0, 0
+    for piece in prepare_all(recordings, cutoff, NO_EFFECTS):
+        mask = piece.settled(float(parameters.slip_deflection.max()))
+        residual, _jacobian = residual_and_jacobian(piece, parameters, ElementShape.of(axis.friction, model))
+        total += float(residual[mask] @ residual[mask])
+        rows += int(mask.sum())
+    return float(np.sqrt(total / rows))
 
 
 def judge(number: int, model: str, period: float, cutoff: float) -> dict[str, Any]:

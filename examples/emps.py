@@ -37,7 +37,7 @@ from sgms_observer.identification.least_squares import (
     InverseModelFit,
     decimate_from_end,
     fit_inverse_model,
-    inverse_model_error,
+    regression,
 )
 from sgms_observer.nodes.transport import claim_domain
 from sgms_observer.observer.axis_observer import AxisObserver
@@ -169,6 +169,17 @@ def published(recordings: dict[str, Recording]) -> list[str]:
         for name, error in errors.items()
     ]
     return lines
+
+
+def inverse_model_error(fit: InverseModelFit, recording: Recording) -> float:
+    """Return the relative force error of a fit on another recording: norm of the residual over norm of the force.
+
+    Args:
+        fit: fit to other recordings.
+        recording: the recording.
+    """
+    part = regression(recording, fit.names, fit.cutoff)
+    return float(np.linalg.norm(part.effort - part.regressor @ fit.values) / np.linalg.norm(part.effort))
 
 
 def _published_timing(recording: Recording) -> Recording:

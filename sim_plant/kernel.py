@@ -21,8 +21,8 @@ Integers = NDArray[np.int64]
 
 # Columns of what the kernel writes per sample.
 POSITION, VELOCITY, ACCELERATION, MEASURED, CONTROL, APPLIED, FRICTION, EFFECT = range(8)
-REFERENCE_POSITION, REFERENCE_VELOCITY, REFERENCE_ACCELERATION = range(8, 11)
-RECORDED = 11
+REFERENCE_POSITION, REFERENCE_VELOCITY = range(8, 10)
+RECORDED = 10
 
 # Rows of what a plan holds per tick (see plan.py).
 PLAN_POSITION, PLAN_VELOCITY, PLAN_ACCELERATION, PLAN_ENCODER_NOISE = range(4)
@@ -263,7 +263,6 @@ def run_samples(
                 recorded[k, FRICTION] = total
                 recorded[k, REFERENCE_POSITION] = tick_plan[PLAN_POSITION, column]
                 recorded[k, REFERENCE_VELOCITY] = tick_plan[PLAN_VELOCITY, column]
-                recorded[k, REFERENCE_ACCELERATION] = tick_plan[PLAN_ACCELERATION, column]
             for j in range(substeps):
                 sent = (tick * substeps + j - constants.delay_substeps) // substeps
                 arrived = memory.efforts[sent % ring] if sent >= 0 else 0.0

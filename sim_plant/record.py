@@ -32,7 +32,6 @@ class StageRecord:
         effort_applied: effort that reaches the mass just after the sample, without disturbances [N], shape (n,).
         reference_position: set-point [m], shape (n,).
         reference_velocity: velocity of the set-point [m/s], shape (n,).
-        reference_acceleration: acceleration of the set-point [m/s^2], shape (n,).
         friction: true friction of eq. 3 [N], shape (n,).
         element_force: true force of each element [N], shape (n, n_z).
         effect_force: true added force of the effects [N], shape (n,).
@@ -49,7 +48,6 @@ class StageRecord:
     effort_applied: Floats
     reference_position: Floats
     reference_velocity: Floats
-    reference_acceleration: Floats
     friction: Floats
     element_force: Floats
     effect_force: Floats
@@ -127,7 +125,6 @@ class RecordBuffer:
             effort_applied=columns[kernel.APPLIED],
             reference_position=columns[kernel.REFERENCE_POSITION],
             reference_velocity=columns[kernel.REFERENCE_VELOCITY],
-            reference_acceleration=columns[kernel.REFERENCE_ACCELERATION],
             friction=columns[kernel.FRICTION],
             element_force=self.element_force,
             effect_force=columns[kernel.EFFECT],

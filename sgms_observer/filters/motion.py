@@ -112,26 +112,6 @@ class Motion(NamedTuple):
         """Whether it restarted because the position jumped, by more than ``jump_speed`` allows."""
         return self.table[:, IS_JUMP] > 0.5
 
-    @property
-    def is_dense(self) -> NDArray[np.bool_]:
-        """Whether the sample came in less than half the sample period after the one before."""
-        return self.table[:, IS_DENSE] > 0.5
-
-    @property
-    def is_rejected(self) -> NDArray[np.bool_]:
-        """Whether the sample was not used: no finite position, or a stamp not after the previous one's."""
-        return self.table[:, IS_REJECTED] > 0.5
-
-    @property
-    def lead_velocity(self) -> Floats:
-        """Mean velocity over each of the L periods from the instant to the sample, oldest first [m/s], shape (n, L)."""
-        return self.table[:, LEAD : LEAD + self.delay_samples]
-
-    @property
-    def lead_period(self) -> Floats:
-        """Those periods [s], shape (n, L)."""
-        return self.table[:, LEAD + self.delay_samples :]
-
 
 def known_motion(period: Floats, velocity: Floats, acceleration: Floats) -> Motion:
     """Rows for a motion that is known rather than measured: no delay, always ready.

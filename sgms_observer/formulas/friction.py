@@ -56,27 +56,6 @@ def sgms_deflection_rate(velocity, u, smoothing_lambda, smoothing_zeta, reset_ga
     return velocity * (1.0 - slip_fraction(u, smoothing_lambda, smoothing_zeta, reset_gain) * u)
 
 
-def stick_force(force, velocity, period, stiffness):
-    """Force of a sticking element after one step (eq. 1) [N]."""
-    return force + stiffness * velocity * period
-
-
-def slip_decay(period, attraction_rate, level):
-    """Return the factor by which a slipping element's distance to the Stribeck curve shrinks (eq. 2, s const.)."""
-    return math.exp(-attraction_rate * period / level)
-
-
-def slip_force(force, direction, fraction, level, decay):
-    """Force of a slipping element after one step: eq. 2 solved in closed form for a constant level [N]."""
-    steady = direction * fraction * level
-    return steady + (force - steady) * decay
-
-
-def slip_deflection_rate(force, direction, fraction, level, attraction_rate, stiffness):
-    """Deflection rate of a slipping GMS element (eq. 2) [m/s]."""
-    return fraction / stiffness * attraction_rate * (direction - force / (fraction * level))
-
-
 def friction_output(element_forces, deflection_rates, element_damping, viscous_coefficient, velocity):
     """Friction force of eq. 3 [N]: element forces, element damping and the viscous term."""
     total = viscous_coefficient * velocity

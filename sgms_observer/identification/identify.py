@@ -9,9 +9,9 @@ import numpy as np
 
 from sgms_observer.errors import DataError
 from sgms_observer.identification.confidence import Confidence
-from sgms_observer.identification.effect_terms import NO_EFFECTS, EffectTerms, reason_fixed
+from sgms_observer.identification.effect_terms import EffectTerms, reason_fixed
 from sgms_observer.identification.prepared import MIN_PERIODS, prepare_all
-from sgms_observer.identification.problem import ElementShape, Parameters, residual_and_jacobian
+from sgms_observer.identification.problem import ElementShape, Parameters
 from sgms_observer.identification.selection import (
     Rows,
     by_deflection,
@@ -201,33 +201,6 @@ def _reasons(start: Start) -> dict[str, str]:
     reasons = {start.terms.names[number]: reason for number, reason in start.linear.reasons.items()}
     reasons |= {name: reason_fixed(name) for name in start.terms.names if reason_fixed(name)}
     return reasons | {item.name: _REASON_KEPT for item in start.terms.transforming}
-
-
-def force_error(
-    recordings: Sequence[Recording],
-    parameters: Parameters,
-    axis: AxisSettings,
-    model: str,
-    cutoff: float,
-) -> float:
-    """Return the rms force error of given parameters on recordings [N].
-
-    Args:
-        recordings: evenly sampled pieces.
-        parameters: the model; the true parameters give the floor.
-        axis: smoothing.
-        model: ``sgms`` or ``gms``.
-        cutoff: corner of the low-pass [Hz].
-    """
-    total, rows = 0.0, 0
-    for piece in prepare_all(recordings, cutoff, NO_EFFECTS):
-        mask = piece.settled(float(parameters.slip_deflection.max()))
-        residual, _jacobian = residual_and_jacobian(piece, parameters, ElementShape.of(axis.friction, model))
-        total += float(residual[mask] @ residual[mask])
-        rows += int(mask.sum())
-    if rows == 0:
-        raise DataError("these recordings never slide far enough for the elements to forget how they started")
-    return float(np.sqrt(total / rows))
 
 
 def long_enough(recordings: Sequence[Recording], cutoff: float) -> tuple[list[Recording], list[str]]:

@@ -199,14 +199,3 @@ def is_reversed(fit: InverseModelFit) -> bool:
         fit: symmetric fit.
     """
     return all(fit.value(name) < 0.0 for name in ("mass", "coulomb_force"))
-
-
-def inverse_model_error(fit: InverseModelFit, recording: Recording) -> float:
-    """Return the relative force error of a fit on another recording: norm of the residual over norm of the force.
-
-    Args:
-        fit: fit to other recordings.
-        recording: the recording.
-    """
-    part = regression(recording, fit.names, fit.cutoff)
-    return float(np.linalg.norm(part.effort - part.regressor @ fit.values) / np.linalg.norm(part.effort))

@@ -37,7 +37,6 @@ class Pace:
         self._done = 0
         self._latest_ns = start_ns
         self.skipped = 0
-        self.resets = 0
 
     def due(self, now_ns: int, most: int | None = None) -> int:
         """Return how many samples are due now, and count them as done.
@@ -47,7 +46,6 @@ class Pace:
             most: the samples beyond this many stay due; None for all of them.
         """
         if now_ns < self._latest_ns:
-            self.resets += 1
             self._anchor(now_ns)
         elif now_ns - self._next_ns() > self._longest_ns:
             self.skipped += int((now_ns - self._next_ns()) / self._period_ns)

@@ -49,16 +49,6 @@ class Band:
         return f"band 0 to {self.corner:.4g} Hz, limited by {self.limit}"
 
 
-def judging_band(recordings: Sequence[Recording], axis: AxisSettings) -> float:
-    """Return the upper corner of the band [Hz].
-
-    Args:
-        recordings: evenly sampled pieces of one axis.
-        axis: its settings; their mass counts only where the recordings do not show one.
-    """
-    return choose_band(recordings, axis).corner
-
-
 def choose_band(recordings: Sequence[Recording], axis: AxisSettings, cutoff: float = 0.0) -> Band:
     """Choose the band.
 

@@ -9,6 +9,7 @@ import pytest
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.filters.differentiator import Differentiator, effort_noise_gain, window_samples
+from sgms_observer.filters.motion import IS_DENSE, IS_REJECTED, LEAD
 from sgms_observer.settings.axis import FilterSettings
 
 KINDS = ("lowpass", "savgol", "kalman")
@@ -31,7 +32,7 @@ def seconds(stamp_ns: np.ndarray) -> np.ndarray:
 
 def instants(motion, stamp_ns: np.ndarray) -> np.ndarray:
     """Return the time of each row's instant: the sample's less what the lead periods bridge [s]."""
-    return seconds(stamp_ns) - motion.lead_period.sum(axis=1)
+    return seconds(stamp_ns) - motion.table[:, LEAD + motion.delay_samples :].sum(axis=1)
 
 
 @pytest.mark.parametrize("period", [1e-4, 1e-3])
@@ -139,7 +140,8 @@ def test_lead_velocities_bridge_the_delay(kind):
     t = seconds(ns)
     motion = Differentiator(FilterSettings(kind=kind), 1e-4).step(ns, 2e-4 * np.sin(2 * math.pi * 5 * t), 0 * t)
     ready = motion.is_ready & (np.arange(len(ns)) > 500)
-    travel = (motion.lead_velocity * motion.lead_period).sum(axis=1)
+    lead_velocity, lead_period = np.split(motion.table[:, LEAD:], 2, axis=1)
+    travel = (lead_velocity * lead_period).sum(axis=1)
     np.testing.assert_allclose((motion.position + travel)[ready], motion.present_position[ready], atol=2e-9)
     truth = 2e-4 * 10 * math.pi * np.cos(2 * math.pi * 5 * t)
     np.testing.assert_allclose(motion.present_velocity[ready], truth[ready], atol=3e-5)
@@ -173,7 +175,7 @@ def test_a_pause_restarts_and_a_bad_sample_is_rejected(kind):
     ns[150] = ns[149]
     motion = Differentiator(FilterSettings(kind=kind), 1e-4).step(ns, position, np.zeros(600))
     assert np.flatnonzero(motion.is_restart).tolist() == [400]
-    assert np.flatnonzero(motion.is_rejected).tolist() == [100, 150]
+    assert np.flatnonzero(motion.table[:, IS_REJECTED]).tolist() == [100, 150]
     assert not motion.is_ready[[100, 150]].any()
     assert motion.period[100] == 0.0
     assert motion.is_ready[399] and not motion.is_ready[400:405].any() and motion.is_ready[599]
@@ -191,8 +193,8 @@ def test_a_jump_and_a_clock_set_back_restart_and_dense_samples_are_marked(kind):
     motion = Differentiator(FilterSettings(kind=kind), 1e-4).step(ns, position, np.zeros(900))
     assert np.flatnonzero(motion.is_restart).tolist() == [200, 500]
     assert np.flatnonzero(motion.is_jump).tolist() == [200]
-    assert np.flatnonzero(motion.is_dense).tolist() == list(range(701, 900))
-    assert not motion.is_rejected.any()
+    assert np.flatnonzero(motion.table[:, IS_DENSE]).tolist() == list(range(701, 900))
+    assert not motion.table[:, IS_REJECTED].any()
     assert motion.is_ready[[199, 499]].all() and not motion.is_ready[[200, 500]].any()
     np.testing.assert_allclose(motion.velocity[[199, 499, 690]], 0.5, rtol=1e-4)
 
@@ -210,7 +212,7 @@ def test_the_papers_lowpass_is_the_textbook_one():
     np.testing.assert_allclose(motion.velocity[50:], velocity[50:], atol=1e-12)
     np.testing.assert_allclose(motion.acceleration[50:], np.diff(velocity)[49:] / period, atol=1e-8)
     np.testing.assert_array_equal(motion.effort[50:], np.cos(seconds(ns))[50:])
-    assert (motion.delay_samples, motion.lead_velocity.shape) == (0, (2000, 0))
+    assert (motion.delay_samples, motion.table.shape) == (0, (2000, LEAD))
 
 
 @pytest.mark.parametrize("kind", KINDS)

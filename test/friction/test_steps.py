@@ -49,7 +49,7 @@ def test_slopes_are_the_symbolic_ones(
 ) -> None:
     inputs = [force, sign * velocity, period, 12e6, 0.3, lam, 0.98, gain]
     after, *slopes = sgms_step_with_slopes(*inputs)
-    from sgms_observer.friction.symbolic import element_step
+    from symbolic_steps import element_step
 
     residual, exact = element_step()
     share = abs(inputs[1]) * period * 12e6 / 0.3
@@ -65,7 +65,7 @@ def test_slopes_are_the_symbolic_ones(
 @given(force=st.floats(-0.4, 0.4), velocity=st.floats(-0.1, 0.1), gain=st.floats(0.5, 200.0))
 def test_rate_is_the_symbolic_one(force: float, velocity: float, gain: float) -> None:
     value, by_force, by_level, by_gain = sgms_rate(force, velocity, 0.3, 1000.0, 0.98, gain)
-    from sgms_observer.friction.symbolic import element_rate
+    from symbolic_steps import element_rate
 
     rate, gradient = element_rate()([force, velocity if velocity != 0.0 else 0.0, 0.3, 1000.0, 0.98, gain])
     exact = np.array(gradient).ravel()
@@ -247,13 +247,14 @@ def test_three_backends_agree() -> None:
     np.testing.assert_allclose([float(function(v)) for v in speeds], plain, rtol=1e-15)
 
 
-def test_gms_closed_forms_are_the_formulas() -> None:
+def test_gms_closed_forms_are_eqs_1_and_2() -> None:
     stuck, mode = gms_step(0.1, 0, 1e-4, 1e-4, 1e6, 0.5, 4.0, 50.0)
-    assert mode == 0 and stuck == formulas.stick_force(0.1, 1e-4, 1e-4, 1e6)
+    assert mode == 0 and stuck == 0.1 + 1e6 * 1e-4 * 1e-4  # eq. 1
     slipping, mode = gms_step(1.5, 1, 1e-3, 1e-4, 1e6, 0.5, 4.0, 50.0)
-    decay = formulas.slip_decay(1e-4, 50.0, 4.0)
-    assert mode == 1 and math.isclose(slipping, formulas.slip_force(1.5, 1.0, 0.5, 4.0, decay), rel_tol=1e-15)
-    rate = formulas.slip_deflection_rate(1.5, 1.0, 0.5, 4.0, 50.0, 1e6)
+    steady = 0.5 * 4.0
+    relaxed = steady + (1.5 - steady) * math.exp(-50.0 * 1e-4 / 4.0)  # eq. 2, solved for a constant level
+    assert mode == 1 and math.isclose(slipping, relaxed, rel_tol=1e-15)
+    rate = 0.5 / 1e6 * 50.0 * (1.0 - 1.5 / steady)  # eq. 2, as a rate of the deflection
     assert math.isclose(gms_rate(1.5, 1, 1e-3, 1e6, 0.5, 4.0, 50.0)[0], rate, rel_tol=1e-15)
 
 

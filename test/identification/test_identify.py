@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from sgms_observer.errors import DataError
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.reference import Excitation, design_excitation
 from sgms_observer.identification.answer import identification_answer
-from sgms_observer.identification.identify import Identification, IdentifyOptions, force_error, identify
+from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
 from sgms_observer.identification.problem import ELEMENTS, RELAXATION, Parameters
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.offline.recording import Recording, recordings_from_samples
@@ -32,6 +34,7 @@ from sgms_observer.settings.write import write_settings
 from sim_plant.closed_loop import ClosedLoop
 from sim_plant.table import SimulatedTable
 
+ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 2.5e-4
 TRUE = AxisSettings(
     mass=10.0,
@@ -127,11 +130,20 @@ def test_intervals_hold_the_truth(result: Identification) -> None:
     assert np.mean(inside) >= 0.8
 
 
+def _benchmark() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("identification_benchmark", ROOT / "benchmarks" / "identification.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 def test_force_error_on_another_recording_is_at_the_floor_of_the_truth(
     result: Identification, period: float, tmp_path: Path
 ) -> None:
     """The same reference with other noise: within 10 % of what noise and model leave to the true parameters."""
     judged = _excited(tmp_path, period, seed=77)
+    force_error = _benchmark().force_error
     floor = force_error(judged, _truth(), START, "sgms", result.cutoff)
     assert force_error(judged, result.parameters, START, "sgms", result.cutoff) <= 1.10 * floor
 

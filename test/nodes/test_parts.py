@@ -173,7 +173,7 @@ class TestPace:
         pace = Pace(1.0e-3, 10 * SECOND)
         pace.due(11 * SECOND // 1)
         assert pace.due(2 * SECOND) == 1
-        assert pace.resets == 1 and pace.stamp_ns(0) == 2 * SECOND
+        assert pace.done == 1 and pace.stamp_ns(0) == 2 * SECOND
 
 
 class TestOutgoing:
