@@ -8,7 +8,7 @@ import numpy as np
 
 from sgms_observer.bench.problem import Floats, Problem, improve
 from sgms_observer.estimators.descent import IMPROVED
-from sgms_observer.estimators.memory import COUNT, TOLERANCE, views
+from sgms_observer.estimators.memory import COUNT, TOLERANCE, Memory
 from sgms_observer.estimators.reference import WindowProgramme
 
 _MAX_ITERATIONS = 60
@@ -36,7 +36,7 @@ class Accuracy:
 
 def newest_force(flat: Floats) -> float:
     """Return the sum of the element forces at the window's newest node [N]."""
-    memory = views(flat)
+    memory = Memory(flat)
     return float(memory.forces[int(memory.flags[COUNT])].sum())
 
 

@@ -26,7 +26,7 @@ from sgms_observer.estimators.layout import (
     model_arrays,
     parameter_arrays,
 )
-from sgms_observer.estimators.memory import EKF_NEXT, STARTED, Memory, Sizes, Tuning, allocate, forget, views
+from sgms_observer.estimators.memory import EKF_NEXT, STARTED, Memory, Sizes, Tuning, allocate, forget
 from sgms_observer.filters.motion import Motion
 from sgms_observer.settings.axis import EstimatorSettings, FrictionSettings
 
@@ -151,7 +151,7 @@ class Estimator:
     @property
     def memory(self) -> Memory:
         """Return views into the memory of the estimator."""
-        return views(self.flat)
+        return Memory(self.flat)
 
     def reset(self) -> None:
         """Forget everything, including the estimated parameters."""

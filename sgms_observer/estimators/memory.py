@@ -20,24 +20,99 @@ N_Z, N_P, HORIZON, INTERVAL = range(4)
 IS_MHE, ITERATIONS, TOLERANCE, VARIANCE, WALK, BETA, OUTLIER_NIS, HOLDS_MODES = range(4, 12)
 COUNT, SAMPLES, EKF_NEXT, STARTED, HEADER = range(12, 17)
 
-# Fields: the model as it was given, then what evolves
-(
-    NOMINAL_SCALARS, NOMINAL_ELEMENTS, KINDS, SCALE, START, LOWER, UPPER, PROCESS, INITIAL,
-    X_HAT, COVARIANCE, SLIP, NOW, NOW_SLIP, NOW_A, NOW_B, NOW_VELOCITY, NOW_PERIOD, NOW_FACTOR, NOW_BRANCHES,
-    STEP_A, STEP_B,
-    SCALARS, ELEMENTS,
-    PRIOR, PRIOR_COVARIANCE, FORCES, SLIPS, P, VELOCITIES, PERIODS, FACTORS, BRANCHES, ENDS, END_SLIPS, A, B,
-    MEASUREMENTS, ROWS, RESIDUALS,
-    TRIAL_FORCES, TRIAL_P, TRIAL_ENDS, TRIAL_END_SLIPS, TRIAL_A, TRIAL_B, TRIAL_ROWS, TRIAL_RESIDUALS,
-    DEVIATIONS, COVARIANCES, GAINS, INNOVATIONS, INNOVATION_COVARIANCES, ACTIVE, STEPS,
-    RECORD, PREDICTED, PREDICTED_ROW, LEAD, LEAD_SLIP, PRIOR_FACTOR, WORK, ADJOINT, UNIT,
-    FIELDS,
-) = range(65)  # fmt: skip
-
 # entries of one measurement record
 EFFORT, VELOCITY, ACCELERATION, FACTOR, IS_USED, LEVEL, MEASUREMENT_SIZE = range(7)
 
 PLACE = 4  # numbers behind the header per field: where it starts, and its lengths
+
+_TABLE: dict[str, tuple[str, ...]] = {}
+
+
+def _field(name: str, *shape: str) -> int:
+    """Add a field to the table and return its number.
+
+    Args:
+        name: that of its constant; ``Memory`` has it in small letters.
+        shape: its lengths, by their names in ``allocate``.
+    """
+    _TABLE[name.lower()] = shape
+    return len(_TABLE) - 1
+
+
+# The table of fields: number, name, shape, meaning. Node k = 0..N, interval k leads from node k to k + 1.
+# The model as it was given; see layout.py. ``allocate`` fills these.
+NOMINAL_SCALARS = _field("NOMINAL_SCALARS", "scalars")
+NOMINAL_ELEMENTS = _field("NOMINAL_ELEMENTS", "rows", "n")
+KINDS = _field("KINDS", "p")  # which parameters are estimated: layout.ParameterArrays
+SCALE = _field("SCALE", "p")
+START = _field("START", "p")
+LOWER = _field("LOWER", "p")
+UPPER = _field("UPPER", "p")
+PROCESS = _field("PROCESS", "n")  # variances of Q per interval
+INITIAL = _field("INITIAL", "d")  # initial variances of x
+# What evolves; ``forget`` empties these.
+X_HAT = _field("X_HAT", "d")  # newest corrected estimate of (element forces [N], p)
+COVARIANCE = _field("COVARIANCE", "d", "d")  # its covariance
+SLIP = _field("SLIP", "n")  # GMS modes at the newest correction
+NOW = _field("NOW", "n")  # element forces at the newest sample [N]
+NOW_SLIP = _field("NOW_SLIP", "n")  # modes at the newest sample
+NOW_A = _field("NOW_A", "n")  # d now / d x_hat forces (diagonal)
+NOW_B = _field("NOW_B", "n", "p")  # d now / d p
+NOW_VELOCITY = _field("NOW_VELOCITY", "m")  # steps since the last correction
+NOW_PERIOD = _field("NOW_PERIOD", "m")
+NOW_FACTOR = _field("NOW_FACTOR", "m")
+NOW_BRANCHES = _field("NOW_BRANCHES", "m", "n")  # branch of each step and element (GMS with held modes)
+STEP_A = _field("STEP_A", "n")  # d now / d (now one sample before) of the latest step
+STEP_B = _field("STEP_B", "n", "p")  # d now / d p of the latest step
+SCALARS = _field("SCALARS", "scalars")  # the model with p applied; see layout.py
+ELEMENTS = _field("ELEMENTS", "rows", "n")
+# The window of the MHE.
+PRIOR = _field("PRIOR", "d")  # arrival state
+PRIOR_COVARIANCE = _field("PRIOR_COVARIANCE", "d", "d")  # arrival covariance
+FORCES = _field("FORCES", "nodes", "n")  # element forces at the nodes [N]
+SLIPS = _field("SLIPS", "nodes", "n")  # modes at the nodes
+P = _field("P", "p")  # parameters of the window
+VELOCITIES = _field("VELOCITIES", "N", "m")  # steps of the intervals
+PERIODS = _field("PERIODS", "N", "m")
+FACTORS = _field("FACTORS", "N", "m")
+BRANCHES = _field("BRANCHES", "N", "m", "n")  # now_branches of the intervals
+ENDS = _field("ENDS", "N", "n")  # Phi of each interval
+END_SLIPS = _field("END_SLIPS", "N", "n")  # modes at the end of each interval
+A = _field("A", "N", "n")  # linearisation of each interval
+B = _field("B", "N", "n", "p")
+MEASUREMENTS = _field("MEASUREMENTS", "nodes", "record")  # record at each node
+ROWS = _field("ROWS", "nodes", "d")  # H at each node
+RESIDUALS = _field("RESIDUALS", "nodes")  # measured minus modelled effort at each node [N]
+# The window at a trial point, laid out as its namesakes.
+TRIAL_FORCES = _field("TRIAL_FORCES", "nodes", "n")
+TRIAL_P = _field("TRIAL_P", "p")
+TRIAL_ENDS = _field("TRIAL_ENDS", "N", "n")
+TRIAL_END_SLIPS = _field("TRIAL_END_SLIPS", "N", "n")
+TRIAL_A = _field("TRIAL_A", "N", "n")
+TRIAL_B = _field("TRIAL_B", "N", "n", "p")
+TRIAL_ROWS = _field("TRIAL_ROWS", "nodes", "d")
+TRIAL_RESIDUALS = _field("TRIAL_RESIDUALS", "nodes")
+# The subproblem.
+DEVIATIONS = _field("DEVIATIONS", "nodes", "d")  # filtered, at each node
+COVARIANCES = _field("COVARIANCES", "nodes", "d", "d")
+GAINS = _field("GAINS", "nodes", "e", "d")  # one per node and measurement slot
+INNOVATIONS = _field("INNOVATIONS", "nodes", "e")
+INNOVATION_COVARIANCES = _field("INNOVATION_COVARIANCES", "nodes", "e")
+ACTIVE = _field("ACTIVE", "nodes", "d")  # -1, 0 or 1 where a bound holds
+STEPS = _field("STEPS", "nodes", "d")  # solution of the subproblem
+# One measurement, and scratch.
+RECORD = _field("RECORD", "record")  # the measurement being taken in
+PREDICTED = _field("PREDICTED", "d", "d")  # covariance at that measurement before it is used
+PREDICTED_ROW = _field("PREDICTED_ROW", "d")  # H there
+LEAD = _field("LEAD", "n")  # forces on the way from the delayed instant to the present
+LEAD_SLIP = _field("LEAD_SLIP", "n")  # modes on that way
+PRIOR_FACTOR = _field("PRIOR_FACTOR", "d", "d")  # Cholesky factor of prior_covariance
+WORK = _field("WORK", "d")
+ADJOINT = _field("ADJOINT", "d")
+UNIT = _field("UNIT", "d")
+
+NAMES = tuple(_TABLE)
+"""Names of the fields in small letters, by their numbers."""
 
 
 class Sizes(NamedTuple):
@@ -78,134 +153,28 @@ class Tuning(NamedTuple):
     holds_modes: bool
 
 
-class Memory(NamedTuple):
-    """Views into the flat array. n = n_z, p = n_p, d = n + p; node k = 0..N, interval k leads from node k to k + 1.
+class Memory:
+    """Views into a memory by the names of its fields, for Python; kernels look up the fields that they use.
+
+    Args:
+        flat: the memory.
 
     Attributes:
         flags: the header, see the names above.
-        nominal_scalars, nominal_elements: the model without p; see layout.py.
-        kinds, scale, start, lower, upper: which parameters are estimated; see ``layout.ParameterArrays``.
-        process: variances of Q per interval, shape (n,).
-        initial: initial variances of x, shape (d,).
-        x_hat: newest corrected estimate of (element forces [N], p); shape (d,).
-        covariance: its covariance, shape (d, d).
-        slip: GMS modes at the newest correction, shape (n,).
-        now: element forces at the newest sample [N], shape (n,).
-        now_slip: modes at the newest sample, shape (n,).
-        now_a: d now / d x_hat forces (diagonal), shape (n,).
-        now_b: d now / d p, shape (n, p).
-        now_velocity, now_period, now_factor: steps since the last correction, shape (m,).
-        now_branches: branch of each of these steps and each element (GMS with held modes), shape (m, n).
-        step_a, step_b: d now / d (now one sample before) and / d p of the latest step, shapes (n,), (n, p).
-        scalars, elements: the model with p applied; see layout.py.
-        prior: arrival state, shape (d,).
-        prior_covariance: arrival covariance, shape (d, d).
-        forces: element forces at the nodes [N], shape (N + 1, n).
-        slips: modes at the nodes, shape (N + 1, n).
-        p: parameters of the window, shape (p,).
-        velocity, period, factor: steps of the intervals, shape (N, m).
-        branches: now_branches of the intervals, shape (N, m, n).
-        ends: Phi of each interval, shape (N, n).
-        end_slips: modes at the end of each interval, shape (N, n).
-        a, b: linearisation of each interval, shapes (N, n), (N, n, p).
-        measurements: record at each node, shape (N + 1, MEASUREMENT_SIZE).
-        rows: H at each node, shape (N + 1, d).
-        residuals: measured minus modelled effort at each node [N], shape (N + 1,).
-        trial_forces ... trial_residuals: the window at a trial point, laid out as their namesakes.
-        deviations, covariances: filtered, at each node; shapes (N + 1, d), (N + 1, d, d).
-        gains, innovations, innovation_covariances: one per node and measurement slot; shapes (N + 1, d + 1, d) and
-            (N + 1, d + 1).
-        active: -1, 0 or 1 where a bound holds, shape (N + 1, d).
-        steps: solution of the subproblem, shape (N + 1, d).
-        record: the measurement being taken in, shape (MEASUREMENT_SIZE,).
-        predicted, predicted_row: covariance and H at that measurement before it is used, shapes (d, d), (d,).
-        lead, lead_slip: forces and modes on the way from the delayed instant to the present, shape (n,).
-        prior_factor: Cholesky factor of prior_covariance, shape (d, d).
-        work, adjoint, unit: scratch, shape (d,).
     """
 
-    flags: Floats
-    nominal_scalars: Floats
-    nominal_elements: Floats
-    kinds: Floats
-    scale: Floats
-    start: Floats
-    lower: Floats
-    upper: Floats
-    process: Floats
-    initial: Floats
-    x_hat: Floats
-    covariance: Floats
-    slip: Floats
-    now: Floats
-    now_slip: Floats
-    now_a: Floats
-    now_b: Floats
-    now_velocity: Floats
-    now_period: Floats
-    now_factor: Floats
-    now_branches: Floats
-    step_a: Floats
-    step_b: Floats
-    scalars: Floats
-    elements: Floats
-    prior: Floats
-    prior_covariance: Floats
-    forces: Floats
-    slips: Floats
-    p: Floats
-    velocity: Floats
-    period: Floats
-    factor: Floats
-    branches: Floats
-    ends: Floats
-    end_slips: Floats
-    a: Floats
-    b: Floats
-    measurements: Floats
-    rows: Floats
-    residuals: Floats
-    trial_forces: Floats
-    trial_p: Floats
-    trial_ends: Floats
-    trial_end_slips: Floats
-    trial_a: Floats
-    trial_b: Floats
-    trial_rows: Floats
-    trial_residuals: Floats
-    deviations: Floats
-    covariances: Floats
-    gains: Floats
-    innovations: Floats
-    innovation_covariances: Floats
-    active: Floats
-    steps: Floats
-    record: Floats
-    predicted: Floats
-    predicted_row: Floats
-    lead: Floats
-    lead_slip: Floats
-    prior_factor: Floats
-    work: Floats
-    adjoint: Floats
-    unit: Floats
+    def __init__(self, flat: Floats) -> None:
+        self.flags = flat[:HEADER]
+        self._flat = flat
 
-
-def _shapes(sizes: Sizes) -> tuple[tuple[int, ...], ...]:
-    """Return the shape of every field, in the fields' order."""
-    n, p, h, m = sizes
-    d, w, r = n + p, h + 1, MEASUREMENT_SIZE
-    return (
-        (MODEL_SIZE,), (3, n), (p,), (p,), (p,), (p,), (p,), (n,), (d,),
-        (d,), (d, d), (n,), (n,), (n,), (n,), (n, p), (m,), (m,), (m,), (m, n),
-        (n,), (n, p),
-        (MODEL_SIZE,), (3, n),
-        (d,), (d, d), (w, n), (w, n), (p,), (h, m), (h, m), (h, m), (h, m, n), (h, n), (h, n), (h, n), (h, n, p),
-        (w, r), (w, d), (w,),
-        (w, n), (p,), (h, n), (h, n), (h, n), (h, n, p), (w, d), (w,),
-        (w, d), (w, d, d), (w, d + 1, d), (w, d + 1), (w, d + 1), (w, d), (w, d),
-        (r,), (d, d), (d,), (n,), (n,), (d, d), (d,), (d,), (d,),
-    )  # fmt: skip
+    def __getattr__(self, name: str) -> Floats:
+        """Return the view of a field; ``memory.forces`` is that of ``FORCES``."""
+        if name not in _TABLE:
+            raise AttributeError(f"an estimator's memory has no field {name!r}")
+        place = HEADER + PLACE * NAMES.index(name)
+        start = int(self._flat[place])
+        shape = [int(length) for length in self._flat[place + 1 : place + 1 + len(_TABLE[name])]]
+        return self._flat[start : start + math.prod(shape)].reshape(shape)
 
 
 def allocate(sizes: Sizes, tuning: Tuning, fixed: Sequence[Floats]) -> Floats:
@@ -216,30 +185,26 @@ def allocate(sizes: Sizes, tuning: Tuning, fixed: Sequence[Floats]) -> Floats:
         tuning: its settings.
         fixed: the fields before ``X_HAT``: nominal model, parameters, process and initial variances.
     """
-    shapes = _shapes(sizes)
-    flat = np.zeros(HEADER + PLACE * FIELDS + sum(math.prod(shape) for shape in shapes))
+    d = sizes.augmented
+    lengths = {
+        "scalars": MODEL_SIZE, "rows": 3, "record": MEASUREMENT_SIZE,
+        "n": sizes.n_z, "p": sizes.n_p, "d": d, "e": d + 1,
+        "m": sizes.samples, "N": sizes.horizon, "nodes": sizes.horizon + 1,
+    }  # fmt: skip
+    shapes = [[lengths[length] for length in shape] for shape in _TABLE.values()]
+    start = HEADER + PLACE * len(shapes)
+    flat = np.zeros(start + sum(math.prod(shape) for shape in shapes))
     flat[: len(sizes)] = sizes
     flat[IS_MHE : IS_MHE + len(tuning)] = tuning
-    start = HEADER + PLACE * FIELDS
     for field, shape in enumerate(shapes):
         place = HEADER + PLACE * field
         flat[place] = start
         flat[place + 1 : place + 1 + len(shape)] = shape
         start += math.prod(shape)
-    memory = views(flat)
-    for target, source in zip(memory[1:], fixed, strict=False):
-        target[...] = source
+    memory = Memory(flat)
+    for name, source in zip(NAMES[:X_HAT], fixed, strict=True):
+        getattr(memory, name)[...] = source
     return flat
-
-
-def views(flat: Floats) -> Memory:
-    """Return the views into a memory, for Python; kernels look up the fields that they use."""
-    sizes = Sizes(*(int(size) for size in flat[: INTERVAL + 1]))
-    found = []
-    for field, shape in enumerate(_shapes(sizes)):
-        start = int(flat[HEADER + PLACE * field])
-        found.append(flat[start : start + math.prod(shape)].reshape(shape))
-    return Memory(flat[:HEADER], *found)
 
 
 def forget(flat: Floats) -> None:

@@ -225,8 +225,8 @@ class WindowProgramme:
         """Add every step of interval k and return the forces at its end."""
         memory = self._memory
         value = np.array(memory.forces[k])
-        for j in range(memory.velocity.shape[1]):
-            velocity, period, factor = (float(row[k, j]) for row in (memory.velocity, memory.period, memory.factor))
+        for j in range(memory.velocities.shape[1]):
+            velocity, period, factor = (float(row[k, j]) for row in (memory.velocities, memory.periods, memory.factors))
             if velocity == 0.0:
                 continue
             advance_forces(memory.scalars, memory.elements, value, np.zeros(len(value)), velocity, period, factor)

@@ -115,12 +115,12 @@ def constant_text(name: str, kind: Scalar, data: NDArray[Any]) -> str:
 
 def estimator_record(memory: Memory, flat: NDArray[np.float64]) -> Record:
     """Return the estimator's memory as a structure: what changes are members, what does not are constants."""
-    names = at.Memory._fields[1:]
     constants = {
         index: number(float(flat[index])) for index in range(at.HEADER) if index not in _HEADER and index < at.COUNT
     }
     fields = {}
-    for place, (name, values) in enumerate(zip(names, at.views(flat)[1:], strict=True)):
+    for place, name in enumerate(at.NAMES):
+        values = getattr(at.Memory(flat), name)
         if place < _FIRST_CHANGING:
             selects = place == at.KINDS
             constants[FIELD_OFFSET + place] = memory.constant(name, values.copy(), binds=True, selects=selects)

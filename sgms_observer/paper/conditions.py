@@ -214,7 +214,7 @@ def _interval_by_interval(
         if first >= start and last - first == every and newest >= 0:
             _friction_of_interval(
                 memory.scalars, memory.elements, memory.forces[newest], memory.slips[newest],
-                memory.velocity[newest], memory.period[newest], motion.velocity[block].copy(),
+                memory.velocities[newest], memory.periods[newest], motion.velocity[block].copy(),
                 memory.branches[newest], memory.flags[HOLDS_MODES] > 0.0, delayed[block],
             )  # fmt: skip
     known = np.flatnonzero(np.isfinite(delayed))
