@@ -84,6 +84,9 @@ def advance_elements(
 ) -> tuple[float, float]:
     """Advance every element by one step at constant velocity.
 
+    The observer's loop is ``estimators.interval.advance_at_level``. This one is apart from it on purpose: the truth
+    reads its own parameters, and an error in the observer's loop must not be in both.
+
     Args:
         friction: the true friction.
         level: s(v) times the effects' factor [N].

@@ -3,35 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
-from sgms_observer.estimators.layout import (
-    ATTRACTION,
-    COULOMB,
-    GAMMA,
-    GMS,
-    KAPPA,
-    LAMBDA,
-    MODEL,
-    NU,
-    PAPER_RESET,
-    RESET,
-    STATIC,
-    STRIBECK,
-    ZETA,
-    Floats,
-    Integers,
-)
+from sgms_observer.estimators.interval import advance_at_level, level_at
+from sgms_observer.estimators.layout import GAMMA, PAPER_RESET, RESET, STRIBECK, Floats, Integers
 from sgms_observer.filters.motion import ACCELERATION as FILTERED_ACCELERATION
 from sgms_observer.filters.motion import ELAPSED, PRESENT_POSITION, PRESENT_VELOCITY
-from sgms_observer.formulas.friction import stribeck_level
-from sgms_observer.friction.gms import gms_step
-from sgms_observer.friction.sgms import sgms_step
 from sgms_observer.jit import njit
 
 _SLOWEST = 1.0e-12  # speed at which a motion counts as at rest on the Stribeck curve [m/s]
-
-_stribeck_level: Callable[..., float] = njit(stribeck_level)
 
 # columns of what is looked ahead: SI units; the first is 1 where there is a set-point, TRAVEL is that since the last
 # sample (NaN at the first) apart from what counts as noise, and what is ahead holds ``look_ahead`` later
@@ -67,20 +46,13 @@ def advance_elements(
     if displacement == 0.0 or not math.isfinite(displacement):
         return
     rate = max(speed, _SLOWEST)
-    level = factor * _stribeck_level(rate, scalars[STATIC], scalars[COULOMB], scalars[STRIBECK])
     velocity = math.copysign(rate, displacement)
-    period = displacement / velocity
     gain = scalars[GAMMA]
     if scalars[RESET] == PAPER_RESET:
         gain *= rate / scalars[STRIBECK]
-    for i in range(len(forces)):
-        kappa, nu = elements[KAPPA, i], elements[NU, i]
-        if scalars[MODEL] == GMS:
-            after, mode = gms_step(forces[i], modes[i], velocity, period, kappa, nu, level, scalars[ATTRACTION])
-            forces[i] = after
-            modes[i] = mode
-        else:
-            forces[i] = sgms_step(forces[i], velocity, period, kappa, nu * level, scalars[LAMBDA], scalars[ZETA], gain)
+    advance_at_level(
+        scalars, elements, forces, modes, velocity, displacement / velocity, level_at(scalars, rate, factor), gain
+    )
 
 
 @njit

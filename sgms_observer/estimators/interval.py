@@ -31,6 +31,7 @@ from sgms_observer.estimators.layout import (
     VISCOUS,
     ZETA,
     Floats,
+    Integers,
 )
 from sgms_observer.formulas import friction as formulas
 from sgms_observer.friction.gms import gms_rate, gms_step, gms_step_in_branch, gms_step_with_slopes
@@ -155,8 +156,25 @@ def advance_forces(scalars: Floats, elements: Floats, force: Floats, memory: Flo
         period: length of the step [s].
         factor: effects' factor on the Stribeck level [-].
     """
-    level = level_at(scalars, velocity, factor)
-    gain = reset_gain(scalars, velocity)
+    level, gain = level_at(scalars, velocity, factor), reset_gain(scalars, velocity)
+    advance_at_level(scalars, elements, force, memory, velocity, period, level, gain)
+
+
+@njit_bare
+def advance_at_level(scalars: Floats, elements: Floats, force: Floats, memory: Floats | Integers,
+                     velocity: float, period: float, level: float, gain: float) -> None:  # fmt: skip
+    """Advance all element forces by one step in place where level and gain are known already.
+
+    Args:
+        scalars: model with p applied (layout.py).
+        elements: rows kappa, nu, sigma.
+        force: element forces [N], shape (n_z,); overwritten.
+        memory: GMS slip modes, shape (n_z,); overwritten.
+        velocity: velocity over the step [m/s].
+        period: length of the step [s].
+        level: Stribeck level times the effects' factor [N].
+        gain: gain of the reset eta_B [-].
+    """
     for i in range(force.shape[0]):
         kappa, nu = elements[KAPPA, i], elements[NU, i]
         if scalars[MODEL] == GMS:
