@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from c_build import needs
 
+from sgms_observer.effects.learnt_map import LearntMap
 from sgms_observer.export.fmu_target import write_fmu
 from sgms_observer.export.fmu_variables import base_exponents
 from sgms_observer.settings.axis import (
@@ -36,12 +37,19 @@ EFFECTS = (
     EffectSettings("actuator_delay", (2.5e-4,)),
     EffectSettings("encoder_interpolation_error", (1e-7, 2e-5, 0.0)),
 )
+#: What a diagnosis adds to a file, in kinds of its own: a table, states of an attached mass, a change of the mass.
+DIAGNOSED = (
+    LearntMap(("position", "direction"), ((-2e-3, 0.0, 2e-3), (-1, 1)), (-0.9, 0.4, 0.2, 0.7, -0.5, 1.1)).settings(),
+    EffectSettings("flexible_mode", (1.5, 60.0, 0.05)),
+    EffectSettings("mass_error", (-0.8,)),
+)
 STAGE = StageSettings(
     reference=ReferenceSettings(kind="sine", amplitude=2e-3, frequency=5.0), encoder=EncoderSettings(resolution=1e-9)
 )
 AXES = {
     "gms": AxisSettings(friction=FrictionSettings(model="gms"), stage=STAGE),
     "sgms_with_effects": AxisSettings(stage=STAGE, effects=EFFECTS),
+    "as_diagnosed": AxisSettings(stage=STAGE, effects=DIAGNOSED),
     "revolute": AxisSettings(joint_type="revolute", stage=STAGE, effects=(EffectSettings("spring", (5.0, 0.0)),)),
 }
 
@@ -89,6 +97,15 @@ def test_it_is_valid_and_equal_to_simulate(name: str, fmi: int, sample_period: f
         expected = getattr(truth, column)
         assert np.max(np.abs(shown[column] - expected)[1:]) <= TOLERANCE * np.max(np.abs(expected)), column
     assert np.max(np.abs(truth.position)) > 1e-3
+
+
+@pytest.mark.parametrize("left_out", range(len(DIAGNOSED)), ids=lambda place: DIAGNOSED[place].name)
+def test_each_effect_of_the_diagnosis_moves_the_stage_by_more_than_the_tolerance(left_out: int) -> None:
+    """Otherwise the equality above would say nothing of it."""
+    axis = quiet(AXES["as_diagnosed"])
+    without = replace(axis, effects=tuple(effect for k, effect in enumerate(DIAGNOSED) if k != left_out))
+    here, there = (SimulatedStage(one, 1e-3).step(200).position for one in (axis, without))
+    assert np.max(np.abs(here - there)) > 100.0 * TOLERANCE * np.max(np.abs(here))
 
 
 def test_a_coarser_communication_step_follows_the_reference_in_between(tmp_path: Path) -> None:
