@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -17,9 +18,14 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 pytest.importorskip("launch_ros", reason="launch is not on PyPI: these tests run on a ROS installation")
 
+from rclpy.node import NodeNameNonExistentError
+from ros_graph import Graph, wait_until
+
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE = 180.0
 ONE_AXIS = "/**: {ros__parameters: {axes: [x], sample_period: 1.0e-3, x: {mass: 3.0, filter: {window: 8.0e-3}}}}"
+NODES = ("observer_node", "stage_node")
+DEBUG = "[DEBUG]"
 CONTROLLERS = ("controller_manager", "forward_command_controller", "joint_state_broadcaster")
 
 CODE = """
@@ -139,13 +145,48 @@ def start(tmp_path: Path) -> Iterator[Start]:
         launched.process.wait()
 
 
+def _active(node: str) -> str:
+    """Return the pattern of what a node in the namespace ``left`` says once it is active."""
+    return rf"\[left\.{node}\]: active: axes x"
+
+
+def _takes_time_from_clock(graph: Graph, node: str) -> bool:
+    """Return whether a node in the namespace ``left`` uses simulated time."""
+    try:
+        topics = graph.node.get_subscriber_names_and_types_by_node(node, "/left")
+    except NodeNameNonExistentError:
+        return False  # not discovered yet
+    return "/clock" in [name for name, _ in topics]
+
+
 def test_the_observer_in_a_namespace_and_again_after_it_was_killed(start: Start, tmp_path: Path) -> None:
-    file = f"params_file:={tmp_path / 'axis.yaml'}"
-    launched = start("table", file, "namespace:=left", "respawn:=true", "log_level:=info", "use_sim_time:=false")
-    launched.wait(r"\[left\.observer_node\]: active: axes x")
+    launched = start("table", f"params_file:={tmp_path / 'axis.yaml'}", "namespace:=left", "respawn:=true")
+    launched.wait(_active("observer_node"))
     (observer,) = launched.children()
     os.kill(observer, signal.SIGKILL)
-    launched.wait(r"\[left\.observer_node\]: active: axes x", count=2)
+    launched.wait(_active("observer_node"), count=2)
+    assert DEBUG not in launched.text()
+    launched.stop()
+
+
+@pytest.mark.parametrize(
+    ("name", "nodes", "more"),
+    [
+        ("table", ["observer_node"], []),
+        ("demo", ["observer_node", "stage_node"], []),
+        ("ros2_control", ["observer_node"], ["spawn:=false"]),
+    ],
+    ids=["table", "demo", "ros2_control"],
+)
+def test_log_level_and_simulated_time_reach_the_nodes(
+    name: str, nodes: list[str], more: list[str], start: Start, graph: Graph, tmp_path: Path
+) -> None:
+    file = f"params_file:={tmp_path / 'axis.yaml'}"
+    launched = start(name, file, "namespace:=left", "log_level:=debug", "use_sim_time:=true", *more)
+    for node in nodes:
+        launched.wait(_active(node))
+        wait_until(partial(_takes_time_from_clock, graph, node), f"/clock to be read by {node}")
+    launched.wait(re.escape(DEBUG), count=len(nodes))
     launched.stop()
 
 
@@ -157,20 +198,27 @@ def test_a_mistyped_file_starts_nothing(start: Start) -> None:
 
 
 def test_the_demonstration(start: Start) -> None:
-    launched = start("demo", "namespace:=left")
-    launched.wait(r"\[left\.observer_node\]: active: axes x")
-    launched.wait(r"\[left\.stage_node\]: active: axes x")
+    launched = start("demo", "namespace:=left", "respawn:=true")
+    for node in NODES:
+        launched.wait(_active(node))
+    for process in launched.children():
+        os.kill(process, signal.SIGKILL)
+    for node in NODES:
+        launched.wait(_active(node), count=2)
     launched.stop()
 
 
-def test_a_bag_is_played_and_everything_ends_with_it(start: Start, tmp_path: Path) -> None:
+def test_a_bag_is_played_into_a_namespace_and_everything_ends_with_it(start: Start, tmp_path: Path) -> None:
     config = str(ROOT / "config" / "demo.yaml")
     simulate = [tmp_path / "lib" / "sgms_observer" / "sgms", "simulate", "--config", config, "--out", tmp_path / "bag"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
-    subprocess.run([*simulate, "--duration", "0.5"], check=True, env=environment)
-    launched = start("replay", f"bag:={tmp_path / 'bag'}", f"params_file:={config}")
+    subprocess.run([*simulate, "--duration", "2.0"], check=True, env=environment)
+    launched = start("replay", f"bag:={tmp_path / 'bag'}", f"params_file:={config}", "namespace:=left")
     launched.wait_end()
-    assert "active: axes x" in launched.text()
+    assert re.search(_active("observer_node"), launched.text())
+    assert re.search(r"played \d+ messages", launched.text())
+    for word in ("without subscribers", "no samples arrive"):
+        assert word not in launched.text()
 
 
 def test_without_ros2_control_nothing_starts(start: Start) -> None:
@@ -188,10 +236,14 @@ def test_the_observer_ends_unless_the_controllers_were_loaded(start: Start, tmp_
         tmp_path / "lib" / "controller_manager" / "spawner",
         f"import sys, time\nprint('spawner', *sys.argv[1:], flush=True)\ntime.sleep(3.0)\nsys.exit({code})",
     )
-    launched = start("ros2_control")
+    launched = start("ros2_control", "namespace:=left", "respawn:=true")
     launched.wait("spawner joint_state_broadcaster friction_controller --param-file .*ros2_control.yaml")
     if code == 0:
-        launched.wait("active: axes x")
+        launched.wait(_active("observer_node"))
+        (observer,) = launched.children()
+        os.kill(observer, signal.SIGKILL)
+        launched.wait(_active("observer_node"), count=2)
+        assert "__ns:=/left" in launched.text()
         launched.stop()
     else:
         launched.wait_end()
