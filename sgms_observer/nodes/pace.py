@@ -98,6 +98,8 @@ class DueForces:
     It counts nothing at all where it may push the wrong way: when the set-point has turned round since the time it was
     made for, or when it acts against the motion. What comes again after that comes within ``timeout`` too.
 
+    A value that was overtaken on the way, by one that is for a later time, is ignored.
+
     A stamp from before the first sample, or from the future, belongs to another clock: such a message counts as if it
     were made for the time at which it comes.
 
@@ -117,7 +119,7 @@ class DueForces:
         self._horizons: deque[Horizon] = deque(maxlen=_KEPT_HORIZONS)
         self._horizon: Horizon | None = None
         self._force = 0.0
-        self._due_ns = _LONG_AGO
+        self._due_ns = self._newest_ns = _LONG_AGO
         self._direction = 0
         self._latest_ns = self._turned_ns = _LONG_AGO
         self._share = 1.0
@@ -138,9 +140,12 @@ class DueForces:
         if self._first_ns is None or not self._first_ns <= stamp_ns <= now_ns + self._timeout_ns:
             due = now_ns
         with self._lock:
+            if due < self._newest_ns <= now_ns + self._lead_ns + self._timeout_ns:
+                return  # overtaken by a newer one on the way
             while self._waiting and self._waiting[-1][0] > due:
-                self._waiting.pop()  # an older clock's messages, or a node that was started anew
+                self._waiting.pop()  # an older clock's messages
             self._waiting.append((due, force))
+            self._newest_ns = due
 
     def put_horizon(self, horizon: Horizon) -> None:
         """Take in a horizon.

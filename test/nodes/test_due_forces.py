@@ -59,6 +59,26 @@ def test_a_message_that_is_later_than_the_timeout_is_not_applied() -> None:
     assert due.at(np.array([5000, 5001]) * MS).tolist() == [0.0, 0.0]
 
 
+def test_what_a_newer_message_overtook_changes_nothing() -> None:
+    """Applied, it would take the place of the newer one and, being late, count for nothing."""
+    due = DueForces(lead=1e-3, timeout=0.01, sample_period=1e-3)
+    due.at(np.array([0]))
+    for k in range(20, 23):
+        due.put(k * MS, 2.0, k * MS)
+        assert due.at(np.array([k + 1]) * MS).tolist() == [2.0]
+        due.put((k - 18) * MS, -9.0, (k + 1) * MS)
+    assert due.at(np.array([24]) * MS).tolist() == [2.0]
+
+
+def test_a_clock_that_was_set_back_is_followed() -> None:
+    due = DueForces(lead=1e-3, timeout=0.01, sample_period=1e-3)
+    due.at(np.array([0]))
+    due.put(500 * MS, 2.0, 500 * MS)
+    assert due.at(np.array([501]) * MS).tolist() == [2.0]
+    due.put(100 * MS, 3.0, 100 * MS)
+    assert due.at(np.array([101]) * MS).tolist() == [3.0]
+
+
 def test_stamps_of_another_clock_count_at_once() -> None:
     due = DueForces(lead=1e-3, timeout=0.01, sample_period=1e-3)
     due.put(1, 3.0, 10**15)
