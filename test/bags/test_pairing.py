@@ -530,3 +530,51 @@ def test_the_end_hands_on_what_waits_and_a_cut_begins_a_new_block() -> None:
     assert not pairing.has_samples, "after the end of a recording the next one waits for its efforts again"
     push(pairing, [(2, 3 * STEP, 0.0, 0.0), (1, 3 * STEP, 0.0, NAN)])
     assert [block.stamp_ns.tolist() for block in drain(pairing)] == [[2 * STEP]]
+
+
+def test_a_prepared_sample_is_what_pop_gives_without_end() -> None:
+    """Over more rows than one array holds, and each handed-out sample stays as it was."""
+    pairings = [Pairing(PERIOD, Scales(2.0, -3.0)) for _ in range(2)]
+    prepared, plain = [], []
+    for k in range(9000):
+        pairings[0].prepare()
+        for pairing in pairings:
+            pairing.push_position(k * STEP, k + 0.25)
+            assert pairing.alone_ns is None
+            pairing.push_effort(k * STEP, k + 0.5)
+        if k % 4096 == 4095:  # the last row of an array goes out as a block
+            assert pairings[0].alone_ns is None
+            prepared += drain(pairings[0])
+        else:
+            assert pairings[0].alone_ns == k * STEP
+            prepared.append(pairings[0].pop_alone())
+        plain += drain(pairings[1])
+        assert not pairings[0].has_samples
+        assert pairings[0].pop() is None
+    assert rows(prepared) == rows(plain)
+    assert pairings[0].counts == pairings[1].counts
+
+
+def test_a_sample_is_not_alone_beside_others_nor_unless_prepared_for() -> None:
+    pairing = Pairing(PERIOD)
+
+    def sample(k: int) -> None:
+        pairing.push_position(k * STEP, 1.0)
+        pairing.push_effort(k * STEP, 2.0)
+
+    pairing.prepare()
+    sample(0)
+    sample(1)
+    assert pairing.alone_ns is None  # two are complete
+    drain(pairing)
+    sample(2)
+    assert pairing.alone_ns is None  # nobody prepared for it
+    assert [block.stamp_ns.tolist() for block in drain(pairing)] == [[2 * STEP]]
+    sample(3)
+    pairing.cut()
+    pairing.prepare()
+    sample(4)
+    assert pairing.alone_ns is None  # another block comes first
+    assert pairing.pop() is not None
+    assert pairing.alone_ns == 4 * STEP
+    assert rows([pairing.pop_alone()]) == [(4 * STEP, 1.0, 2.0, None, None)]

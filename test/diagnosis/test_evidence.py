@@ -28,6 +28,7 @@ from sgms_observer.diagnosis.evidence import (
     improvement,
     in_blocks,
     left_out_residuals,
+    preference,
 )
 from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_with_own_noise
 from sgms_observer.diagnosis.free_form import ALL, free_form
@@ -273,3 +274,19 @@ def test_a_mass_beyond_its_tolerance_is_sure_though_the_mass_within_is_not(mass:
     assert strength(item) < CRITERIA.min_z_score
     beyond = strength_beyond_tolerance(item, before)
     assert beyond > CRITERIA.min_z_score if is_beyond else beyond == 0.0
+
+
+def test_a_preference_is_the_mean_gain_over_its_standard_error() -> None:
+    one = [np.array([1.0, 1.0]), np.array([2.0, 0.0]), np.array([0.0, 1.0])]
+    other = [np.array([2.0, 1.0]), np.array([2.0, 3.0]), np.array([1.0, 1.0])]
+    gains = [3.0, 9.0, 1.0]  # how much more the other one leaves
+    expected = np.mean(gains) / (np.std(gains, ddof=1) / np.sqrt(3.0))
+    assert preference(one, other) == pytest.approx(expected)
+    assert preference(other, one) == pytest.approx(-expected)
+
+
+def test_no_preference_without_scatter() -> None:
+    block, worse = np.array([1.0, 2.0]), np.array([2.0, 2.0])
+    assert preference([block], [worse]) == 0.0  # one block says nothing of the scatter
+    assert preference([block] * 2, [worse] * 2) == 0.0
+    assert preference([block, block], [worse, block]) == pytest.approx(1.0)  # gains 3, 0
