@@ -30,6 +30,7 @@ class Trouble:
         begin: [s].
         length: [s].
         delay: of each message [s].
+        jitter: largest further delay, drawn for each message, so that later ones overtake earlier ones [s].
         lost: share of the messages that never come.
         is_bunched: whether all of them come together, ``delay`` after the end.
     """
@@ -37,6 +38,7 @@ class Trouble:
     begin: float
     length: float
     delay: float = 0.0
+    jitter: float = 0.0
     lost: float = 0.0
     is_bunched: bool = False
 
@@ -45,10 +47,10 @@ def delays(troubles: Sequence[Trouble], count: int, seed: int) -> NDArray[np.flo
     """Return how long each message takes [s]; NaN for one that is lost."""
     time = PERIOD * np.arange(count)
     found = np.full(count, 1e-3)
-    draw = np.random.default_rng(seed).random(count)
+    draw, further = np.random.default_rng(seed).random((2, count))
     for trouble in troubles:
         inside = (time >= trouble.begin) & (time < trouble.begin + trouble.length)
-        found[inside] += trouble.delay
+        found[inside] += trouble.delay + trouble.jitter * further[inside]
         if trouble.is_bunched:
             found[inside] += trouble.begin + trouble.length - time[inside]
         found[inside & (draw < trouble.lost)] = np.nan
@@ -72,7 +74,7 @@ def largest_error(
         troubles: of the network.
         is_compensated: whether the compensation is on from half of ``SETTLE`` on.
         is_known_ahead: whether the observer gets the reference ahead, and gives horizons.
-        seed: of the losses.
+        seed: of losses and jitter.
     """
     off = replace(axis, compensation=replace(axis.compensation, enabled=False))
     observer = AxisObserver(off, PERIOD)

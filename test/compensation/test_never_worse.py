@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from late_network import Trouble, largest_error
 
 from sgms_observer.nodes.pace import DueForces
-from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.load import load_settings
 
 ROOT = Path(__file__).resolve().parents[2]
-SECONDS = 0.9
+SECONDS = 0.7
 LATEST = 0.2  # s
 
 TROUBLES = st.lists(
@@ -25,6 +25,7 @@ TROUBLES = st.lists(
         begin=st.floats(0.0, SECONDS),
         length=st.floats(0.0, LATEST),
         delay=st.floats(0.0, LATEST),
+        jitter=st.sampled_from([0.0, 2.0e-3, 2.0e-2, LATEST]),
         lost=st.sampled_from([0.0, 0.1, 0.5, 1.0]),
     )
     | st.builds(Trouble, begin=st.floats(0.0, SECONDS), length=st.floats(0.0, LATEST), is_bunched=st.just(True)),
@@ -33,19 +34,32 @@ TROUBLES = st.lists(
 )
 
 
+MOTIONS = ("sine", "move", "sine with effects")
+EFFECTS = (
+    EffectSettings("cogging", (0.8, 1.0e-4, 0.3, 0.2, 0.1)),
+    EffectSettings("position_dependent_friction", (0.4, 5.0e-5, 8.0e-5)),
+    EffectSettings("asymmetric_coulomb", (0.15,)),
+)
+
+
 def _axis(motion: str) -> AxisSettings:
     """Return the demonstration's axis; a longer look-ahead than 3 ms knows too little of a short move."""
     axis = load_settings(ROOT / "config" / "demo.yaml").axes[0]
     if motion == "sine":
         return axis
+    if motion == "sine with effects":
+        return replace(axis, effects=EFFECTS)
     reference = replace(axis.stage.reference, kind="point_to_point", amplitude=5.0e-3, dwell=0.05)
     stage = replace(axis.stage, reference=reference)
     return replace(axis, stage=stage, compensation=replace(axis.compensation, look_ahead=3.0e-3))
 
 
-SHARPER = 1.02
+SHARPER = 1.01
 """A compensation that is lost at a reversal leaves an axis that does not lag: it breaks away at a lower speed of the
-set-point, with less help of the controller's damping, and errs by up to 1.5 % more than one that always lagged."""
+set-point, with less help of the controller's damping, and errs more than one that always lagged. With all messages
+lost from some moment on it was up to 0.7 % more, for a timeout of 20, 50 and 100 ms alike, so no other fading helps:
+the force that would help is in a message that is not there. It was no more in 570 random runs of delays, jitter,
+losses and bunches."""
 
 
 @cache
@@ -54,16 +68,16 @@ def _without(motion: str) -> float:
     return largest_error(_axis(motion), SECONDS, is_compensated=False)
 
 
-@pytest.mark.parametrize("motion", ["sine", "move"])
-@settings(max_examples=20, deadline=None)
+@pytest.mark.parametrize("motion", MOTIONS)
+@settings(max_examples=30, deadline=None)
 @given(troubles=TROUBLES, seed=st.integers(0, 1000))
 def test_single_values_are_never_worse_than_none(motion: str, troubles: list[Trouble], seed: int) -> None:
     """Nobody knows what a message that is missing said."""
     assert largest_error(_axis(motion), SECONDS, troubles, seed=seed) <= SHARPER * _without(motion)
 
 
-@pytest.mark.parametrize("motion", ["sine", "move"])
-@settings(max_examples=20, deadline=None)
+@pytest.mark.parametrize("motion", MOTIONS)
+@settings(max_examples=15, deadline=None)
 @given(troubles=TROUBLES, seed=st.integers(0, 1000))
 def test_a_horizon_is_never_worse_than_none(motion: str, troubles: list[Trouble], seed: int) -> None:
     assert largest_error(_axis(motion), SECONDS, troubles, is_known_ahead=True, seed=seed) <= _without(motion)
@@ -75,12 +89,12 @@ def test_a_horizon_is_never_worse_than_none(motion: str, troubles: list[Trouble]
     troubles=st.lists(
         st.builds(
             Trouble,
-            begin=st.integers(0, 2).map(lambda place: 0.2 + 0.25 * place),
+            begin=st.integers(0, 1).map(lambda place: 0.2 + 0.25 * place),
             length=st.floats(0.0, LATEST),
             is_bunched=st.just(True),
         ),
         min_size=1,
-        max_size=3,
+        max_size=2,
         unique_by=lambda trouble: trouble.begin,
     )
 )
@@ -93,6 +107,12 @@ def test_delays_below_the_look_ahead_change_nothing_at_all() -> None:
     quiet = largest_error(_axis("sine"), SECONDS, is_known_ahead=True)
     late = [Trouble(0.2, 0.3, delay=5e-3), Trouble(0.6, 0.1, delay=13e-3)]
     assert largest_error(_axis("sine"), SECONDS, late, is_known_ahead=True) == quiet
+
+
+def test_an_overtaken_message_does_not_take_the_place_of_a_newer_one() -> None:
+    """All that was sent in 50 ms comes 0.18 s later, between newer messages."""
+    late = [Trouble(0.18, 0.05, delay=0.177)]
+    assert largest_error(_axis("sine"), SECONDS, late) < 0.9 * _without("sine")
 
 
 def test_held_over_a_reversal_it_would_be_worse(monkeypatch: pytest.MonkeyPatch) -> None:
