@@ -1,9 +1,4 @@
-"""No input whatever makes the last stage exceed its limits, and it never stays behind what is allowed.
-
-Of 48 mutants of the stage (comparisons, operators, constants, branches) those that live here change no output: a
-comparison with or without equality where both branches give the same number, and the question whether the product of
-two positive numbers is no number.
-"""
+"""No input whatever makes the last stage exceed its limits, and it never stays behind what is allowed."""
 
 from __future__ import annotations
 
@@ -82,8 +77,10 @@ def test_output_is_the_nearest_that_is_allowed(previous: float, target: float, r
         (2.0, 9.0, math.nan, 1000.0, 2.0),
         (2.0, 9.0, 1e-3, 0.0, 2.0),
         (2.0, 9.0, 1e-3, -1000.0, 2.0),
+        (2.0, 9.0, 1e-3, -0.5, 2.0),
         (2.0, 9.0, 1e-3, math.nan, 2.0),
         (2.0, math.nan, 1e-3, 500.0, 1.5),  # what is no number counts as zero, and zero is approached like any other
+        (2.0, math.nan, 1.0, 500.0, 0.0),
         (2.0, math.inf, 1e-3, 500.0, 1.5),
         (2.0, -math.inf, 1e-3, 500.0, 1.5),
         (math.nan, 9.0, 1e-3, 500.0, 0.5),
@@ -103,6 +100,11 @@ def test_what_is_no_number_and_what_is_not_positive(
 @pytest.mark.parametrize("limit", [0.0, -10.0, math.nan])
 def test_a_limit_that_is_not_positive_allows_nothing(limit: float) -> None:
     assert safe_output(2.0, 9.0, 1.0, limit, 1000.0) == 0.0
+
+
+@pytest.mark.parametrize("limit", [1e-3, 0.5, 1.0])
+def test_a_small_limit_is_used_up(limit: float) -> None:
+    assert safe_output(0.0, 9.0, 1.0, limit, 1000.0) == limit
 
 
 def test_without_a_limit_the_largest_numbers_stay_finite() -> None:

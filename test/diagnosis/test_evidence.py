@@ -283,6 +283,7 @@ def test_a_preference_is_the_mean_gain_over_its_standard_error() -> None:
     expected = np.mean(gains) / (np.std(gains, ddof=1) / np.sqrt(3.0))
     assert preference(one, other) == pytest.approx(expected)
     assert preference(other, one) == pytest.approx(-expected)
+    assert preference([1e-3 * block for block in one], [1e-3 * block for block in other]) == pytest.approx(expected)
 
 
 def test_no_preference_without_scatter() -> None:
