@@ -217,8 +217,7 @@ def test_a_bag_is_played_into_a_namespace_and_everything_ends_with_it(start: Sta
     launched.wait_end()
     assert re.search(_active("observer_node"), launched.text())
     assert re.search(r"played \d+ messages", launched.text())
-    for word in ("without subscribers", "no samples arrive"):
-        assert word not in launched.text()
+    assert "without subscribers" not in launched.text()
 
 
 def test_without_ros2_control_nothing_starts(start: Start) -> None:
