@@ -578,3 +578,13 @@ def test_a_sample_is_not_alone_beside_others_nor_unless_prepared_for() -> None:
     assert pairing.pop() is not None
     assert pairing.alone_ns == 4 * STEP
     assert rows([pairing.pop_alone()]) == [(4 * STEP, 1.0, 2.0, None, None)]
+
+
+def test_the_first_sample_needs_no_preparation_and_the_second_is_another_one() -> None:
+    pairing = Pairing(PERIOD)
+    for k in range(2):
+        pairing.push_position(k * STEP, 1.0 + k)
+        pairing.push_effort(k * STEP, 2.0)
+        assert pairing.alone_ns == k * STEP
+        assert rows(drain(pairing)) == [(k * STEP, 1.0 + k, 2.0, None, None)]
+        pairing.prepare()
