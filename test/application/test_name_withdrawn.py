@@ -66,7 +66,7 @@ def test_a_force_along_the_stroke(
     )
     result = diagnosed(tmp_path)
     assert [one["name"] for one in result["effects"]] == ([name] if name else [])
-    (asked,) = [one for one in result["tests"] if "its coordinates predict" in one["name"]]
+    (asked,) = [one for one in result["tests"] if "over its coordinates" in one["name"]]
     assert asked["of"] == "spring" and asked["passed"] == (name is not None)
     assert bool(result["learnt"]) == (name is None)
 
