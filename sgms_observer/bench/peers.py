@@ -156,7 +156,7 @@ class ParametricWindow:
         return {
             "x0": np.concatenate([memory.p, (memory.forces / self._unit).ravel()]),
             "p": np.concatenate(
-                [memory.prior / self._unit_x, factor.ravel(order="F"), memory.velocity.ravel(), data.ravel(order="F")]
+                [memory.prior / self._unit_x, factor.ravel(order="F"), memory.velocities.ravel(), data.ravel(order="F")]
             ),
             "lbx": np.concatenate([self._limits[0], -bound]),
             "ubx": np.concatenate([self._limits[1], bound]),
