@@ -148,6 +148,9 @@ def _with_spectrum(start: Noise, residual: Floats, weights: Floats) -> Noise:
         if rows.sum() >= 5:
             centre.append(float(np.sqrt(low * high)))
             density.append(float(np.median(spectrum[rows])) / _MEDIAN_OF_CHI2)
+    if not centre:  # half a short recording: its spectrum has no shape, only a size
+        inside = frequency < band
+        return replace(start, low=0.0, white=float(np.mean(spectrum[inside])))
     x, y = np.array(centre), np.log(np.array(density) + 1e-300)
     top = float(np.exp(y.max()))
 

@@ -127,6 +127,16 @@ def test_first_look_ranks_the_true_effect_first_and_replicates_do_not_alarm() ->
     )
 
 
+@pytest.mark.parametrize("count", [12, 60])
+def test_noise_of_a_few_residuals_has_their_size(count: int) -> None:
+    """Half a recording of 3 s at a low rate: no part of its spectrum has enough frequencies for a shape."""
+    band = 12.5
+    series = 2.0 * np.random.default_rng(3).standard_normal(count)
+    found = fit_noise(series, np.zeros(count), 0.4 / band, band)
+    below_band = 2.0 * np.sqrt(2.0 * band * 0.4 / band)
+    assert found.rms == pytest.approx(below_band, rel=3.0 / np.sqrt(2.0 * 0.8 * count))
+
+
 def test_a_replicate_has_the_noise_and_nothing_else() -> None:
     motion = motion_of(record((EffectSettings("offset", (0.6,)),), duration=10.0))
     model = Model.of(AXIS)
