@@ -68,17 +68,28 @@ class FittedFile:
 
     Attributes:
         axis: settings with the nominal model.
-        nominal: the given model, without effects.
-        known_effects: effects of the file.
         audited: what the recordings can show.
         state: the fit.
     """
 
     axis: AxisSettings
-    nominal: Model
-    known_effects: tuple[EffectSettings, ...]
     audited: audit.Audit
     state: FitState
+
+    @property
+    def nominal(self) -> Model:
+        """Return the given model, without effects."""
+        return _without_effects(self.axis)
+
+    @property
+    def known_effects(self) -> tuple[EffectSettings, ...]:
+        """Return the effects of the file with all their values."""
+        return file_effects(self.axis)
+
+
+def _without_effects(axis: AxisSettings) -> Model:
+    """Return the nominal model of an axis without the effects of its file."""
+    return replace(Model.of(axis), effects=())
 
 
 def fitted_file(
@@ -87,7 +98,7 @@ def fitted_file(
     """Return the file refitted to recordings.
 
     Args:
-        records: recordings to learn from.
+        records: recordings to fit.
         holdouts: held-out recordings. If empty, the evidence is cross-validated.
         axis: settings with the nominal model.
         options: options of the diagnosis.
@@ -104,9 +115,9 @@ def fitted_file(
     if not learn:
         raise DataError("no recording is long enough to learn from; record at least 3 s without a pause")
     audited = audit.audit(learn, axis)
-    nominal, known_effects = replace(Model.of(axis), effects=()), file_effects(axis)
+    known_effects = file_effects(axis)
     report("refit of the file within its tolerance", 0.03)
-    fine = nominal.with_split_elements()
+    fine = _without_effects(axis).with_split_elements()
     setup = RefitSetup(
         data_with_own_noise(learn, fine.with_effects(known_effects)), fine, options.tolerance,
         fixed_effects=frozenset(item.name for item in known_effects), workers=options.workers,
@@ -116,7 +127,7 @@ def fitted_file(
         hidden_by_encoder=audited.hidden_by_encoder,
     )  # fmt: skip
     state = state.converged().with_changes_of_lag(options.criteria)
-    return FittedFile(axis, nominal, known_effects, audited, choose_element_freedom(state.converged(), options))
+    return FittedFile(axis, audited, choose_element_freedom(state.converged(), options))
 
 
 def diagnose(
@@ -126,15 +137,26 @@ def diagnose(
     options: Options,
     report: Report = lambda text, share: None,
 ) -> Diagnosis:
-    """Return the effects and changed values that the model of an axis misses; arguments and error as above."""
+    """Return the effects and changed values that the model of an axis misses.
+
+    Args:
+        records: recordings to fit.
+        holdouts: held-out recordings. If empty, the evidence is cross-validated.
+        axis: settings with the nominal model.
+        options: options of the diagnosis.
+        report: called with the current step and the completed share.
+
+    Raises:
+        DataError: a recording is too short.
+    """
     return diagnose_from(fitted_file(records, holdouts, axis, options, report), options, report)
 
 
 def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnosis:
-    """Return the same from a file that is fitted already.
+    """Return the effects and changed values that a file misses whose refit is known.
 
     Args:
-        file: the fit to begin with.
+        file: the refitted file, where the search begins.
         options: options of the diagnosis.
         report: called with the current step and the completed share.
     """

@@ -47,7 +47,7 @@ class AxisListener:
         self._ages: list[float] = []
         self.positions: list[tuple[int, float]] = []
         self.heard_at = {POSITION: 0.0, EFFORT: 0.0}
-        self._repeats = dict.fromkeys(self.heard_at, 0)
+        self._repeats = dict.fromkeys(self.heard_at, False)
         self.names: dict[str, tuple[str, ...]] = {}
         self._writer: BagWriter | None = None
         self.span = (0, 0)
@@ -68,7 +68,7 @@ class AxisListener:
             kept.clear()
         self._latest_effort = 0
         self.heard_at = dict.fromkeys(self.heard_at, time.monotonic())
-        self._repeats = dict.fromkeys(self.heard_at, 0)
+        self._repeats = dict.fromkeys(self.heard_at, False)
 
     def repeats_stamp(self, topic: str) -> bool:
         """Return whether messages of a topic came whose stamp is not new, and none behind them whose stamp is.
@@ -76,7 +76,7 @@ class AxisListener:
         Args:
             topic: position or effort.
         """
-        return self._repeats[topic] > 0
+        return self._repeats[topic]
 
     @property
     def effort_count(self) -> int:
@@ -153,7 +153,7 @@ class AxisListener:
 
     def _take_position(self, message: bytes) -> None:
         found = self._number(POSITION, message, 2)
-        if found is not None and self._is_new(POSITION, found[0], self.positions[-1][0] if self.positions else -1):
+        if found is not None and self._note(POSITION, found[0], self.positions[-1][0] if self.positions else -1):
             self.positions.append((found[0], self._axis.position_scale * found[1]))
             self._arrivals[found[0]] = self.heard_at[POSITION]
 
@@ -161,7 +161,7 @@ class AxisListener:
         found = self._number(EFFORT, message, 4)
         if found is not None:
             self._efforts[found[0]] = self._axis.effort_scale * found[1]
-            if self._is_new(EFFORT, found[0], self._latest_effort):
+            if self._note(EFFORT, found[0], self._latest_effort):
                 self._latest_effort = found[0]
 
     def _take_compensation(self, message: bytes) -> None:
@@ -171,12 +171,12 @@ class AxisListener:
             if arrived is not None:
                 self._ages.append(time.monotonic() - arrived)
 
-    def _is_new(self, topic: str, stamp_ns: int, latest_ns: int) -> bool:
-        """Return whether a stamp is behind the latest one; note when: a table whose stamps stand still is silent."""
+    def _note(self, topic: str, stamp_ns: int, latest_ns: int) -> bool:
+        """Note whether a message has a new stamp, and return it: a machine whose stamps stand still is silent."""
         is_new = stamp_ns > latest_ns
         if is_new:
             self.heard_at[topic] = time.monotonic()
-        self._repeats[topic] = 0 if is_new else self._repeats[topic] + 1
+        self._repeats[topic] = not is_new
         return is_new
 
     def _number(self, topic: str, message: bytes, field: int) -> tuple[int, float] | None:

@@ -35,8 +35,6 @@ WORSE_RMS = 1.02
 """A gain whose rms or peak is this many times that of the gain before it is not kept: 2 % is what repeats differ by."""
 MIN_IMPROVEMENT = 0.98
 """The compensated rms must be below this multiple of the one without for the file to be of use."""
-
-
 MOST_CORRECTIONS = 3
 """How often estimator.measurement_std is corrected by the root of NIS."""
 OBSERVER_START = 10.0

@@ -17,7 +17,8 @@ from sgms_observer.status import Status
 MAX_NIS = 2.0
 """Largest mean NIS of an observer that knows its own uncertainty. Below 1 it is more certain than it says."""
 MAX_STD_SHARE = 0.5
-"""Largest standard deviation of the estimated friction, as a share of the Coulomb force."""
+"""Largest standard deviation of the estimated friction, as a share of the Coulomb force. Two standard deviations reach
+that force then: beyond it not even the sign of the friction is known."""
 
 
 @dataclass(frozen=True)
