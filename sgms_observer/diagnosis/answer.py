@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.advice import detectable, next_experiment
 from sgms_observer.diagnosis.changed import Changed, changed_values
-from sgms_observer.diagnosis.criteria import Criteria, Test, at_most
-from sgms_observer.diagnosis.decision import Decision
-from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, Diagnosis, Options, accepted_candidates
+from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
+from sgms_observer.diagnosis.decision import CLOSED_BESIDE_OTHERS, Decision
+from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, Diagnosis, Options
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps, range_tests
 from sgms_observer.diagnosis.free_form import FreeForm
@@ -201,20 +201,28 @@ def _contact_law_tests(
         residuals_with: function that returns the residuals with some of the effects, everything else fitted again [N].
         predictable_share: share of the squared residual that surely is predictable.
     """
-    names = {one.name for one in accepted_candidates(final.accepted) if one.is_contact_law}
-    if not names:
+    named = [item.accepted for item in final.accepted if item.accepted and item.accepted.candidate.is_contact_law]
+    if not named:
         return []
+    names, criteria = {one.candidate.name for one in named}, data.options.criteria
     after = data.rms(final.after) ** 2
     others = residuals_with([one for one in final.fit.effects if one.name not in names])
     closed = max(data.rms(others) ** 2 - after, 1.0e-300)
     predicted, of = predictable_share * after, ", ".join(sorted(names))
     return [
+        *(
+            at_least(
+                one.candidate.name, f"{CLOSED_BESIDE_OTHERS}, of another contact law", one.share_beside_others,
+                criteria.min_imitable_share,
+            )
+            for one in named
+        ),
         at_most(
             of, "residual above noise / closed residual", max(after - final.noise**2, 0.0) / closed, 1.0
         ),
         at_most(
             of, "predictable residual / (predictable + closed residual)", predicted / (predicted + closed),
-            data.options.criteria.min_predictable_share,
+            criteria.min_predictable_share,
         ),
     ]  # fmt: skip
 

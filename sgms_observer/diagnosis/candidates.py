@@ -66,16 +66,19 @@ class Candidate:
 
     @property
     def is_contact_law(self) -> bool:
-        """Return whether the effect only describes another contact law, or is a special case of one that does."""
-        if self.settings is None:
-            return False
-        entry = effect(self.name)
-        return entry.is_contact_law or (entry.special_case_of != "" and effect(entry.special_case_of).is_contact_law)
+        """Return whether it is an effect that only describes another contact law."""
+        return self.settings is not None and is_contact_law(self.name)
 
     @property
     def parameter_count(self) -> int:
         """Return the number of fitted parameters."""
         return len(self.refit.logs) + len(self.refit.free) if self.settings is None else len(self.refit.free)
+
+
+def is_contact_law(name: str) -> bool:
+    """Return whether an effect only describes another contact law, or is a special case of one that does."""
+    entry = effect(name)
+    return entry.is_contact_law or (entry.special_case_of != "" and effect(entry.special_case_of).is_contact_law)
 
 
 def with_effect(effects: Sequence[EffectSettings], start: EffectSettings) -> tuple[EffectSettings, ...]:

@@ -18,6 +18,8 @@ class Criteria:
             stays the same (Bonferroni).
         interval_z_score: half width of reported intervals in standard errors; 90 %, two-sided.
         min_closed_share: smallest share of the closable squared gap that a named effect closes.
+        min_imitable_share: the same for an effect that another contact law can imitate: half, because what it leaves
+            may be that contact law, and what it closes a part of it.
         max_gap_over_noise: largest ratio of gap to noise for the verdict ``no_effect``, if nothing predicts the gap; an
             order of magnitude. Above it the verdict is ``cannot_tell``.
         max_unexplained: largest unexplained share of the rms effort of a usable model: a third, as for identification.
@@ -31,6 +33,7 @@ class Criteria:
     min_z_score: float = 3.0
     interval_z_score: float = 1.645
     min_closed_share: float = 0.05
+    min_imitable_share: float = 0.5
     max_gap_over_noise: float = 10.0
     max_unexplained: float = 1.0 / 3.0
     max_rate_share: float = 0.4

@@ -306,18 +306,26 @@ class WrittenFits:
         Returns:
             Infinite if the effect has no free strength parameter.
         """
-        return self._largest(name, lambda column, zero: self.strengths.smaller_z_score(column, zero, least))
+        found = self.strengths
+        return self._largest(name, found, lambda column, zero: found.smaller_z_score(column, zero, least))
 
     def strength_over_scatter(self, name: str) -> float:
-        """Return the strength of an effect over its scatter between recordings; infinite without a free strength."""
-        return self._largest(name, self.strengths.strength_over_scatter)
+        """Return the strength of an effect over its scatter between recordings, each with a shape of its own.
 
-    def _largest(self, name: str, value: Callable[[int, float], float]) -> float:
+        Infinite without a free strength.
+        """
+        return self._largest(name, self.estimates, self.estimates.strength_over_scatter)
+
+    def _largest(self, name: str, found: RecordingEstimates, value: Callable[[int, float], float]) -> float:
         """Return the largest value of the strength parameters of an effect, from their columns and defaults."""
         place = [item.name for item in self.after.effects].index(name)
         parameters = effect(name).parameters
         return max(
-            (value(column, parameters[j].default) for column, (i, j) in enumerate(self.strengths.free) if i == place),
+            (
+                value(column, parameters[j].default)
+                for column, (i, j) in enumerate(found.free)
+                if i == place and parameters[j].is_strength
+            ),
             default=math.inf,
         )
 
