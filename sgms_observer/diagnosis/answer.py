@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis.advice import detectable, next_experiment
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
-from sgms_observer.diagnosis.decision import CLOSED_BESIDE_OTHERS, Decision
+from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, Diagnosis, Options
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps, range_tests
@@ -212,8 +212,8 @@ def _contact_law_tests(
     return [
         *(
             at_least(
-                one.candidate.name, f"{CLOSED_BESIDE_OTHERS}, of another contact law", one.share_beside_others,
-                criteria.min_imitable_share,
+                one.candidate.name, "share of the closable squared gap beside the others, of another contact law",
+                one.share_beside_others, criteria.min_imitable_share,
             )
             for one in named
         ),

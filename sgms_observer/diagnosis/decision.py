@@ -31,8 +31,6 @@ MAX_LAG_WITHOUT_DELAY = HELD_LAG + MAX_STAMP_ERROR
 """Largest lag of the effort without a delay, in samples: the effort is held, and its stamps are inexact."""
 HELD_OUT_GAP = "held-out gap: z-score"
 """Test that the gap of held-out recordings shrinks, both where the contact slides and as reported."""
-CLOSED_BESIDE_OTHERS = "share of the closable squared gap beside the others"
-"""Test of what an effect closes of the final model's gap, everything else fitted again without it."""
 RANGE_END_TOLERANCE = 1.0e-6
 """Largest relative distance at which a parameter counts as at the end of its range."""
 
@@ -65,7 +63,8 @@ class Decision:
     @property
     def share_beside_others(self) -> float:
         """Return the share of the closable squared gap that the hypothesis closes beside the others, as last tested."""
-        return next((test.value for test in reversed(self.tests) if test.name == CLOSED_BESIDE_OTHERS), math.inf)
+        values = [test.value for test in self.tests if test.name.endswith("squared gap beside the others")]
+        return values[-1] if values else math.inf
 
     def significant_share(self, criteria: Criteria) -> float:
         """Return the share of the squared gap that the hypothesis predicts; 0 if not significant."""

@@ -12,7 +12,6 @@ from sgms_observer.diagnosis.candidates import LAST_STEPS, finish_fit, is_contac
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least
 from sgms_observer.diagnosis.decision import (
-    CLOSED_BESIDE_OTHERS,
     Decision,
     compare,
     needs_visible_contact,
@@ -202,12 +201,15 @@ def _reported_tests(
         return [one for one in effects if one.name != name]
 
     def in_place_of_contact_law(name: str) -> float:
-        with_it, others = (plain.fit(effects, written.before.logs, LAST_STEPS) for effects in (own, without(name, own)))
+        with_it, others = (
+            plain.fit(effects, written.before.logs, LAST_STEPS)
+            for effects in (beyond_contact, without(name, beyond_contact))
+        )
         return closed(with_it.model, others.model)[1]
 
-    own = [one for one in after.effects if one.name not in names or not is_contact_law(one.name)]
+    beyond_contact = [one for one in after.effects if one.name not in names or not is_contact_law(one.name)]
     contacts = [(setup.nominal, setup.freedom) for setup in (written.setup, plain)]
-    has_other_contact_law = len(own) < len(after.effects) or contacts[0] != contacts[1]
+    has_other_contact_law = len(beyond_contact) < len(after.effects) or contacts[0] != contacts[1]
     tests = []
     for name in names:
         effects = without(name, after.effects)
@@ -224,7 +226,7 @@ def _reported_tests(
                 name, "strength over its standard error, in held-out recordings too",
                 written.strength_elsewhere(name, criteria.min_z_score), criteria.interval_z_score,
             ),
-            at_least(name, CLOSED_BESIDE_OTHERS, share, criteria.min_closed_share),
+            at_least(name, "share of the closable squared gap beside the others", share, criteria.min_closed_share),
             at_least(name, "gap as reported beside the others: z-score", z_score, criteria.interval_z_score),
         ]  # fmt: skip
         if needs_visible_contact(name) and not is_contact_law(name):

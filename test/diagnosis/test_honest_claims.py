@@ -17,7 +17,7 @@ from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup, data_with_ow
 from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.model import COULOMB, STATIC, Model, predict
 from sgms_observer.diagnosis.motion import HELD_LAG, Motion, motion_of
-from sgms_observer.diagnosis.pruning import without_redundant_effects
+from sgms_observer.diagnosis.pruning import without_insignificant_effects, without_redundant_effects
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.diagnosis.sliding_force import start_logs
 from sgms_observer.diagnosis.uncertainty import (
@@ -136,6 +136,25 @@ def test_an_effect_that_a_later_one_made_needless_is_taken_out(stiffness: float,
     assert test.passed == kept and (test.value >= test.threshold) == kept
 
 
+@pytest.mark.parametrize(("gain", "kept"), [(0.97, False), (0.8, True)])
+def test_what_a_contact_law_can_imitate_closes_more_than_it_leaves(gain: float, kept: bool) -> None:
+    hidden = (EffectSettings("cogging", (0.5, 7e-4, 0.0, 0.0, 0.0)), EffectSettings("actuator_gain", (gain,)))
+    source = record(hidden)
+    motion = motion_of(source)
+    evaluation = evaluation_of((motion,), MODEL.with_effects(hidden))
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
+    nothing = setup.fit((), None, 6)
+    current = finish_fit(setup, setup.fit(hidden[1:], None, 6))
+    found = FitState(Recordings((source,), (), HELD_LAG, 100.0), (motion,), (), setup, nothing)
+    state = replace(found, current=current)
+    rounds = [accepted(setup, current, nothing, "actuator_gain", evaluation)]
+    after, left, _ = without_insignificant_effects(found, state, rounds, MODEL, Options())
+    (test,) = [one for one in left[0].decisions[0].tests if one.name.endswith("in the place of another contact law")]
+    assert test.passed == kept == (test.value >= 0.5)
+    assert len(after.current.effects) == int(kept)
+
+
+SCATTER = "strength over its scatter between recordings"
 REPLICATED = "strength over its standard error, in held-out recordings too"
 
 
@@ -180,9 +199,19 @@ def test_a_strength_counts_as_far_as_recordings_agree_on_it() -> None:
 
     assert over_scatter((0.6, 0.05)) == pytest.approx(12.0)
     assert over_scatter((0.6, 0.05), (0.58, 0.05), (0.62, 0.05)) == pytest.approx(12.0), "within their errors"
-    assert 1.645 < over_scatter((0.6, 0.05), (0.45, 0.01)) < 12.0, "a size may differ"
+    assert 3.0 < over_scatter((0.6, 0.05), (0.45, 0.01)) < 12.0, "a size may differ"
     assert over_scatter((0.6, 0.01), (0.1, 0.01), (1.5, 0.01)) < 1.645, "each sure, but of no common size"
     assert over_scatter((1.2, 0.05), (1.2, 0.05), default=1.0) == pytest.approx(4.0), "of a gain: from one"
+
+
+@pytest.mark.parametrize(("hidden", "is_named"), [("presliding", False), ("actuator_gain", True)])
+def test_a_strength_of_another_size_in_each_recording_is_not_named(hidden: str, is_named: bool) -> None:
+    values = {"presliding": (0.3, 2e-5), "actuator_gain": (0.85,)}[hidden]
+    learn, held = (record((EffectSettings(hidden, values),), seed, 12.0) for seed in (1, 2))
+    others = frozenset(name for name in names() if name != "actuator_gain") | frozenset(CHANGE_HYPOTHESES)
+    found = diagnose([learn], [held], AXIS, Options(workers=1, excluded=others))
+    (test,) = [one for item in found.rounds for one in item.tests if one.name == SCATTER]
+    assert test.passed == is_named == bool(found.accepted)
 
 
 def test_the_strength_of_a_gain_is_how_far_it_is_from_one() -> None:
