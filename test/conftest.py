@@ -45,8 +45,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Declare the markers of the tests that must not run beside others."""
-    config.addinivalue_line("markers", "live: starts nodes or looks at the clock; runs apart from what computes")
-    config.addinivalue_line("markers", "alone: a live test that runs beside no other")
+    config.addinivalue_line("markers", "live: starts nodes or looks at the clock; comes before what computes")
+    config.addinivalue_line("markers", "alone: a live test that runs beside no other live one")
 
 
 @pytest.hookimpl(tryfirst=True)

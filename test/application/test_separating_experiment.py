@@ -24,7 +24,7 @@ from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.load import load_settings
 
 START = start_file(WINDOW)
-HIDDEN = """      effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.05}}
+HIDDEN = """      effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {share: 0.1}}
       stage:
         reference: {kind: file, file: FILE}
         encoder: {resolution: 1.0e-8, noise: 2.0e-8}

@@ -150,7 +150,7 @@ def test_excitation_of_a_revolute_axis_has_its_units_and_moves_the_stage(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config, csv = folder / "degrees.yaml", folder / "reference.csv"
-    assert main(["excite", "--config", str(config), "--stroke", "0.3", "--out", str(csv)]) == 0
+    assert main(["excite", "--config", str(config), "--stroke", "0.3", "--duration", "15", "--out", str(csv)]) == 0
     said = capsys.readouterr().out
     assert "elbow: from -" in said and "rad/s^2" in said
     table = np.loadtxt(csv, delimiter=",", skiprows=1)

@@ -157,7 +157,7 @@ def verdict_of(learn: Recording) -> str:
 
 
 def test_nothing_hidden_is_no_effect() -> None:
-    assert verdict_of(record(duration=15.0)) == "no_effect"
+    assert verdict_of(record(duration=8.0)) == "no_effect"
 
 
 def test_a_stage_that_hardly_moves_cannot_tell() -> None:

@@ -24,8 +24,8 @@ def simulated(folder: Path, name: str, reference: dict[str, object], duration: f
 
 
 def test_the_lag_is_found_added_and_closes_the_gap(tmp_path: Path) -> None:
-    learn, rate = simulated(tmp_path, "several_sines", TO_LEARN, 12.0)
-    judge, _ = simulated(tmp_path, "paper_sine", TO_JUDGE, 6.0)
+    learn, rate = simulated(tmp_path, "several_sines", TO_LEARN, 8.0)
+    judge, _ = simulated(tmp_path, "paper_sine", TO_JUDGE, 4.0)
     arguments = ["diagnose", str(learn), "--config", str(CONFIG), "--holdout", str(judge)]
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
@@ -38,8 +38,8 @@ def test_the_lag_is_found_added_and_closes_the_gap(tmp_path: Path) -> None:
 
 def test_a_far_gap_on_an_unseen_motion_is_never_no_effect(tmp_path: Path) -> None:
     """One sine is fitted by bending the elements; another amplitude shows that nothing was understood."""
-    learn, _ = simulated(tmp_path, "paper_sine", TO_JUDGE, 8.0)
-    judge, _ = simulated(tmp_path, "smaller_sine", {"kind": "sine", "amplitude": 6.0e-5, "frequency": 2.0}, 6.0)
+    learn, _ = simulated(tmp_path, "paper_sine", TO_JUDGE, 5.0)
+    judge, _ = simulated(tmp_path, "smaller_sine", {"kind": "sine", "amplitude": 6.0e-5, "frequency": 2.0}, 4.0)
     arguments = ["diagnose", str(learn), "--config", str(CONFIG), "--holdout", str(judge)]
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 import pytest
 from workflow_case import AXIS, evaluation_of, record
@@ -20,6 +23,7 @@ from sgms_observer.settings.axis import EffectSettings
 
 OPTIONS = Options(workers=1, band=25.0)
 OFFSET, SPRING = EffectSettings("offset", (1.5,)), EffectSettings("spring", (20.0, 0.0))
+NAMES = ("offset", "asymmetric_coulomb", "spring")
 
 
 def diagnosed(monkeypatch: pytest.MonkeyPatch, hidden: tuple[EffectSettings, ...], names: tuple[str, ...]) -> Diagnosis:
@@ -29,45 +33,44 @@ def diagnosed(monkeypatch: pytest.MonkeyPatch, hidden: tuple[EffectSettings, ...
     return workflow.diagnose([one], [other], AXIS, OPTIONS)
 
 
-def test_a_spring_beside_an_offset_has_a_stiffness_but_no_rest_position(monkeypatch: pytest.MonkeyPatch) -> None:
+@dataclass(frozen=True)
+class Search:
+    """A diagnosis of an offset and a spring, and what its rivals are compared again with.
+
+    Attributes:
+        found: the diagnosis.
+        state: after its search.
+        rounds: of its search.
+    """
+
+    found: Diagnosis
+    state: FitState
+    rounds: tuple[Round, ...]
+
+
+@pytest.fixture(scope="module")
+def search() -> Search:
+    calls: list[tuple[FitState, tuple[Round, ...]]] = []
+
+    def compare(state: FitState, rounds: tuple[Round, ...], *others: Any) -> tuple[FitState, tuple[Round, ...]]:
+        calls.append((state, rounds))
+        return pruning.compared_again(state, rounds, *others)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workflow, "compared_again", compare)
+        found = diagnosed(patch, (OFFSET, SPRING), NAMES)
+    [(state, rounds)] = calls
+    return Search(found, state, rounds)
+
+
+def test_a_spring_beside_an_offset_has_a_stiffness_but_no_rest_position(search: Search) -> None:
     """The offset absorbs the rest position; the spring was dropped with it and a changed contact took its place."""
-    found = diagnosed(monkeypatch, (OFFSET, SPRING), ("offset", "asymmetric_coulomb", "spring"))
-    assert [item.name for item in accepted_candidates(found.rounds)] == ["offset", "spring"]
-    answer: Answer = answer_of(found, AXIS, OPTIONS)
+    assert [item.name for item in accepted_candidates(search.found.rounds)] == ["offset", "spring"]
+    answer: Answer = answer_of(search.found, AXIS, OPTIONS)
     values = {item.settings.name: by_name(item.settings.name, item.settings.values) for item in answer.effects}
     assert values["offset"]["force"] == pytest.approx(1.5, rel=0.05)
     assert values["spring"]["stiffness"] == pytest.approx(20.0, rel=0.05)
     assert not answer.changed
-
-
-@pytest.mark.parametrize(
-    "z_score, first", [(-10.0, "asymmetric_coulomb"), (0.0, "offset"), (1.0, "offset"), (10.0, "offset")]
-)
-def test_a_rival_that_predicts_better_beside_the_later_effects_takes_the_place(
-    monkeypatch: pytest.MonkeyPatch, z_score: float, first: str
-) -> None:
-    rounds_before: list[tuple[Round, ...]] = []
-    compared: list[tuple[FitState, tuple[Round, ...]]] = []
-
-    def compare(
-        state: FitState, rounds: tuple[Round, ...], listed: list[str], options: Options
-    ) -> tuple[FitState, tuple[Round, ...]]:
-        rounds_before.append(rounds)
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(pruning, "evidence_of", lambda fit, _: NamedEvidence(fit))
-            patch.setattr(pruning, "z_score_between", lambda one, other, _: z_score * (one.offset - other.offset))
-            compared.append(pruning.compared_again(state, rounds, listed, options))
-        return compared[-1]
-
-    monkeypatch.setattr(workflow, "compared_again", compare)
-    diagnosed(monkeypatch, (OFFSET, SPRING), ("offset", "asymmetric_coulomb", "spring"))
-    [(state, rounds)], [before] = compared, rounds_before
-    assert [item.name for item in accepted_candidates(before)] == ["offset", "spring"]
-    assert [item.name for item in accepted_candidates(rounds)] == [first, "spring"]
-    assert {item.name for item in state.current.effects} == {first, "spring"}
-    other = {"offset": "asymmetric_coulomb", "asymmetric_coulomb": "offset"}[first]
-    [(name, test)] = rounds[0].comparisons.items()
-    assert (name, test.value, test.passed) == (other, abs(z_score), abs(z_score) >= Criteria().min_z_score)
 
 
 class NamedEvidence:
@@ -79,6 +82,45 @@ class NamedEvidence:
     def weighted(self, _shares: object) -> NamedEvidence:
         """Return the same evidence."""
         return self
+
+
+def compared(
+    z_score: float, state: FitState, rounds: tuple[Round, ...], listed: list[str], options: Options
+) -> tuple[FitState, tuple[Round, ...]]:
+    """Return what the rivals lead to where the offset predicts better than its rival by a z-score."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pruning, "evidence_of", lambda fit, _: NamedEvidence(fit))
+        patch.setattr(pruning, "z_score_between", lambda one, other, _: z_score * (one.offset - other.offset))
+        return pruning.compared_again(state, rounds, listed, options)
+
+
+@pytest.mark.parametrize(
+    "z_score, first", [(-10.0, "asymmetric_coulomb"), (0.0, "offset"), (1.0, "offset"), (10.0, "offset")]
+)
+def test_a_rival_that_predicts_better_beside_the_later_effects_takes_the_place(
+    search: Search, z_score: float, first: str
+) -> None:
+    assert [item.name for item in accepted_candidates(search.rounds)] == ["offset", "spring"]
+    state, rounds = compared(z_score, search.state, search.rounds, [], OPTIONS)
+    assert [item.name for item in accepted_candidates(rounds)] == [first, "spring"]
+    assert {item.name for item in state.current.effects} == {first, "spring"}
+    other = {"offset": "asymmetric_coulomb", "asymmetric_coulomb": "offset"}[first]
+    [(name, test)] = rounds[0].comparisons.items()
+    assert (name, test.value, test.passed) == (other, abs(z_score), abs(z_score) >= Criteria().min_z_score)
+
+
+def test_a_diagnosis_goes_on_with_the_rival_that_took_the_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rivals are compared once: what takes the place stays to the end."""
+    calls: list[tuple[FitState, tuple[Round, ...]]] = []
+
+    def compare(*arguments: Any) -> tuple[FitState, tuple[Round, ...]]:
+        calls.append(compared(-10.0, *arguments))
+        return calls[-1]
+
+    monkeypatch.setattr(workflow, "compared_again", compare)
+    diagnosed(monkeypatch, (OFFSET, SPRING), NAMES)
+    [(_, rounds)] = calls
+    assert [item.name for item in accepted_candidates(rounds)] == ["asymmetric_coulomb", "spring"]
 
 
 def test_a_dead_zone_is_fitted_although_the_coulomb_force_absorbs_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -101,7 +101,8 @@ def test_errors_are_one_sentence(
 
 def test_excite_writes_what_the_stage_reads(tmp_path: Path, start: Path) -> None:
     csv = tmp_path / "reference.csv"
-    assert main(["excite", "--config", str(start), "--out", str(csv), "--stroke", "0.01", "--centre", "0.1"]) == 0
+    limits = ["--stroke", "0.01", "--centre", "0.1", "--duration", "15"]
+    assert main(["excite", "--config", str(start), "--out", str(csv), *limits]) == 0
     table = np.loadtxt(csv, delimiter=",", skiprows=1)
     assert np.allclose(np.diff(table[:, 0]), PERIOD)
     assert table[0, 1] == table[-1, 1] == 0.1

@@ -21,9 +21,11 @@ from ros_fixtures import Start
 from ros_graph import Graph, NodeProcess, wait_until
 from start_file import WINDOW, start_file
 
+from sgms_observer.application.commission.compensate import time_to_compensate
+from sgms_observer.application.commission.learn import load_motion
 from sgms_observer.application.commission.ledger import DONE, FAILED, SKIPPED, Ledger
-from sgms_observer.application.commission.motion import representative_motion
-from sgms_observer.application.commission.session import Plan, Request
+from sgms_observer.application.commission.motion import Motion, motion_from_rows, representative_motion
+from sgms_observer.application.commission.session import Plan, Request, Session
 from sgms_observer.application.commission.table import HeldUp
 from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
 from sgms_observer.nodes.axis_listener import EFFORT, POSITION, AxisListener
@@ -105,14 +107,19 @@ def commission(tmp_path: Path) -> Any:
         one.stop()
 
 
-def learnt_before(folder: Path) -> None:
-    """Prepare a commissioning that has learnt its model, by its own words: the next step is to compensate."""
+def learnt_before(folder: Path, own: Motion | None = None) -> None:
+    """Prepare a commissioning that has learnt its model, by its own words: the next step is to compensate.
+
+    Args:
+        folder: where the command runs.
+        own: the user's own motion; the one that stands for it if None.
+    """
     (folder / "start.yaml").write_text(START)
     out = folder / "out"
     request = Request(str(folder / "start.yaml"), out)
     plan = Plan.of(request)
     out.mkdir()
-    own = representative_motion(plan.limits, plan.settings.sample_period)
+    own = own or representative_motion(plan.limits, plan.settings.sample_period)
     own.write(out / "motion.csv")
     model = START.replace("compensation: {limit: 10.0}", "compensation: {limit: 10.0, look_ahead: 2.0e-3}")
     (out / "candidate.yaml").write_text(model + f"      {HIDDEN}\n")
@@ -123,9 +130,23 @@ def learnt_before(folder: Path) -> None:
     ledger.note("observe", DONE, 1.0, "prepared by the test", ["candidate.yaml"])
 
 
-def compensation(graph: Graph) -> np.ndarray:
-    """Return all compensations heard [N]."""
-    return np.array([decode_joint_state(message)[4][0] for message in graph.messages["friction_compensation"]])
+def time_for_one_experiment(run: Commission) -> float:
+    """Return a ``--time`` for the rerun in which the experiment that was stopped ends, and mostly no other one [s].
+
+    There is time for the experiment twice, and for a diagnosis that takes four times as long as the first one did. With
+    one recording more it takes about twice as long: what is left is too short for another experiment.
+    """
+    plan = Plan.of(Request(str(run.out.parent / "start.yaml"), run.out))
+    nothing: Any = None
+    session = Session(plan, Ledger.open(run.out, run.result()["request"], False), nothing, nothing, nothing, nothing)
+    experiment = session.duration_of(load_motion(session, "experiment_1.csv"))
+    return 2.0 * experiment + 4.0 * session.ledger.facts["diagnosis_seconds"] + time_to_compensate(session)
+
+
+def compensation(graph: Graph, newest: int) -> np.ndarray:
+    """Return the newest compensations heard [N]."""
+    heard = graph.messages["friction_compensation"][-newest:]
+    return np.array([decode_joint_state(message)[4][0] for message in heard])
 
 
 def compensating(graph: Graph, run: Commission) -> None:
@@ -134,14 +155,14 @@ def compensating(graph: Graph, run: Commission) -> None:
 
     def acts() -> bool:
         assert run.process.poll() is None, run.end()
-        return bool(np.any(np.abs(compensation(graph)[-100:]) > 0.5))
+        return bool(np.any(np.abs(compensation(graph, 100)) > 0.5))
 
     wait_until(acts, "a compensation that acts", 2 * PATIENCE)
 
 
 def has_let_go(graph: Graph) -> None:
     """Check that no force is left, and that the set-point came to rest softly."""
-    assert compensation(graph)[-1] == 0.0
+    assert compensation(graph, 1)[-1] == 0.0
     velocities = np.array([decode_joint_state(message)[3][0] for message in graph.messages["reference"]])
     assert velocities[-1] == 0.0
 
@@ -213,7 +234,7 @@ def test_the_experiment_for_what_is_ambiguous(start: Start, graph: Graph, commis
     velocities = np.array([decode_joint_state(message)[3][0] for message in graph.messages["reference"]])
     assert velocities[-1] == 0.0 and np.max(np.abs(np.diff(velocities[-200:]))) <= 1.0 * 1e-3 * 1.02
     assert not graph.messages["friction_compensation"]  # no observer ran: no force was ever sent
-    again = commission("--time", "600")
+    again = commission("--time", f"{time_for_one_experiment(run):.0f}")
 
     def separated() -> str:
         assert again.process.poll() is None, again.end()
@@ -228,8 +249,10 @@ def test_the_experiment_for_what_is_ambiguous(start: Start, graph: Graph, commis
 
 
 def test_ctrl_c_leaves_no_force_and_is_resumed(start: Start, graph: Graph, commission: Any, tmp_path: Path) -> None:
+    """The own motion is short, because the rerun plays it to the end with each gain, and before and after."""
     start("stage_node", table(HIDDEN))
-    learnt_before(tmp_path)
+    seconds = np.linspace(0.0, 2.0, 2001)
+    learnt_before(tmp_path, motion_from_rows(seconds, 4.0e-3 * np.sin(0.5 * np.pi * seconds) ** 2, 1.0e-3))
     graph.listen("friction_compensation", "reference")
     run = commission()
     compensating(graph, run)
@@ -301,7 +324,7 @@ def test_a_limit_leaves_no_force(start: Start, graph: Graph, commission: Any, tm
     code, said = run.end()
     assert code == 1, said
     stopped(run, "compensate", "the motion was stopped")
-    assert compensation(graph)[-1] == 0.0
+    assert compensation(graph, 1)[-1] == 0.0
 
 
 def test_a_stall_stops_the_motion(start: Start, graph: Graph, commission: Any) -> None:

@@ -57,7 +57,7 @@ def test_a_first_parameter_file_fits_its_bag(tmp_path: Path) -> None:
 
 
 def test_many_recordings_are_diagnosed_each_by_itself(tmp_path: Path) -> None:
-    said = _run("process_many_recordings", "--out", str(tmp_path), "--seconds", "8")
+    said = _run("process_many_recordings", "--out", str(tmp_path), "--seconds", "5")
     assert "2 of 2 recordings gave a result" in said
     assert re.search(r"^learn: \w+, found .*cogging", said, re.MULTILINE)
     assert (tmp_path / "diagnosed" / "report.html").exists()
@@ -70,7 +70,7 @@ def test_identification_finds_the_mass(tmp_path: Path) -> None:
 
 
 def test_diagnosis_finds_cogging_and_its_result_is_read(tmp_path: Path) -> None:
-    said = _run("diagnose_a_bag", "--out", str(tmp_path), "--seconds", "8")
+    said = _run("diagnose_a_bag", "--out", str(tmp_path), "--seconds", "5")
     assert "found: cogging" in said
     said = _run("read_a_result", str(tmp_path / "diagnosis" / "result.json"))
     pitch = float(re.findall(r"pitch = (\S+) \+-", said)[0])
