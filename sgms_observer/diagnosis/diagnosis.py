@@ -348,7 +348,6 @@ class Diagnosis:
         is_poor: whether the excitation is too poor for any result.
         tests: tests of the whole model.
         refused_contact_effects: failed test of contact law effects, which then have no name; None if they may have.
-        has_changed_contact: whether a friction value of the file is beyond its tolerance in the final model.
     """
 
     nominal: Model
@@ -364,7 +363,6 @@ class Diagnosis:
     is_poor: bool = False
     tests: tuple[Test, ...] = field(default=())
     refused_contact_effects: Test | None = None
-    has_changed_contact: bool = False
 
     @property
     def is_contact_hidden(self) -> bool:
@@ -376,8 +374,8 @@ class Diagnosis:
         """Return the rounds that added a named effect.
 
         An effect that only describes another contact law is named if it closes more of the gap than it leaves, if
-        little of the rest is predictable, and if neither a change of the contact nor another one of them came before.
-        Otherwise it counts as a changed value of the file.
+        little of the rest is predictable, and if no other one of them came before. Otherwise it counts as a changed
+        value of the file.
         """
         added = [(item, item.accepted.candidate) for item in self.rounds if item.accepted]
         return [
@@ -393,11 +391,7 @@ class Diagnosis:
     def unnamed_contact_effects(self) -> frozenset[str]:
         """Return the contact law effects that were accepted and are not named.
 
-        Beside a change of the contact, or another one of them, they describe a part of the same contact law.
+        Beside another one of them, they describe a part of the same contact law.
         """
-        listed = accepted_candidates(self.rounds)
-        found = [one.name for one in listed if one.is_contact_law]
-        parts = [one for one in listed if one.is_contact_law or (one.settings is None and self.has_changed_contact)]
-        if self.refused_contact_effects is None and found and parts[0].name == found[0]:
-            found = found[1:]
-        return frozenset(found)
+        found = [one.name for one in accepted_candidates(self.rounds) if one.is_contact_law]
+        return frozenset(found[1:] if self.refused_contact_effects is None else found)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, effect_candidates, finish_fit
-from sgms_observer.diagnosis.changed import changed_values
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_freed, changed_candidate
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.decision import (
@@ -169,13 +168,11 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
     warnings = list(audited.warnings)
     if file.axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
-    found = Diagnosis(
+    return Diagnosis(
         nominal, file.known_effects, file.state, state, written, rounds, state.evaluation(options), audited.resolution,
         (*audited.notes, *notes_on_changes([*state.fit_motions, *state.held_out_motions])), tuple(warnings),
         audited.is_poor,
     )  # fmt: skip
-    moved = [one.name for one in changed_values(found, written.after, options)]
-    return replace(found, has_changed_contact=any(name.startswith("friction.") for name in moved))
 
 
 def _search_and_prune(

@@ -11,7 +11,7 @@ from workflow_case import AXIS, record
 
 from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.criteria import Criteria, Test
+from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.decision import Decision, comparisons, z_score_between
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evaluation import Evidence
@@ -96,20 +96,30 @@ def test_an_effect_that_closes_less_than_it_leaves_is_a_changed_value(
     assert any(test.name == LAW_TEST and test.of == "stribeck" and not test.passed for test in answer.tests)
 
 
-def test_beside_a_change_of_the_contact_that_came_first_it_is_a_part_of_the_change(explained: Answer) -> None:
+def test_of_two_of_them_the_first_is_named_and_the_second_is_a_part_of_its_contact_law(explained: Answer) -> None:
     found = explained.diagnosis
-    with_effect = next(item for item in found.rounds if item.accepted)
-    freed = next(one for one in with_effect.decisions if one.candidate.settings is None)
-    with_change = replace(with_effect, accepted=freed)
-    assert [one.accepted for one in found.accepted] == [with_effect.accepted]
-    moved = replace(found, has_changed_contact=True)
-    after, before = (
-        replace(moved, rounds=rounds) for rounds in ((with_change, with_effect), (with_effect, with_change))
-    )
-    assert not after.accepted and after.unnamed_contact_effects == {"stribeck"}
-    assert before.accepted == [with_effect] and not before.unnamed_contact_effects
-    undone = replace(after, has_changed_contact=False)  # beside the effect no value of the file is beyond its tolerance
-    assert not undone.unnamed_contact_effects
+    first = next(item for item in found.rounds if item.accepted)
+    assert first.accepted is not None
+    candidate = first.accepted.candidate
+    lag = EffectSettings("frictional_lag", (20.0, 2e-6))
+    refit = replace(candidate.refit, effects=(*candidate.refit.effects, lag))
+    second = replace(first, accepted=replace(first.accepted, candidate=replace(candidate, name=lag.name, refit=refit)))
+    both = replace(found, rounds=(first, second))
+    assert both.accepted == [first] and both.unnamed_contact_effects == {"frictional_lag"}
+    refused = replace(both, refused_contact_effects=at_least("stribeck", LAW_TEST, 0.0, 1.0))
+    assert not refused.accepted and refused.unnamed_contact_effects == {"stribeck", "frictional_lag"}
+
+
+@pytest.mark.parametrize(("share", "is_named"), [(0.51, True), (0.49, False)])
+def test_beside_everything_else_it_closes_more_than_it_leaves(share: float, is_named: bool, explained: Answer) -> None:
+    found = explained.diagnosis
+    (place,) = [number for number, item in enumerate(found.rounds) if item.accepted]
+    beside = at_least("stribeck", "share of the closable squared gap beside the others", share, 0.05)
+    rounds = (*found.rounds[:place], found.rounds[place].with_test(beside), *found.rounds[place + 1 :])
+    answer = answer_of(replace(found, rounds=rounds), AXIS, OPTIONS)
+    assert [item.settings.name for item in answer.effects] == ["stribeck"] * is_named
+    (test,) = [one for one in answer.tests if one.name.endswith("beside the others, of another contact law")]
+    assert test.passed == is_named
 
 
 def test_beside_a_predictable_remainder_it_is_a_changed_value(monkeypatch: pytest.MonkeyPatch) -> None:
