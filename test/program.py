@@ -1,16 +1,18 @@
-"""Starts the package's programs as processes, and waits until their first line is about to run.
+"""Starts the package's programs as processes, and waits until their first line is about to run; loads scripts.
 
 A signal that comes earlier meets Python itself, which then ends with its own words: no matter for tests of ours.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -50,6 +52,20 @@ def start_program(module: str, arguments: Sequence[str], folder: Path, **pipes: 
         time.sleep(0.002)
     mark.unlink()
     return process
+
+
+def load_script(name: str) -> ModuleType:
+    """Return a script that lies in no package, such as ``benchmarks/filters.py``, as a module.
+
+    Args:
+        name: its path in the repository.
+    """
+    module_name = "script_" + Path(name).stem
+    spec = importlib.util.spec_from_file_location(module_name, ROOT / name)
+    assert spec is not None and spec.loader is not None
+    module = sys.modules[module_name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def is_of_ours(errors: str) -> bool:

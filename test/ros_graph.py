@@ -24,7 +24,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.bags.cdr import JointStateDecoder, JointStateEncoder
 from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
 from sgms_observer.nodes.conductor import RepeatedRequest
 from sgms_observer.nodes.topics import SAMPLE_QOS
@@ -54,6 +54,8 @@ CONFIGURE, ACTIVATE = Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACT
 DEACTIVATE, CLEAN_UP = Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP
 GOALS = {CONFIGURE: "inactive", ACTIVATE: "active", DEACTIVATE: "inactive", CLEAN_UP: "unconfigured"}
 ASK_AGAIN = 10.0  # s
+
+decode_joint_state = JointStateDecoder().decode
 
 
 def wait_until(condition: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:

@@ -288,24 +288,6 @@ class JointStateDecoder:
         return self.decode(message)
 
 
-_SHARED = JointStateDecoder()
-
-
-def decode_joint_state(message: Buffer) -> JointStateFields:
-    """Decode one JointState; a topic with a decoder of its own is served a little faster.
-
-    Args:
-        message: the whole message with its encapsulation.
-
-    Returns:
-        Stamp [ns], names, position, velocity, effort, as ``JointStateDecoder.decode``.
-
-    Raises:
-        DataError: the bytes are no JointState; nothing else is ever raised.
-    """
-    return _SHARED.decode(message)
-
-
 class JointStateEncoder:
     """Writes messages of one layout: everything but the numbers is written once.
 

@@ -140,9 +140,8 @@ class BagWriter:
         position: ArrayLike | None = None,
         velocity: ArrayLike | None = None,
         effort: ArrayLike | None = None,
-        log_ns: NDArray[np.int64] | None = None,
     ) -> None:
-        """Write n JointStates; a field that is None stays empty in the messages.
+        """Write n JointStates, recorded at their sample times; a field that is None stays empty in the messages.
 
         Args:
             topic: name; a leading slash is added if it lacks one.
@@ -151,11 +150,9 @@ class BagWriter:
             position: [m], shape (n, k), or (n,) for one axis.
             velocity: [m/s], likewise.
             effort: [N], likewise.
-            log_ns: times of the recording [ns], shape (n,); the sample times if None.
         """
         name, channel = self._channel(topic, JOINT_STATE)
         stamps = np.asarray(stamp_ns, np.int64)
-        times = stamps if log_ns is None else np.asarray(log_ns, np.int64)
         given = {"position": position, "velocity": velocity, "effort": effort}
         fields = {
             key: np.asarray(values, np.float64).reshape(stamps.size, len(names))
@@ -164,7 +161,7 @@ class BagWriter:
         }
         if stamps.size == 0:
             return
-        first, last = int(times.min()), int(times.max())
+        first, last = int(stamps.min()), int(stamps.max())
         if first < 0:
             raise DataError(f"a message of {name} has the time {first} ns; bags hold times from 1970 on only")
         storage = self._open_storage()
@@ -172,7 +169,7 @@ class BagWriter:
         self._counts[name] += stamps.size
         self._span = (min(self._span[0], first), max(self._span[1], last))
         with self._own_errors():
-            storage.write_rows(channel, times, messages)
+            storage.write_rows(channel, stamps, messages)
             self._flush_if_due()
 
     def flush(self) -> None:

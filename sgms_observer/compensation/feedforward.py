@@ -12,11 +12,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sgms_observer.compensation import horizon
 from sgms_observer.compensation.feedforward_kernel import (
@@ -40,54 +38,22 @@ from sgms_observer.compensation.feedforward_kernel import (
     fade,
 )
 from sgms_observer.compensation.motion_ahead import (
-    AHEAD_WIDTH,
     LAST_POSITION,
     MEMORY_SIZE,
     look_ahead_block,
 )
 from sgms_observer.effects.compiled import CompiledEffects
-from sgms_observer.estimators.block import FRICTION_STD, RESULT_SIZE, STATUS
 from sgms_observer.estimators.layout import (
     MASS,
     Floats,
     ModelArrays,
     ParameterArrays,
 )
-from sgms_observer.filters.motion import ELAPSED, LEAD, PRESENT_VELOCITY
 from sgms_observer.settings.axis import CompensationSettings
 from sgms_observer.status import Status
 
 _GOOD = (Status.RUNNING, Status.FALLBACK_NOT_CONVERGED, Status.FALLBACK_DEADLINE)
 _RESTART = (Status.STARTING, Status.RESTARTED_AFTER_GAP, Status.RESTARTED_AFTER_JUMP)
-
-
-@dataclass(frozen=True)
-class Preview:
-    """Input of the compensation for one block of samples; row i belongs to sample i.
-
-    Attributes:
-        period: time since the previous sample [s], shape (n,).
-        velocity: estimated velocity now [m/s], shape (n,).
-        element_force: the observer's element forces now [N], shape (n, n_z).
-        parameters: estimated parameters, SI units (kappa as share), shape (n, n_p).
-        friction_std: standard deviation of the friction estimate [N], shape (n,).
-        reference_position: set-point [m], NaN where there is none, shape (n,).
-        reference_velocity: its velocity [m/s], NaN where there is none, shape (n,).
-        effects_force: force of the effects of the YAML at the end of the look-ahead [N], shape (n,).
-        effects_factor: their factor on the Stribeck level there [-], shape (n,).
-        status: ``Status`` codes, shape (n,).
-    """
-
-    period: Floats
-    velocity: Floats
-    element_force: Floats
-    parameters: Floats
-    friction_std: Floats
-    reference_position: Floats
-    reference_velocity: Floats
-    effects_force: Floats
-    effects_factor: Floats
-    status: NDArray[np.uint8]
 
 
 class Compensator:
@@ -101,8 +67,11 @@ class Compensator:
         standstill: estimated speed that noise alone rarely exceeds [m/s]; ``standstill_velocity`` overrides it.
 
     Attributes:
-        fill: does ``step_tables`` into an array that is there already, its last argument.
-        fill_ahead: does ``look_ahead`` likewise.
+        fill_ahead: looks ahead over a block of n samples, once for each block. In: ``Motion.table``, set-points [m] and
+            their velocities [m/s], NaN where there are none. Out, its last argument: columns as in ``motion_ahead``.
+        fill: compensates the same block. In: ``Motion.table``, ``Results.table``, what ``fill_ahead`` wrote, and the
+            effects' force [N] and factor on the Stribeck level [-] at the end of the look-ahead. Out, its last
+            argument: the force to add to the controller's output [N], shape (n,).
     """
 
     def __init__(
@@ -174,11 +143,6 @@ class Compensator:
         """Return a copy of the array of the kernel: state, settings and class of each status."""
         return self._state.copy()
 
-    @property
-    def output(self) -> float:
-        """Return the latest output [N], the start of the slew limit."""
-        return float(self._state[OUTPUT])
-
     def continue_from(self, output: float) -> None:
         """Continue from another output, the one that was actually applied; trust starts again at zero.
 
@@ -197,42 +161,10 @@ class Compensator:
         self._modes[:] = 0
         self._memory[:] = 0.0
 
-    def step(self, block: Preview) -> Floats:
-        """Return the compensation of each sample of a block [N], shape (n,).
-
-        Args:
-            block: input of the samples.
-        """
-        count, n_z = block.element_force.shape
-        n_p = block.parameters.shape[1]
-        motion = np.zeros((count, LEAD))
-        motion[:, ELAPSED], motion[:, PRESENT_VELOCITY] = block.period, block.velocity
-        results = np.zeros((count, RESULT_SIZE + 3 * n_z + 2 * n_p))
-        results[:, FRICTION_STD], results[:, STATUS] = block.friction_std, block.status
-        results[:, RESULT_SIZE : RESULT_SIZE + n_z] = block.element_force
-        results[:, RESULT_SIZE + 3 * n_z : RESULT_SIZE + 3 * n_z + n_p] = block.parameters
-        ahead = self.look_ahead(motion, block.reference_position, block.reference_velocity)
-        return self.step_tables(motion, results, ahead, block.effects_force, block.effects_factor)
-
     @property
     def look_ahead_time(self) -> float:
         """Return the time from a sample to the action of its compensation [s]."""
         return float(self._state[LOOK_AHEAD])
-
-    def look_ahead(self, motion: Floats, reference_position: Floats, reference_velocity: Floats) -> Floats:
-        """Return the set-point at the time when the compensation of each sample acts. Call it once per block.
-
-        Args:
-            motion: ``Motion.table`` [SI units], shape (n, width).
-            reference_position: as in ``Preview`` [m], shape (n,).
-            reference_velocity: as in ``Preview`` [m/s], shape (n,).
-
-        Returns:
-            Columns as named in ``motion_ahead`` [SI units], shape (n, AHEAD_WIDTH).
-        """
-        ahead = np.empty((len(motion), AHEAD_WIDTH))
-        self.fill_ahead(motion, reference_position, reference_velocity, ahead)
-        return ahead
 
     @property
     def set_point(self) -> float:
@@ -254,8 +186,8 @@ class Compensator:
             time: since the latest sample [s], increasing from 0, shape (n,).
             first: first row to return.
             motion: set-point [m], velocity [m/s] and acceleration [m/s^2] at each time, shape (3, n).
-            effects_force: as in ``Preview`` [N], shape (n,).
-            effects_factor: as in ``Preview`` [-], shape (n,).
+            effects_force: force of the effects at each time [N], shape (n,).
+            effects_factor: their factor on the Stribeck level there [-], shape (n,).
             latest: parameters [SI units; kappa as share], friction_std [N] and status of the latest sample.
         """
         state = self._state
@@ -274,23 +206,4 @@ class Compensator:
             self._carried, self._modes, self._model.scalars, self._model.elements, self._kinds, parameters, self._path,
             scalars, first, time, motion, effects_force, effects_factor, out,
         )  # fmt: skip
-        return out
-
-    def step_tables(
-        self, motion: Floats, results: Floats, ahead: Floats, effects_force: Floats, effects_factor: Floats
-    ) -> Floats:
-        """Return the compensation of each sample of a block, from the tables of filter and estimator.
-
-        Args:
-            motion: ``Motion.table`` [SI units], shape (n, width).
-            results: ``Results.table`` [SI units], shape (n, width).
-            ahead: from ``look_ahead`` [SI units], shape (n, AHEAD_WIDTH).
-            effects_force: as in ``Preview`` [N], shape (n,).
-            effects_factor: as in ``Preview`` [-], shape (n,).
-
-        Returns:
-            The force to add to the controller's output [N], shape (n,).
-        """
-        out = np.empty(len(motion))
-        self.fill(motion, results, ahead, effects_force, effects_factor, out)
         return out

@@ -145,11 +145,10 @@ def _correct(flat: Floats) -> tuple[int, float, float]:
     if use_ekf:
         ekf_correct(flat, innovation)
         flat[at.COUNT] = 0.0
-    is_finite = _clip_to_bounds(flat)
-    if is_finite:
+    if _clip_to_bounds(flat):
         start_interval(flat)
     else:
-        restart(flat, is_finite)
+        restart(flat, False)
         status = WAS_NOT_FINITE
     return status, innovation, math.sqrt(innovation_covariance)
 
@@ -177,8 +176,19 @@ def _friction_variance(flat: Floats, velocity: float) -> float:
 
 
 @njit_bare
-def _take_sample(flat: Floats, row: Floats, effort: float, factor: float, result: Floats) -> int:
-    """Advance by one row of block V, correct where it is due, write the innovation, and return the status."""
+def take_sample(flat: Floats, row: Floats, effort: float, factor: float, result: Floats) -> int:
+    """Advance by one row of block V, correct where it is due, and write the innovation.
+
+    Args:
+        flat: the estimator's memory (memory.py); overwritten.
+        row: of block V, columns as in ``filters.motion``, shape (LEAD + 2 L,).
+        effort: effort at the row's instant less the effects' forces [N], NaN where there is none.
+        factor: effects' factor on the Stribeck level [-].
+        result: INNOVATION and INNOVATION_STD are written [N], NaN without a correction.
+
+    Returns:
+        The status, one of the codes above.
+    """
     status = RUNNING
     is_restart = row[row_of.IS_RESTART] > 0.0
     if is_restart or flat[at.STARTED] == 0.0:
@@ -214,8 +224,15 @@ def _take_sample(flat: Floats, row: Floats, effort: float, factor: float, result
 
 
 @njit_bare
-def _write_present(flat: Floats, row: Floats, factor: float, result: Floats) -> None:
-    """Advance the forces from the instant of the row to its sample and write the estimate there."""
+def write_present(flat: Floats, row: Floats, factor: float, result: Floats) -> None:
+    """Advance the forces from the instant of the row to its sample and write the estimate there.
+
+    Args:
+        flat: the estimator's memory after ``take_sample``.
+        row: as for ``take_sample``.
+        factor: as for ``take_sample``.
+        result: all columns but the status and the innovation are written, shape (RESULT_SIZE + 3 n_z + 2 n_p,).
+    """
     lead, lead_slip = vector(flat, at.LEAD), vector(flat, at.LEAD_SLIP)
     scalars, elements = vector(flat, at.SCALARS), matrix(flat, at.ELEMENTS)
     x_hat, covariance, scale = vector(flat, at.X_HAT), matrix(flat, at.COVARIANCE), vector(flat, at.SCALE)
@@ -252,5 +269,5 @@ def estimate_block(flat: Floats, motion: Floats, effort: Floats, factor: Floats,
         results: written, columns as above, shape (n, RESULT_SIZE + 3 n_z + 2 n_p).
     """
     for s in range(motion.shape[0]):
-        results[s, STATUS] = _take_sample(flat, motion[s], effort[s], factor[s], results[s])
-        _write_present(flat, motion[s], factor[s], results[s])
+        results[s, STATUS] = take_sample(flat, motion[s], effort[s], factor[s], results[s])
+        write_present(flat, motion[s], factor[s], results[s])

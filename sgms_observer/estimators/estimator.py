@@ -26,7 +26,7 @@ from sgms_observer.estimators.layout import (
     model_arrays,
     parameter_arrays,
 )
-from sgms_observer.estimators.memory import EKF_NEXT, STARTED, Memory, Sizes, Tuning, allocate, forget
+from sgms_observer.estimators.memory import EKF_NEXT, Memory, Sizes, Tuning, allocate, forget
 from sgms_observer.filters.motion import Motion
 from sgms_observer.settings.axis import EstimatorSettings, FrictionSettings
 
@@ -160,11 +160,6 @@ class Estimator:
     def miss_deadline(self) -> None:
         """Let the EKF do the next correction."""
         self.flat[EKF_NEXT] = 1.0
-
-    @property
-    def is_started(self) -> bool:
-        """Return whether the estimator has processed a sample since the last reset."""
-        return bool(self.flat[STARTED])
 
     def step(self, motion: Motion, effort: Floats, factor: Floats) -> Results:
         """Process a block of motion.

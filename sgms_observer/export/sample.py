@@ -15,7 +15,7 @@ from sgms_observer.compensation.motion_ahead import (
     look_ahead_block,
 )
 from sgms_observer.effects.kernels import corrected_position, effects_step, effort_step
-from sgms_observer.estimators.block import STATUS, _take_sample, _write_present
+from sgms_observer.estimators.block import STATUS, take_sample, write_present
 from sgms_observer.estimators.interval import level_at
 from sgms_observer.filters import motion as row_of
 from sgms_observer.filters.kernel import filter_sample
@@ -108,8 +108,8 @@ def observe_sample(
         )  # fmt: skip
         force[0] = scratch[0]
         factor[0] = scratch[1]
-    result[STATUS] = _take_sample(estimator, row, row[row_of.EFFORT] - force[0], factor[0], result)
-    _write_present(estimator, row, factor[0], result)
+    result[STATUS] = take_sample(estimator, row, row[row_of.EFFORT] - force[0], factor[0], result)
+    write_present(estimator, row, factor[0], result)
     look_ahead_block(
         set_points, feedforward[LOOK_AHEAD], feedforward[STANDSTILL], feedforward[SET_POINT_STANDSTILL], motion,
         reference_position, reference_velocity, ahead,

@@ -22,11 +22,10 @@ DELAY = layout.OWN + 1
 POSITION_STATE = layout.MEMORY  # low-pass of the position: value, rate, last input
 EFFORT_STATE = layout.MEMORY + 3
 LAST_PERIOD = layout.MEMORY + 6
-LAST_POSITION = layout.MEMORY + 7
-LAST_VELOCITY = layout.MEMORY + 8
-LAST_EFFORT = layout.MEMORY + 9
-EARLIER_EFFORT = layout.MEMORY + 10
-SIZE = layout.MEMORY + 11
+LAST_VELOCITY = layout.MEMORY + 7
+LAST_EFFORT = layout.MEMORY + 8
+EARLIER_EFFORT = layout.MEMORY + 9
+SIZE = layout.MEMORY + 10
 
 
 def lowpass_config(cutoff: float, period: float) -> Floats:

@@ -6,7 +6,6 @@ position keep their values: they change the measurement, so a fit could reduce t
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -142,7 +141,6 @@ class EffectForce:
         seconds: time since the recording's first sample [s], shape (n,).
         effort: effort [N], shape (n,).
         other_velocity, other_acceleration: motion of the other axis, shape (n,).
-        has_level: whether a formula uses the Stribeck level.
     """
 
     compiled: CompiledEffects
@@ -154,7 +152,6 @@ class EffectForce:
     effort: Floats
     other_velocity: Floats
     other_acceleration: Floats
-    has_level: bool
 
     @staticmethod
     def along(
@@ -175,12 +172,9 @@ class EffectForce:
         zero = np.zeros(len(position))
         other_velocity = zero if other is None else np.gradient(other, period)
         other_acceleration = zero if other is None else np.gradient(other_velocity, period)
-        formulas = [f for item in settings for f in (effect(item.name).output, effect(item.name).advance) if f]
-        has_level = any("level" in inspect.signature(formula).parameters for formula in formulas)
         return EffectForce(
             CompiledEffects(settings, period), period, position, velocity, np.gradient(velocity, period),
             np.asarray(first + period * np.arange(len(position))), effort, other_velocity, other_acceleration,
-            has_level,
         )  # fmt: skip
 
     def at(self, values: Floats, level: Floats) -> tuple[Floats, Floats]:

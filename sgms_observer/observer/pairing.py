@@ -16,6 +16,7 @@ from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.units import UNSCALED, Scales
 
 CLOCK_RESET_NS = 1_000_000_000  # stamps that jump back further are a restarted clock, not a late message
+_TOLERANCE = 0.25  # largest difference of two stamps of one sample, as a share of the sample period
 _ROWS = 4096
 _NEVER = -(2**63)
 _NAN = math.nan
@@ -93,7 +94,6 @@ class Pairing:
     Args:
         sample_period: nominal time between two samples [s].
         scales: factors from the messages to SI; the samples that ``pop`` returns are in SI.
-        tolerance: largest difference of two stamps of one sample, as a share of the sample period.
         hold: longest waiting time for an effort [s], in which DDS may send it again; 1/25 of it for a reference.
         most: largest number of waiting samples, for any ``hold``.
     """
@@ -103,12 +103,11 @@ class Pairing:
         sample_period: float,
         scales: Scales = UNSCALED,
         *,
-        tolerance: float = 0.25,
         hold: float = 0.5,
         most: int = 4096,
     ) -> None:
         self._scales = None if scales.are_one else scales
-        self.tolerance_ns = round(tolerance * sample_period * 1e9)
+        self.tolerance_ns = round(_TOLERANCE * sample_period * 1e9)
         self.limit = min(most, max(16, round(hold / sample_period)))
         self.reference_limit = max(8, self.limit // 25)
         self.counts = PairingCounts()

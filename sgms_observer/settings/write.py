@@ -293,19 +293,6 @@ def _commented(text: str, comments: Comments) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_yaml(tree: Mapping[Any, Any], path: str | Path) -> None:
-    """Write a parameter file, whole or not at all.
-
-    Args:
-        tree: a document with its sections (those of strangers stay as they are), or the parameters alone.
-        path: the file; its folder is made if need be.
-
-    Raises:
-        RecordingError: the file cannot be written; nothing is left under its name that was not there before.
-    """
-    write_text(yaml_of(tree), path)
-
-
 def write_settings(
     settings: Settings,
     path: str | Path,

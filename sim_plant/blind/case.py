@@ -25,7 +25,6 @@ SEAL_FILE = "seal.txt"
 
 Floats = NDArray[np.float64]
 START_NS = 1_700_000_000_000_000_000
-JOINT_STATE = "sensor_msgs/msg/JointState"
 OTHER_AXIS_SHARE = 0.08
 """Share of the seeds that record a second axis though nothing comes from it."""
 DRAWS = 5

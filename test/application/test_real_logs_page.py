@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
-import sys
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 from machines import MACHINES, needs_machines
+from program import load_script
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "real_logs.md").read_text(encoding="utf-8")
@@ -24,16 +22,7 @@ REFUSED = {
 SOME_BLIND = ("Cart on a rail, at 0.20 m", "Electric cylinder, other sweep")  # the others take as long each
 
 
-def _benchmark() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("real_logs", ROOT / "benchmarks" / "real_logs.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["real_logs"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-BENCHMARK = _benchmark()
+BENCHMARK = load_script("benchmarks/real_logs.py")
 BY_NAME = {machine.name: machine for machine in BENCHMARK.machines_of(PAGE)}
 BLIND = {machine.name: machine for machine in BENCHMARK.blind_machines_of(PAGE)}
 

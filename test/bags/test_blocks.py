@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 
 from sgms_observer.bags import mcap_records
 from sgms_observer.bags.blocks import MessageBlock, decode_joint_states
-from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
+from sgms_observer.bags.cdr import JointStateDecoder, JointStateEncoder
 from sgms_observer.bags.rows import encode_joint_states
 from sgms_observer.errors import DataError
+
+decode_joint_state = JointStateDecoder().decode
 
 
 def block_of(messages: list[bytes]) -> MessageBlock:

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sgms_observer.bags.cdr import JointStateDecoder, JointStateEncoder, decode_joint_state
+from sgms_observer.bags.cdr import JointStateDecoder, JointStateEncoder
 from sgms_observer.bags.diagnostics_cdr import DiagnosticStatus, decode_diagnostics, encode_diagnostics
 from sgms_observer.errors import DataError
 
@@ -23,6 +23,7 @@ names_of_axes = st.lists(
 )
 stamps = st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1)
 floats = st.floats(allow_nan=False)
+decode_joint_state = JointStateDecoder().decode
 
 
 @st.composite

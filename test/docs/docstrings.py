@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 _SECTION = re.compile(r"^(Args|Attributes):(.*)$")
-_OTHER_SECTION = re.compile(r"^(Returns|Raises|Yields|Source|Example):?")
 _ENTRY = re.compile(r"^([*\w]+(?:(?:, | and )[*\w]+)*): ?(.*)$")
 _AS_OTHER = re.compile(r"as (?:for |of )?``([\w.]+)``")
 _UNIT = re.compile(r"\[[^\]]+\]")

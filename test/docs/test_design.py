@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from pathlib import Path
 
@@ -55,6 +56,19 @@ def test_a_circle_of_rooms_is_found_with_its_places() -> None:
 def test_the_rooms_are_drawn_as_the_source_has_them() -> None:
     """Where this fails: ``python test/docs/rooms.py`` draws them anew."""
     assert drawn() == PAGE
+
+
+def test_a_name_with_an_underscore_is_used_in_its_own_file_only() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name.name}"
+        for folder in ("sgms_observer", "sim_plant")
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom)
+        for name in node.names
+        if re.match(r"_[^_]", name.name)
+    ]
+    assert wrong == []
 
 
 def test_only_nodes_and_commands_import_ros() -> None:

@@ -5,15 +5,14 @@ The reports of demonstration, identification, diagnosis and fleet are looked at 
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from browser import Browser
 from looks import check_report
+from program import load_script
 
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
@@ -119,13 +118,9 @@ def test_every_scroll_box_can_be_reached(page: Path, browser: Browser) -> None:
     assert found == [0]
 
 
-def test_report_of_the_emps_example(tmp_path: Path, browser: Browser, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_report_of_the_emps_example(tmp_path: Path, browser: Browser) -> None:
     """Its page with made-up records in the place of the real ones."""
-    spec = importlib.util.spec_from_file_location("emps", ROOT / "examples" / "emps.py")
-    assert spec is not None and spec.loader is not None
-    emps = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, "emps", emps)
-    spec.loader.exec_module(emps)
+    emps = load_script("examples/emps.py")
     phase = 0.005 * np.arange(4000)
     effort = 20.0 * np.tanh(20.0 * np.cos(phase)) - 95.0 * 25.0 * 0.05 * np.sin(phase)
     stamps = 10**9 + 1_000_000 * np.arange(phase.size)

@@ -22,14 +22,12 @@ class SymbolicEffect:
         output_by_parameters: row of derivatives by ``p``.
         advance: state after the step, or None without state.
         advance_by_parameters: its derivatives by ``p``, or None.
-        advance_by_state: its derivatives by ``s``, or None.
     """
 
     output: casadi.Function
     output_by_parameters: casadi.Function
     advance: casadi.Function | None
     advance_by_parameters: casadi.Function | None
-    advance_by_state: casadi.Function | None
 
 
 def over_casadi(formula: Callable[..., Any]) -> Callable[..., Any]:
@@ -63,12 +61,11 @@ def symbolic_effect(effect: Effect) -> SymbolicEffect:
     value = casadi.Function("output", arguments, [output])
     by_parameters = casadi.Function("output_by_parameters", arguments, [casadi.jacobian(output, p)])
     if effect.advance is None:
-        return SymbolicEffect(value, by_parameters, None, None, None)
+        return SymbolicEffect(value, by_parameters, None, None)
     state = casadi.vertcat(*call(effect.advance))
     return SymbolicEffect(
         value,
         by_parameters,
         casadi.Function("advance", arguments, [state]),
         casadi.Function("advance_by_parameters", arguments, [casadi.jacobian(state, p)]),
-        casadi.Function("advance_by_state", arguments, [casadi.jacobian(state, s)]),
     )

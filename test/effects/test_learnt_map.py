@@ -13,7 +13,8 @@ from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.load import load_settings, settings_from_tree
 from sgms_observer.settings.node_parameters import ParameterDeclaration, declare_all, read_arguments
-from sgms_observer.settings.write import tree_of, write_yaml
+from sgms_observer.settings.write import tree_of, yaml_of
+from sgms_observer.whole_file import write_text
 
 PERIOD = 1e-3
 RAIL = """
@@ -62,8 +63,8 @@ def test_the_file_gives_the_force_that_its_table_says(tmp_path: Path) -> None:
 
 def test_settings_come_back_from_what_is_written(tmp_path: Path) -> None:
     before = load_settings(rail(tmp_path))
-    write_yaml(before.source, tmp_path / "again.yaml")
-    write_yaml(tree_of(before), tmp_path / "all.yaml")
+    write_text(yaml_of(before.source), tmp_path / "again.yaml")
+    write_text(yaml_of(tree_of(before)), tmp_path / "all.yaml")
     assert load_settings(tmp_path / "again.yaml") == before == load_settings(tmp_path / "all.yaml")
 
 

@@ -8,10 +8,9 @@ import time
 from collections.abc import Callable
 
 from fault_streams import FAULTS, PERIOD, RATE, SECOND, Fault, Row, Sent, clean, rows
-from ros_graph import ONE_AXIS, Graph, NodeProcess, Start, wait_until
+from ros_graph import ONE_AXIS, Graph, NodeProcess, Start, decode_joint_state, wait_until
 from rosgraph_msgs.msg import Clock
 
-from sgms_observer.bags.cdr import decode_joint_state
 from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
 
 LIMIT, SLEW = 3.0, 200.0

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from fresh_file import write_fresh
 
-from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
+from sgms_observer.bags.cdr import JointStateDecoder, JointStateEncoder
 from sgms_observer.bags.conversion import parse_map, read_table
 from sgms_observer.bags.diagnostics_cdr import DiagnosticStatus, decode_diagnostics, encode_diagnostics
 from sgms_observer.bags.reader import read_samples
@@ -43,6 +43,7 @@ WORDS = ("x", "axes", "mass", "friction", "effects", "names", "model", "1e-4", "
          "/**", "9" * 400, "0x1f", "\u2028", "\ufeff", "ä")  # fmt: skip
 
 Case = Callable[[], object]
+decode_joint_state = JointStateDecoder().decode
 
 
 def damage(chance: random.Random, whole: bytes) -> bytes:

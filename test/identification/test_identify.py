@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
+from program import load_script
 
 from sgms_observer.errors import DataError
 from sgms_observer.excitation.limits import ExcitationLimits
@@ -34,7 +33,6 @@ from sgms_observer.settings.write import write_settings
 from sim_plant.closed_loop import ClosedLoop
 from sim_plant.table import SimulatedTable
 
-ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 2.5e-4
 TRUE = AxisSettings(
     mass=10.0,
@@ -130,20 +128,12 @@ def test_intervals_hold_the_truth(result: Identification) -> None:
     assert np.mean(inside) >= 0.8
 
 
-def _benchmark() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("identification_benchmark", ROOT / "benchmarks" / "identification.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_force_error_on_another_recording_is_at_the_floor_of_the_truth(
     result: Identification, period: float, tmp_path: Path
 ) -> None:
     """The same reference with other noise: within 10 % of what noise and model leave to the true parameters."""
     judged = _excited(tmp_path, period, seed=77)
-    force_error = _benchmark().force_error
+    force_error = load_script("benchmarks/identification.py").force_error
     floor = force_error(judged, _truth(), START, "sgms", result.cutoff)
     assert force_error(judged, result.parameters, START, "sgms", result.cutoff) <= 1.10 * floor
 

@@ -18,7 +18,7 @@ from browser import Browser
 from looks import check_report
 from program import PATIENCE
 from ros_fixtures import Start
-from ros_graph import Graph, NodeProcess, wait_until
+from ros_graph import Graph, NodeProcess, decode_joint_state, wait_until
 from start_file import WINDOW, start_file
 
 from sgms_observer.application.commission.compensate import time_to_compensate
@@ -27,7 +27,7 @@ from sgms_observer.application.commission.ledger import DONE, FAILED, SKIPPED, L
 from sgms_observer.application.commission.motion import Motion, motion_from_rows, representative_motion
 from sgms_observer.application.commission.session import Plan, Request, Session
 from sgms_observer.application.commission.table import HeldUp
-from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
+from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.nodes.axis_listener import EFFORT, POSITION, AxisListener
 from sgms_observer.settings.axis import AxisSettings
 

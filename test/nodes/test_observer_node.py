@@ -14,12 +14,11 @@ import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
-from ros_graph import DEACTIVATE, ONE_AXIS, TWO_AXES, Graph, NodeProcess, Sender, Start, wait_until
+from ros_graph import DEACTIVATE, ONE_AXIS, TWO_AXES, Graph, NodeProcess, Sender, Start, decode_joint_state, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from sgms_observer.bags.cdr import decode_joint_state
 from sgms_observer.bags.diagnostics_cdr import decode_diagnostics
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.settings.load import load_settings

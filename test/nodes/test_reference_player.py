@@ -12,9 +12,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from program import PATIENCE, start_program
-from ros_graph import ONE_AXIS, Graph, Start, wait_until
+from ros_graph import ONE_AXIS, Graph, Start, decode_joint_state, wait_until
 
-from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
+from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bags.trajectory_cdr import decode_trajectory
 from sgms_observer.nodes.horizons import AHEAD, EVERY, decode_horizons
 from sgms_observer.nodes.set_points import braking

@@ -6,10 +6,9 @@ import math
 from pathlib import Path
 
 import numpy as np
-from ros_graph import Graph, Sender, Start, wait_until
+from ros_graph import Graph, Sender, Start, decode_joint_state, wait_until
 from std_srvs.srv import Trigger
 
-from sgms_observer.bags.cdr import decode_joint_state
 from sgms_observer.nodes.engine import Engine
 from sgms_observer.settings.load import load_settings
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from ros_graph import ONE_AXIS, TWO_AXES, Graph, Start, wait_until
+from ros_graph import ONE_AXIS, TWO_AXES, Graph, Start, decode_joint_state, wait_until
 
-from sgms_observer.bags.cdr import JointStateEncoder, decode_joint_state
+from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.nodes.pace import MAX_CATCH_UP
 from sgms_observer.settings.load import settings_from_tree
 from sgms_observer.settings.yaml_text import parse

@@ -18,8 +18,9 @@ from sgms_observer.settings.check import as_number
 from sgms_observer.settings.declaration import Declared, declared_sections, declared_settings
 from sgms_observer.settings.load import installed_catalogue, load_settings, settings_from_tree
 from sgms_observer.settings.node_parameters import ParameterDeclaration, declare_all, tree_from_parameters
-from sgms_observer.settings.write import given_parameters, normal_parameters, tree_of, write_yaml, yaml_of
+from sgms_observer.settings.write import given_parameters, normal_parameters, tree_of, yaml_of
 from sgms_observer.settings.yaml_text import parse, text_of
+from sgms_observer.whole_file import write_text
 
 CONFIG = Path(__file__).parents[2] / "config"
 SHIPPED = [(CONFIG / f"{name}.yaml").read_text(encoding="utf-8") for name in ("paper", "table", "emps")]
@@ -153,9 +154,9 @@ def test_valid_settings_survive_writing_and_ros(seed: int, tmp_path_factory: Any
     tree = {"axes": ["y", "x"], "y": axis, "x": {}, **shared}
     before = settings_from_tree(tree, catalogue=catalogue)
     path = tmp_path_factory.getbasetemp() / "written.yaml"
-    write_yaml(tree, path)
+    write_text(yaml_of(tree), path)
     assert load_settings(path, catalogue=catalogue) == before
-    write_yaml(tree_of(before, catalogue), path)
+    write_text(yaml_of(tree_of(before, catalogue)), path)
     assert load_settings(path, catalogue=catalogue) == before
 
     normal = normal_parameters(tree)

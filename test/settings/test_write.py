@@ -14,7 +14,8 @@ import yaml
 from sgms_observer.errors import RecordingError
 from sgms_observer.settings.load import load_settings, settings_from_tree
 from sgms_observer.settings.parameter_file import read_document
-from sgms_observer.settings.write import tree_of, updated_tree, write_settings, write_yaml, yaml_of
+from sgms_observer.settings.write import tree_of, updated_tree, write_settings, yaml_of
+from sgms_observer.whole_file import write_text
 
 TEXT = """
 /**:
@@ -50,7 +51,7 @@ def test_a_change_stands_where_it_counts(document: dict[Any, Any], tmp_path: Pat
     changed = updated_tree(document, "x", changes)
     assert repr(document) == before
     path = tmp_path / "after.yaml"
-    write_yaml(changed, path)
+    write_text(yaml_of(changed), path)
     axis = load_settings(path).axes[0]
     assert axis.mass == 5.0
     assert axis.friction.static_force == 6.0
@@ -63,7 +64,7 @@ def test_a_change_stands_where_it_counts(document: dict[Any, Any], tmp_path: Pat
 
 
 def test_shared_settings_change_too(document: dict[Any, Any], tmp_path: Path) -> None:
-    write_yaml(updated_tree(document, "", {"sample_period": 1e-3}), tmp_path / "after.yaml")
+    write_text(yaml_of(updated_tree(document, "", {"sample_period": 1e-3})), tmp_path / "after.yaml")
     assert load_settings(tmp_path / "after.yaml").sample_period == 1e-3
 
 
@@ -89,7 +90,7 @@ def test_aliases_are_written_out(tmp_path: Path) -> None:
     changed = updated_tree(read_document(path), "x", {"friction.static_force": 6.0})
     text = yaml_of(changed)
     assert "&" not in text and "*x" not in text and "<<" not in text
-    write_yaml(changed, path)
+    write_text(yaml_of(changed), path)
     x, y = load_settings(path).axes
     assert (x.friction.static_force, y.friction.static_force, y.mass) == (6.0, 5.0, 3.0)
 
@@ -125,7 +126,7 @@ def test_settings_write_themselves_with_their_files(tmp_path: Path) -> None:
 
 def test_everything_written_out_is_read_the_same(tmp_path: Path) -> None:
     settings = settings_from_tree({"axes": ["x", "y"]})
-    write_yaml(tree_of(settings), tmp_path / "all.yaml")
+    write_text(yaml_of(tree_of(settings)), tmp_path / "all.yaml")
     assert load_settings(tmp_path / "all.yaml") == settings
 
 
@@ -134,7 +135,7 @@ def test_a_file_is_replaced_whole(tmp_path: Path, document: dict[Any, Any]) -> N
     path.write_text("before", encoding="utf-8")
     link = tmp_path / "link.yaml"
     link.symlink_to(path)
-    write_yaml(document, link)
+    write_text(yaml_of(document), link)
     assert link.is_symlink() and path.read_text(encoding="utf-8").startswith("/**:")
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["before.yaml", "link.yaml", "out.yaml"]
 
@@ -151,7 +152,7 @@ def test_a_disk_that_fails_leaves_the_old_file(
     path.write_text("before", encoding="utf-8")
     monkeypatch.setattr(os, call, fail)
     with pytest.raises(RecordingError) as error:
-        write_yaml(document, path)
+        write_text(yaml_of(document), path)
     monkeypatch.undo()
     assert str(error.value) == f"{path} cannot be written: {os.strerror(number)}; make room or choose another folder"
     assert path.read_text(encoding="utf-8") == "before"
@@ -160,7 +161,7 @@ def test_a_disk_that_fails_leaves_the_old_file(
 
 def test_a_folder_that_is_a_file(tmp_path: Path, document: dict[Any, Any]) -> None:
     with pytest.raises(RecordingError) as error:
-        write_yaml(document, tmp_path / "before.yaml" / "out.yaml")
+        write_text(yaml_of(document), tmp_path / "before.yaml" / "out.yaml")
     assert "cannot be written" in str(error.value)
     with pytest.raises(RecordingError):
-        write_yaml(document, tmp_path)
+        write_text(yaml_of(document), tmp_path)
