@@ -30,8 +30,6 @@ from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
 
-NAMING = ("effect_found", "ambiguous")
-"""Verdicts that name an effect."""
 MAX_LOCATED = 4
 """Largest number of reported coordinates."""
 LOCATED_P_VALUE = 0.02

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, alone
 from sgms_observer.diagnosis.coordinates import free_form_coordinates, is_confusable_with_contact
@@ -24,8 +23,6 @@ from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.effect import Place
 from sgms_observer.settings.axis import EffectSettings
-
-Floats = NDArray[np.float64]
 
 MAX_LAG_WITHOUT_DELAY = HELD_LAG + MAX_STAMP_ERROR
 """Largest lag of the effort without a delay, in samples: the effort is held, and its stamps are inexact."""

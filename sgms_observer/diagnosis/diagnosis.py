@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.criteria import Criteria, Test
@@ -24,8 +23,6 @@ from sgms_observer.diagnosis.uncertainty import RecordingEstimates
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
-
-Floats = NDArray[np.float64]
 
 FIT_STEPS = 6
 """Steps of a fit from a start that was not fitted to these recordings."""

@@ -197,7 +197,7 @@ def _fit(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
         f" The residual is the measured minus the modelled {word}. residual.mcap holds these signals for PlotJuggler"
         " and Foxglove."
     )
-    pictures = [measured_over_modelled(answer, traces, units), *friction_pictures(answer, traces, units)]
+    pictures = [measured_over_modelled(answer, traces, units), *friction_pictures(traces, units)]
     return Section(f"Measured and modelled {word}", [text], (), pictures, [over_time(traces, units)])
 
 

@@ -107,7 +107,7 @@ def measured_over_modelled(answer: Answer, traces: Sequence[Trace], units: Units
     return measured_against_modelled("fit", caption, measured, modelled, 100.0 - answer.gap_with_learnt, units)
 
 
-def friction_pictures(answer: Answer, traces: Sequence[Trace], units: Units) -> tuple[Picture, ...]:
+def friction_pictures(traces: Sequence[Trace], units: Units) -> tuple[Picture, ...]:
     """Draw friction over velocity and over position."""
     sliding = [trace.is_sliding for trace in traces]
     velocity = np.concatenate([one.velocity[rows] for one, rows in zip(traces, sliding, strict=True)])

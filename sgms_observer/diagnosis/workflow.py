@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sgms_observer.diagnosis import audit
 from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, effect_candidates, finish_fit
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_freed, changed_candidate
@@ -53,7 +50,6 @@ from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 
 Report = Callable[[str, float], None]
-Floats = NDArray[np.float64]
 
 LAST_SHARE = 0.85
 """Share of the work that is done when the search ends."""

@@ -29,7 +29,6 @@ OPTIONS = Options(workers=1, band=25.0)
 CRITERIA = Criteria()
 FALL = EffectSettings("stribeck", (0.25, 0.02))
 PERIODIC = EffectSettings("periodic_disturbance", (0.8, 3.0, 0.4))
-STIFF = EffectSettings("spring", (2000.0, 0.0))
 LAW_NAMES = ("stribeck", "quadratic_drag", "spring")
 
 
