@@ -314,11 +314,15 @@ def _warnings(
 
 
 def _best_unnamed(diagnosis: Diagnosis, criteria: Criteria) -> Decision | None:
-    """Return the rejected effect that predicts most of the held-out residual, or None if none surely does."""
+    """Return the rejected effect that predicts most of the held-out residual, or None if none surely does.
+
+    Effects that only describe another contact law do not count: the regression has their coordinates.
+    """
     if not diagnosis.final_state.held_out_motions:
         return None
     last = diagnosis.rounds[-1].decisions if diagnosis.rounds and diagnosis.rounds[-1].accepted is None else ()
-    sure = [item for item in last if item.candidate.settings is not None and item.significant_share(criteria) > 0.0]
+    effects = [item for item in last if item.candidate.settings is not None and not item.candidate.is_contact_law]
+    sure = [item for item in effects if item.significant_share(criteria) > 0.0]
     return max(sure, key=lambda item: item.significant_share(criteria), default=None)
 
 

@@ -306,12 +306,15 @@ class WrittenFits:
         found = self.strengths
         return self._largest(name, found, lambda column, zero: found.smaller_z_score(column, zero, least))
 
-    def strength_over_scatter(self, name: str) -> float:
-        """Return the strength of an effect over its scatter between recordings, each with a shape of its own.
+    def strength_over_scatter(self, name: str, has_fixed_shape: bool) -> float:
+        """Return the strength of an effect over its scatter between recordings; infinite without a free strength.
 
-        Infinite without a free strength.
+        Args:
+            name: the effect.
+            has_fixed_shape: whether the effect has the shape of ``after`` in every recording, or a shape of its own.
         """
-        return self._largest(name, self.estimates, self.estimates.strength_over_scatter)
+        found = self.strengths if has_fixed_shape else self.estimates
+        return self._largest(name, found, found.strength_over_scatter)
 
     def _largest(self, name: str, found: RecordingEstimates, value: Callable[[int, float], float]) -> float:
         """Return the largest value of the strength parameters of an effect, from their columns and defaults."""

@@ -219,8 +219,9 @@ def _reported_tests(
         z_score, share = max(found)
         tests += [
             at_least(
-                name, "strength over its scatter between recordings", written.strength_over_scatter(name),
-                criteria.min_z_score,
+                name, "strength over its scatter between recordings",
+                written.strength_over_scatter(name, has_fixed_shape=is_contact_law(name)),
+                criteria.interval_z_score if is_contact_law(name) else criteria.min_z_score,
             ),
             at_least(
                 name, "strength over its standard error, in held-out recordings too",
