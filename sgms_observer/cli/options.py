@@ -115,11 +115,24 @@ def live_topics_from(arguments: Sequence[str], keys: Sequence[str]) -> dict[str,
     """
     found = topics_from(arguments, keys)
     for key, name in found.items():
-        if not re.fullmatch(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", name, re.ASCII):
-            raise ConfigurationError(
-                [f"--topic {key}={name} is no topic name of ROS; give letters, digits and _, such as /joint_states"]
-            )
+        refuse_other_names(name, f"--topic {key}={name}")
     return found
+
+
+def refuse_other_names(name: str, shown: str) -> None:
+    """Raise the sentence about a name that no topic of ROS can have.
+
+    Args:
+        name: the name.
+        shown: how the user gave it.
+
+    Raises:
+        ConfigurationError: it has other signs, or begins with a digit.
+    """
+    if not re.fullmatch(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", name, re.ASCII):
+        raise ConfigurationError(
+            [f"{shown} is no topic name of ROS; give letters, digits and _, such as /joint_states"]
+        )
 
 
 def topics_from(arguments: Sequence[str], keys: Sequence[str] = ()) -> dict[str, str]:

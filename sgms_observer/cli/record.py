@@ -9,7 +9,13 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.options import add_output_options, add_overwrite_option, add_storage_option, require_ros
+from sgms_observer.cli.options import (
+    add_output_options,
+    add_overwrite_option,
+    add_storage_option,
+    refuse_other_names,
+    require_ros,
+)
 from sgms_observer.cli.warn import warn
 
 if TYPE_CHECKING:
@@ -53,6 +59,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.duration is not None and not args.duration > 0.0:
         raise RecordingError(f"--duration {args.duration:g} s must be above 0")
+    for topic in args.topics:
+        refuse_other_names(topic, topic)
     writer = BagWriter(args.out, args.storage, keep_on_failure=True, is_overwriting=args.overwrite)
     executor = node = None
     stop = threading.Event()
