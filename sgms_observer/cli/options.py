@@ -79,6 +79,23 @@ def add_topic_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_holdout_option(parser: argparse.ArgumentParser, meaning: str) -> None:
+    """Declare the recordings that a model is judged on.
+
+    Args:
+        parser: the command's own parser.
+        meaning: what is done with them, for the help text.
+    """
+    parser.add_argument(
+        "--holdout",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="BAG",
+        help=f"{meaning}; several behind one --holdout, or --holdout repeated",
+    )
+
+
 def add_axis_option(parser: argparse.ArgumentParser, axes: str) -> None:
     """Declare which axes the command takes.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import signal
-import sys
 import threading
 import time
 from typing import TYPE_CHECKING
@@ -17,6 +16,7 @@ from sgms_observer.cli.options import (
     require_ros,
 )
 from sgms_observer.cli.warn import warn
+from sgms_observer.outcome import Outcome
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -41,10 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_storage_option(parser)
     add_overwrite_option(parser)
-    add_output_options(parser, has_result=False)
+    add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``."""
     require_ros()
     import rclpy
@@ -101,8 +101,9 @@ def run(args: argparse.Namespace) -> int:
     warn(writer.warnings)
     for topic, count in counts.items():
         print(f"{topic}: {count} messages")
-    sys.stdout.flush()
-    return 0
+    return Outcome(
+        result={"schema": 1, "bag": args.out, "messages": dict(counts), "warnings": [*map(str, writer.warnings)]}
+    )
 
 
 def _drain(executor: Executor, node: RecorderNode, writer: BagWriter) -> None:
