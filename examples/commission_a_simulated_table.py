@@ -1,4 +1,6 @@
-"""Commission an axis on the live graph: a stage node with hidden cogging plays the machine. Takes about ten minutes.
+"""Commission an axis on the live graph: a stage node with hidden cogging plays the machine.
+
+It takes minutes: the stage moves in real time, and the diagnosis computes.
 
 python examples/commission_a_simulated_table.py
 """
@@ -17,6 +19,7 @@ import recordings
 from sgms_observer.cli.main import main as sgms
 from sgms_observer.nodes.conductor import prepare_graph
 from sgms_observer.nodes.transport import claim_domain
+from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE
 
 LIMITS = ["--stroke", "0.02", "--speed", "0.05", "--acceleration", "1"]  # m, m/s, m/s^2: what the machine may do
 
@@ -39,6 +42,8 @@ def main() -> None:
     finally:
         stage.terminate()
         stage.wait()
+    if code not in (EXIT_DONE, EXIT_NOT_USABLE):
+        sys.exit(code)
     for step in json.loads((out / "commission.json").read_text(encoding="utf-8"))["steps"]:
         print(f"{step['name']}: {step['state']} in {step['seconds']:.0f} s; {step['sentence']}")
     sys.exit(code)
