@@ -171,7 +171,7 @@ def main() -> int:
         for share in args.time_share:
             asked = () if is_commission else ("identify",)
             design = design_excitation(START, LIMITS, asked, 0.0, share * seconds, RATE)
-            print("\n".join(design.summary))
+            print("\n".join((*design.summary, *design.warnings)))
             designs[share] = design.position
         result = compare_intervals(range(args.first, args.first + args.tables), recipe, designs)
         for share in designs:

@@ -18,7 +18,7 @@ def main() -> None:
     axis = load_settings(recordings.make(args.out, 1.0).config).axes[0]
     limits = ExcitationLimits(stroke=0.02, speed=0.05, acceleration=1.0)  # m, m/s, m/s^2: what the machine may do
     motion = design_excitation(axis, limits, ["cogging", "position_dependent_friction"], seconds=args.seconds)
-    for sentence in motion.summary:
+    for sentence in (*motion.summary, *motion.warnings):
         print(sentence)
     rows = zip(motion.time, motion.position, motion.velocity, strict=True)
     lines = [f"{time:.6g},{position:.12f},{velocity:.9g}" for time, position, velocity in rows]

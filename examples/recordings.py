@@ -28,10 +28,12 @@ STAGE = """\
         encoder: {{resolution: 1.0e-8, noise: 5.0e-9}}
         force_noise: 0.1
         controller: {{bandwidth: 100.0, feedforward_mass: 0.7}}
-        reference: {{kind: multi_sine, amplitudes: [4.0e-3, 2.0e-4], frequencies: [{slow}, 7.1]}}
+        reference: {reference}
         seed: {seed}
 """
 
+SINES = "{{kind: multi_sine, amplitudes: [4.0e-3, 2.0e-4], frequencies: [{slow}, 7.1]}}"
+FROM_TOPIC = "{kind: topic}"
 COGGING = "{names: [cogging], cogging: {amplitude: 1.0, pitch: 2.0e-3, phase: 0.3}}"
 
 
@@ -56,10 +58,10 @@ def make(folder: Path, seconds: float, effects: str = COGGING) -> Data:
     """Write file and recordings of that length [s] into a folder; the stage has effects that the file lacks."""
     folder.mkdir(parents=True, exist_ok=True)
     config = folder / "mine.yaml"
-    config.write_text(STAGE.format(mass=10.3, effects="{}", slow=0.31, seed=1), encoding="utf-8")
+    config.write_text(_stage(10.3, "{}", SINES.format(slow=0.31), 1), encoding="utf-8")
     for seed, name, slow in ((1, "learn", 0.31), (2, "judge", 0.23)):
         truth = folder / f"{name}.yaml"
-        truth.write_text(STAGE.format(mass=10.0, effects=effects, slow=slow, seed=seed), encoding="utf-8")
+        truth.write_text(_stage(10.0, effects, SINES.format(slow=slow), seed), encoding="utf-8")
         settings = load_settings(truth)
         stage = SimulatedStage(settings.axes[0], settings.sample_period)
         with BagWriter(folder / name, "mcap", is_overwriting=True) as bag:
@@ -68,3 +70,17 @@ def make(folder: Path, seconds: float, effects: str = COGGING) -> Data:
             bag.write_joint_states("position", record.stamp_ns, ["x"], position=record.measured_position[:, None])
             bag.write_joint_states("control_effort", record.stamp_ns, ["x"], effort=record.control_effort[:, None])
     return Data(config, folder / "learn", folder / "judge")
+
+
+def make_machine(folder: Path) -> tuple[Path, Path]:
+    """Write the file of a stage that follows the topic ``reference``, with cogging, and the owner's file without it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    machine, mine = folder / "machine.yaml", folder / "mine.yaml"
+    machine.write_text(_stage(10.0, COGGING, FROM_TOPIC, 1), encoding="utf-8")
+    mine.write_text(_stage(10.3, "{}", FROM_TOPIC, 1), encoding="utf-8")
+    return machine, mine
+
+
+def _stage(mass: float, effects: str, reference: str, seed: int) -> str:
+    """Return the text of a parameter file."""
+    return STAGE.format(mass=mass, effects=effects, reference=reference, seed=seed)

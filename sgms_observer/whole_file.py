@@ -21,7 +21,12 @@ def _refused(path: str | Path, error: Exception) -> RecordingError:
         reason = "it is a file, or lies in one, where a folder must be"
         return RecordingError(f"{path} cannot be written: {reason}; give another name")
     reason = getattr(error, "strerror", None) or "it is not a possible file name"
-    return RecordingError(f"{path} cannot be written: {reason}; make room or choose another folder")
+    remedy = (
+        "choose a folder that you may write to"
+        if isinstance(error, PermissionError)
+        else "make room or choose another folder"
+    )
+    return RecordingError(f"{path} cannot be written: {reason}; {remedy}")
 
 
 def write_bytes(content: bytes, path: str | Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.load import load_settings
+from sgms_observer.settings.node_parameters import missing_parameters
 from sgms_observer.whole_file import write_bytes
 
 
@@ -66,6 +67,8 @@ def export(config: str | Path, out: str | Path, options: ExportOptions) -> Expor
     settings = load_settings(config)
     axes = settings.wanted_axes(options.axes, str(config))
     path = Path(out)
+    if missing := missing_parameters(settings, axes[:1] if options.target == "fmu" else axes):
+        raise ConfigurationError(missing)
     _refuse_existing(path, options)
     if options.target == "fmu":
         from sgms_observer.export.fmu_target import write_fmu
@@ -74,7 +77,10 @@ def export(config: str | Path, out: str | Path, options: ExportOptions) -> Expor
             sentence = "an FMU holds one axis; give one --axis, and export the others as FMUs of their own"
             raise ConfigurationError([sentence])
         names = write_fmu(settings, axes[0], options.fmi, path)
-        return Exported(str(path), (axes[0].name,), names, ())
+        warnings = []
+        if path.suffix != ".fmu":
+            warnings.append(f"{path} does not end in .fmu; rename it for tools that ask for it")
+        return Exported(str(path), (axes[0].name,), names, tuple(warnings))
     from sgms_observer.export.c_target import c_files
 
     files, warnings = c_files(settings, axes, options.real)
@@ -94,6 +100,10 @@ def _refuse_existing(path: Path, options: ExportOptions) -> None:
     if not options.overwrite:
         raise ConfigurationError([f"{path} exists already and is not overwritten; give another name, or --overwrite"])
     marker = {"c": "sgms.h", "ros2_control": "package.xml"}.get(options.target)
-    is_ours = path.is_file() if marker is None else (path / marker).is_file() or not any(path.iterdir())
+    is_ours = path.is_file() if marker is None else (path / marker).is_file() or _is_empty_folder(path)
     if not is_ours:
         raise ConfigurationError([f"{path} was not written by sgms export and is not overwritten; give another name"])
+
+
+def _is_empty_folder(path: Path) -> bool:
+    return path.is_dir() and not any(path.iterdir())

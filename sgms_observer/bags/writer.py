@@ -277,6 +277,8 @@ class BagWriter:
         except (OSError, sqlite3.Error) as error:
             reason = getattr(error, "strerror", None) or str(error)
             partial = f"what was recorded is in {self._partial}; " if self._keep and self._partial.exists() else ""
-            raise RecordingError(
-                f"{self.path} cannot be written: {reason}; {partial}check free space and permissions"
-            ) from error
+            if isinstance(error, FileExistsError | NotADirectoryError):
+                reason, remedy = "it is a file, or lies in one, where a folder must be", "give another name"
+            else:
+                remedy = "check free space and permissions"
+            raise RecordingError(f"{self.path} cannot be written: {reason}; {partial}{remedy}") from error

@@ -17,6 +17,7 @@ from sgms_observer.cli.options import (
     live_topics_from,
     require_ros,
 )
+from sgms_observer.cli.warn import say, warn
 from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
 HELP = "commission one axis: check, record, identify, diagnose, observe, compensate, compare; moves the machine"
@@ -83,19 +84,16 @@ def run(args: argparse.Namespace) -> Outcome:
     def show(title: str, share: float) -> None:
         bars.setdefault(title, Progress(title, 1.0)).show(share)
 
-    def say(sentence: str) -> None:
-        print(sentence, file=sys.stderr if sentence.lstrip().startswith("Warning:") else sys.stdout, flush=True)
-
-    def told(sentence: str) -> bool:
-        say(sentence)
+    def announced(motion: str) -> bool:
+        say(motion)
         return True
 
     ledger.write()
     table = TableLink(plan.axis, plan.limits, out / LOG, topics)
-    commission(Session(plan, ledger, table, told if args.yes else asked, say, show), table)
+    commission(Session(plan, ledger, table, announced if args.yes else asked, say, show), table)
     print(f"wrote {out}: commission.json, report.html" + (f", {ledger.yaml}" if ledger.yaml else ""))
     if ledger.reason:
-        print(f"Warning: the result must not be used as it is: {ledger.reason}.", file=sys.stderr)
+        warn([f"the result must not be used as it is: {ledger.reason}."])
     return Outcome(EXIT_DONE if ledger.is_usable else EXIT_NOT_USABLE, ledger.as_json())
 
 

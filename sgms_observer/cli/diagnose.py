@@ -12,6 +12,7 @@ from sgms_observer.cli.fleet_commands import add_fleet_arguments
 from sgms_observer.cli.options import (
     ONE_AXIS,
     add_bag_options,
+    add_holdout_option,
     add_output_options,
     add_overwrite_option,
     axis_from,
@@ -33,14 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="folder for result.json, augmented.yaml, report.html, residual.mcap"
     )
-    parser.add_argument(
-        "--holdout",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="BAG",
-        help="recordings to judge on, never fitted to",
-    )
+    add_holdout_option(parser, "recordings to judge on, never fitted to")
     add_bag_options(parser, ONE_AXIS)
     parser.add_argument(
         "--tolerance",

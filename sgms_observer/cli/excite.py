@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ from sgms_observer.cli.options import (
     axis_from,
     live_topics_from,
 )
+from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import Outcome
 
 if TYPE_CHECKING:
@@ -103,7 +103,8 @@ def run(args: argparse.Namespace) -> Outcome:
         reference = design_excitation(axis, limits, asked, start, seconds, rate, args.centre)
         made.append(reference)
         for sentence in reference.summary:
-            print(sentence, file=sys.stderr if sentence.startswith("Warning:") else sys.stdout)
+            print(sentence)
+        warn(reference.warnings)
         if args.out:
             write_reference_file(args.out, reference.time, reference.position, reference.velocity)
             print(f"wrote {args.out}: {reference.time[-1]:.2f} s, {len(reference.time)} samples")
@@ -136,6 +137,7 @@ def _result(out: str | None, axis: str, reference: Excitation) -> dict[str, Any]
         "efficiency": reference.efficiency,
         "hidden": list(reference.hidden),
         "inseparable": list(reference.inseparable),
+        "warnings": list(reference.warnings),
         "sections": [
             {"name": part.name, "from_s": part.start, "to_s": part.end, "shows": part.shows}
             for part in reference.sections

@@ -7,7 +7,13 @@ import contextlib
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.options import add_bag_options, add_output_options, add_overwrite_option, topics_from
+from sgms_observer.cli.options import (
+    add_bag_options,
+    add_holdout_option,
+    add_output_options,
+    add_overwrite_option,
+    topics_from,
+)
 from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import EXIT_DONE, EXIT_NOT_USABLE, Outcome
 
@@ -44,9 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="upper corner of the band, which is the zero-phase low-pass on the force balance (default: chosen"
         " from encoder noise and sample rate)",
     )
-    parser.add_argument(
-        "--holdout", action="append", default=[], metavar="BAG", help="judge the model on this bag too; may be repeated"
-    )
+    add_holdout_option(parser, "recordings to judge the model on, never fitted to")
     add_bag_options(parser, "all axes of the file")
     add_overwrite_option(parser)
     add_output_options(parser)

@@ -79,6 +79,23 @@ def add_topic_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_holdout_option(parser: argparse.ArgumentParser, meaning: str) -> None:
+    """Declare the recordings that a model is judged on.
+
+    Args:
+        parser: the command's own parser.
+        meaning: what is done with them, for the help text.
+    """
+    parser.add_argument(
+        "--holdout",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="BAG",
+        help=f"{meaning}; several behind one --holdout, or --holdout repeated",
+    )
+
+
 def add_axis_option(parser: argparse.ArgumentParser, axes: str) -> None:
     """Declare which axes the command takes.
 
@@ -115,11 +132,24 @@ def live_topics_from(arguments: Sequence[str], keys: Sequence[str]) -> dict[str,
     """
     found = topics_from(arguments, keys)
     for key, name in found.items():
-        if not re.fullmatch(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", name, re.ASCII):
-            raise ConfigurationError(
-                [f"--topic {key}={name} is no topic name of ROS; give letters, digits and _, such as /joint_states"]
-            )
+        refuse_other_names(name, f"--topic {key}={name}")
     return found
+
+
+def refuse_other_names(name: str, shown: str) -> None:
+    """Raise the sentence about a name that no topic of ROS can have.
+
+    Args:
+        name: the name.
+        shown: how the user gave it.
+
+    Raises:
+        ConfigurationError: it has other signs, or begins with a digit.
+    """
+    if not re.fullmatch(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", name, re.ASCII):
+        raise ConfigurationError(
+            [f"{shown} is no topic name of ROS; give letters, digits and _, such as /joint_states"]
+        )
 
 
 def topics_from(arguments: Sequence[str], keys: Sequence[str] = ()) -> dict[str, str]:

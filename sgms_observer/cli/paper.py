@@ -8,6 +8,7 @@ import json
 from pathlib import Path
 
 from sgms_observer.cli.options import add_output_options, add_overwrite_option
+from sgms_observer.outcome import Outcome
 
 HELP = "make the paper's Table II and Figures 2, 3, 5-7 again, and the package's best result on the same signals"
 
@@ -22,10 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--consistency-seeds", type=_count, default=100, metavar="N", help="noise seeds of the NIS test (default: 100)"
     )
     add_overwrite_option(parser)
-    add_output_options(parser, has_result=False)
+    add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``."""
     from sgms_observer.cli.progress import Progress
     from sgms_observer.paper.best_configuration import beyond, beyond_markdown, runs_beyond
@@ -52,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     print(table_markdown(table).split("\n## ")[0])
     print(beyond_markdown(further))
     print(f"seeds 1 to {args.seeds}; everything is in {folder}")
-    return 0
+    return Outcome(result={"schema": 1, "folder": str(folder), "table2": table, "beyond": further})
 
 
 def _count(text: str) -> int:

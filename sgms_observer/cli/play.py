@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from sgms_observer.cli.options import add_output_options, add_topic_option, require_ros, topics_from
 from sgms_observer.cli.warn import warn
+from sgms_observer.outcome import Outcome
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -43,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--wait", type=float, default=5.0, metavar="S", help="wait at most this long for a subscriber [s] (default: 5)"
     )
     add_topic_option(parser)
-    add_output_options(parser, has_result=False)
+    add_output_options(parser)
     parser.epilog = (
         "With --topic position=/joint_states what the bag has as /joint_states is played as /position. Messages are"
         " played as they are, with all joints in them, so there is no --axis: the nodes take the axes of their"
@@ -51,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``."""
     require_ros()
     import rclpy
@@ -92,7 +93,9 @@ def run(args: argparse.Namespace) -> int:
             rclpy.try_shutdown()
         warn(bag.warnings)
     print(f"{'stopped after' if stop.is_set() else 'played'} {sent} messages, the latest {latest * 1e3:.1f} ms late")
-    return 0
+    return Outcome(
+        result={"schema": 1, "bag": args.bag, "messages": sent, "stopped": stop.is_set(), "latest_s": latest}
+    )
 
 
 def _absolute(name: str) -> str:

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import argparse
 import signal
-import sys
 import threading
 import time
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.options import add_output_options, add_overwrite_option, add_storage_option, require_ros
+from sgms_observer.cli.options import (
+    add_output_options,
+    add_overwrite_option,
+    add_storage_option,
+    refuse_other_names,
+    require_ros,
+)
 from sgms_observer.cli.warn import warn
+from sgms_observer.outcome import Outcome
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -35,10 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_storage_option(parser)
     add_overwrite_option(parser)
-    add_output_options(parser, has_result=False)
+    add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``."""
     require_ros()
     import rclpy
@@ -53,6 +59,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.duration is not None and not args.duration > 0.0:
         raise RecordingError(f"--duration {args.duration:g} s must be above 0")
+    for topic in args.topics:
+        refuse_other_names(topic, topic)
     writer = BagWriter(args.out, args.storage, keep_on_failure=True, is_overwriting=args.overwrite)
     executor = node = None
     stop = threading.Event()
@@ -93,8 +101,9 @@ def run(args: argparse.Namespace) -> int:
     warn(writer.warnings)
     for topic, count in counts.items():
         print(f"{topic}: {count} messages")
-    sys.stdout.flush()
-    return 0
+    return Outcome(
+        result={"schema": 1, "bag": args.out, "messages": dict(counts), "warnings": [*map(str, writer.warnings)]}
+    )
 
 
 def _drain(executor: Executor, node: RecorderNode, writer: BagWriter) -> None:

@@ -16,3 +16,15 @@ def warn(sentences: Iterable[str]) -> None:
     """
     for sentence in sentences:
         print(f"{PREFIX}{sentence.removeprefix(PREFIX)}", file=sys.stderr, flush=True)
+
+
+def say(sentence: str) -> None:
+    """Print a sentence of a command that is still running: a warning as ``warn`` does, anything else on stdout.
+
+    Args:
+        sentence: a warning begins with the prefix.
+    """
+    if sentence.startswith(PREFIX):
+        warn([sentence])
+    else:
+        print(sentence, flush=True)

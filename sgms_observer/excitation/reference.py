@@ -69,6 +69,7 @@ class Excitation:
         inseparable: effects that were asked for and show, but that no reference within the limits tells from the
             effects like them.
         summary: sentences about range, peaks, duration and content.
+        warnings: sentences about what stays hidden or ambiguous.
     """
 
     time: Floats
@@ -80,6 +81,7 @@ class Excitation:
     hidden: tuple[str, ...]
     inseparable: tuple[str, ...]
     summary: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     @property
     def peak_speed(self) -> float:
@@ -158,7 +160,8 @@ def design_excitation(
     return Excitation(
         np.arange(len(velocity)) / rate, position, velocity, sections, expected, efficiency, goals.hidden,
         goals.inseparable,
-        _summary(axis, limits, position, velocity, rate, sections, expected, efficiency, question, goals),
+        _summary(axis, limits, position, velocity, rate, sections, expected, efficiency),
+        _warnings(axis, question, goals),
     )  # fmt: skip
 
 
@@ -237,8 +240,7 @@ def _sections(
 
 def _summary(
     axis: AxisSettings, limits: ExcitationLimits, position: Floats, velocity: Floats, rate: float,
-    sections: Sequence[Section], expected: dict[str, float], efficiency: dict[str, float], question: Question,
-    goals: Goals,
+    sections: Sequence[Section], expected: dict[str, float], efficiency: dict[str, float],
 ) -> tuple[str, ...]:  # fmt: skip
     """Return sentences about range, peaks, duration and content."""
     readable = limits.units.readable
@@ -266,19 +268,25 @@ def _summary(
             + ", ".join(f"{name} ({_percent(efficiency[name])})" for name in least)
             + " of what the best single kind of motion would bring in the same time"
         )
-    if goals.hidden:
-        lines.append(
-            f"Warning: {axis.name}: no motion within these limits separates {', '.join(goals.hidden)} from the"
-            " parameters and the other effects of the file; allow more stroke, speed or time."
-        )
-    if goals.inseparable and not question.is_everything:
-        lines.append(
-            f"Warning: {axis.name}: no motion within these limits separates {', '.join(goals.inseparable)} from"
-            " similar effects; allow more stroke, speed or time."
-        )
     return tuple(lines)
 
 
+def _warnings(axis: AxisSettings, question: Question, goals: Goals) -> tuple[str, ...]:
+    """Return sentences about what stays hidden or ambiguous."""
+    warnings = []
+    if goals.hidden:
+        warnings.append(
+            f"{axis.name}: no motion within these limits separates {', '.join(goals.hidden)} from the"
+            " parameters and the other effects of the file; allow more stroke, speed or time."
+        )
+    if goals.inseparable and not question.is_everything:
+        warnings.append(
+            f"{axis.name}: no motion within these limits separates {', '.join(goals.inseparable)} from"
+            " similar effects; allow more stroke, speed or time."
+        )
+    return tuple(warnings)
+
+
 def _percent(share: float) -> str:
-    """Return a share in percent with two digits."""
-    return f"{100.0 * share:.2g} %"
+    """Return a share in percent with two digits, 110 % and not 1.1e+02 %."""
+    return f"{float(f'{100.0 * share:.2g}'):g} %"

@@ -64,8 +64,8 @@ class AxisListener:
 
     def forget(self) -> None:
         """Forget what was heard."""
-        for kept in (self.positions, self._efforts, self._ages, self._arrivals):
-            kept.clear()
+        for samples in (self.positions, self._efforts, self._ages, self._arrivals):
+            samples.clear()
         self._latest_effort = 0
         self.heard_at = dict.fromkeys(self.heard_at, time.monotonic())
         self._repeats = dict.fromkeys(self.heard_at, False)
@@ -97,14 +97,14 @@ class AxisListener:
         since = time.monotonic() - self.heard_at[POSITION]
         return self.positions[-1][0] + round(1e9 * min(since, _LONGEST_GUESS))
 
-    def ready(self, seen: int) -> int:
+    def ready(self, checked: int) -> int:
         """Return how many positions have their effort, or will not get it any more.
 
         Args:
-            seen: so many are ready for sure.
+            checked: so many are ready for sure.
         """
         ready = len(self.positions)
-        while ready > seen and self.positions[ready - 1][0] > self._latest_effort:
+        while ready > checked and self.positions[ready - 1][0] > self._latest_effort:
             ready -= 1
         return ready
 

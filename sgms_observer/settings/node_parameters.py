@@ -226,14 +226,26 @@ def refuse_incomplete(arguments: NodeArguments, node_name: str) -> None:
                 " file with params_file:=FILE (a copy of config/table.yaml is a start), and check its path"
             ]
         )
-    if "axes" not in arguments.parameters:
-        raise ConfigurationError(
-            ["axes must be given; check the path of the parameter file, or write for instance axes: [x] into it"]
-        )
-    names = [f"{axis.name}.mass" for axis in arguments.settings.axes]
-    missing = [name for name in names if name not in arguments.parameters]
-    if missing:
-        raise ConfigurationError([f"{name} must be given; weigh or identify what moves" for name in missing])
+    if missing := _missing(arguments.parameters, arguments.settings.axes):
+        raise ConfigurationError(missing)
+
+
+def missing_parameters(settings: Settings, axes: Sequence[AxisSettings]) -> list[str]:
+    """Return a sentence for each value that a node would not start without and that a parameter file lacks.
+
+    Args:
+        settings: of the file.
+        axes: those of its axes that matter.
+    """
+    return _missing(given_parameters(parameter_tree(settings.source, "the parameter file")), axes)
+
+
+def _missing(given: Mapping[str, Any], axes: Sequence[AxisSettings]) -> list[str]:
+    """Return a sentence for each value that parameters by full name lack."""
+    if "axes" not in given:
+        return ["axes must be given; check the path of the parameter file, or write for instance axes: [x] into it"]
+    names = [f"{axis.name}.mass" for axis in axes]
+    return [f"{name} must be given; weigh or identify what moves" for name in names if name not in given]
 
 
 def _laid_over_each_other(

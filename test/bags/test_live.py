@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 import time
@@ -69,13 +70,14 @@ def play(path: Path, *arguments: str) -> str:
     return out
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_what_is_played_is_recorded_byte_for_byte(tmp_path: Path, number: signal.Signals) -> None:
+@pytest.mark.parametrize(("number", "switches"), [(signal.SIGINT, []), (signal.SIGTERM, ["--json"])])
+def test_what_is_played_is_recorded_byte_for_byte(tmp_path: Path, number: signal.Signals, switches: list[str]) -> None:
     source = source_bag(tmp_path / "source")
-    recorder = sgms("record", "--out", tmp_path / "copy", "--storage", "mcap", folder=tmp_path)
+    recorder = sgms("record", "--out", tmp_path / "copy", "--storage", "mcap", *switches, folder=tmp_path)
     try:
         assert recorder.stdout is not None
-        assert "recording into" in recorder.stdout.readline()
+        if not switches:
+            assert "recording into" in recorder.stdout.readline()
         assert f"played {3 * COUNT} messages" in play(source)
         wait_recorded(tmp_path / "copy.partial", {"/position": COUNT, "/control_effort": COUNT})
         recorder.send_signal(number)
@@ -83,7 +85,11 @@ def test_what_is_played_is_recorded_byte_for_byte(tmp_path: Path, number: signal
     finally:
         recorder.kill()
     assert (recorder.returncode, errors) == (0, "")
-    assert f"/position: {COUNT} messages" in out
+    if switches:
+        counts = {"/position": COUNT, "/control_effort": COUNT}
+        assert json.loads(out) == {"schema": 1, "bag": str(tmp_path / "copy"), "messages": counts, "warnings": []}
+    else:
+        assert f"/position: {COUNT} messages" in out
     original, copy = by_topic(source), by_topic(tmp_path / "copy")
     assert set(copy) == {"/position", "/control_effort"}
     for topic in copy:
@@ -123,7 +129,8 @@ def test_a_topic_of_another_name_is_played_as_what_the_nodes_listen_to(tmp_path:
     try:
         assert recorder.stdout is not None
         recorder.stdout.readline()
-        assert f"played {2 * COUNT} messages" in play(source, "--topic", "position=/control_effort")
+        played = json.loads(play(source, "--topic", "position=/control_effort", "--json"))
+        assert (played["messages"], played["stopped"]) == (2 * COUNT, False)
         wait_recorded(tmp_path / "copy.partial", {"/position": COUNT})
     finally:
         recorder.kill()

@@ -48,6 +48,9 @@ WITH_RESULT = (
     "replay",
     "excite",
     "export",
+    "record",
+    "play",
+    "paper",
 )
 WITH_BAG = ("replay", "info", "check", "init", "identify")
 
@@ -78,6 +81,17 @@ def test_axis_and_topic_are_declared_alike() -> None:
         assert len({(type(one), one.metavar, str(one.default)) for one in found}) == 1
     assert {str(actions(name)["--topic"].default) for name in (*WITH_BAG, "play")} == {"[]"}
     assert type(actions("diagnose")["--axis"]) is type(actions("excite")["--axis"]) is type(actions("info")["--axis"])
+
+
+@pytest.mark.parametrize("name", ["identify", "diagnose"])
+@pytest.mark.parametrize(
+    "holdout",
+    [["--holdout", "b", "c"], ["--holdout", "b", "--holdout", "c"], ["--holdout=b", "--holdout", "c"]],
+    ids=" ".join,
+)
+def test_several_recordings_to_judge_on(name: str, holdout: list[str]) -> None:
+    args = command_line.build_parser(name).parse_args([name, "a", *holdout, "--config", "x.yaml", "--out", "y"])
+    assert (args.bags, args.holdout) == (["a"], ["b", "c"])
 
 
 @pytest.mark.parametrize(
@@ -163,6 +177,26 @@ def test_json_is_all_that_is_printed_and_the_code_is_kept(
     assert capsys.readouterr().out == ""
     assert command_line.main(["demo"]) == 3
     assert capsys.readouterr().out == "for people\n"
+
+
+def test_paper_prints_its_tables_as_json(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from sgms_observer.paper import best_configuration, figures, report, table
+    from sgms_observer.report import page
+
+    for module, name, value in (
+        (table, "table_two", {"rows": [1.5]}), (table, "table_markdown", "table"),
+        (best_configuration, "beyond", {"ekf": 0.5}), (best_configuration, "beyond_markdown", "beyond"),
+        (figures, "figure_two", []), (figures, "figure_three", []), (figures, "figure_five", None),
+        (figures, "figures_six_and_seven", []), (report, "paper_page", None), (page, "write_page", None),
+    ):  # fmt: skip
+        monkeypatch.setattr(module, name, lambda *_, value=value: value)
+    out = tmp_path / "paper"
+    assert main(["paper", "--out", str(out), "--seeds", "2", "--json"]) == 0
+    expected = {"schema": 1, "folder": str(out), "table2": {"rows": [1.5]}, "beyond": {"ekf": 0.5}}
+    assert json.loads(capsys.readouterr().out) == expected
+    assert json.loads((out / "table2.json").read_text(encoding="utf-8")) == expected["table2"]
 
 
 def test_json_value_is_plain() -> None:

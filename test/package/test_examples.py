@@ -12,6 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from sgms_observer.application.commission.run import STEPS
+from sgms_observer.outcome import EXIT_NOT_USABLE
+from sgms_observer.settings.load import load_settings
+
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
 PAGE = (EXAMPLES / "README.md").read_text(encoding="utf-8")
@@ -20,13 +24,13 @@ MEASURED = "emps.py"
 LONGEST = 60  # lines of a script; emps.py is a study, not an example of one job
 
 
-def _run(name: str, *arguments: str) -> str:
-    """Return what an example prints."""
+def _run(name: str, *arguments: str, code: int = 0) -> str:
+    """Return what an example prints; it ends with an exit code."""
     result = subprocess.run(
         [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments],
         cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
     )  # fmt: skip
-    assert result.returncode == 0, result.stderr
+    assert result.returncode == code, result.stderr
     return result.stdout
 
 
@@ -95,8 +99,6 @@ def test_excitation_is_written_inside_the_stroke(tmp_path: Path) -> None:
 
 
 def test_own_effect_acts(tmp_path: Path) -> None:
-    from sgms_observer.settings.load import load_settings
-
     said = _run("add_an_effect", "--out", str(tmp_path))
     assert load_settings(tmp_path / "mine.yaml").axes[0].effects[0].name == "end_stop_rubber"
     low, high = (float(value) for value in re.findall(r"rubber: (\S+) to (\S+) N", said)[0])
@@ -108,3 +110,32 @@ def test_c_is_exported_and_equal(tmp_path: Path) -> None:
     if shutil.which("cc") is None or shutil.which("make") is None:
         pytest.skip("no C compiler and make on this machine")
     assert "equal to Python" in _run("export_c", "--out", str(tmp_path))
+
+
+def test_a_controller_is_exported(tmp_path: Path) -> None:
+    said = _run("export_a_ros2_controller", "--out", str(tmp_path))
+    assert "type: sgms_friction_compensation/FrictionCompensation" in said and "update_rate: 1000" in said
+    assert (tmp_path / "src" / "sgms_friction_compensation" / "package.xml").is_file()
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler on this machine")
+def test_an_fmu_is_exported_and_runs(tmp_path: Path) -> None:
+    """Below the static force the contact yields by micrometres; above it the stage slides."""
+    said = _run("export_an_fmu", "--out", str(tmp_path))
+    assert (tmp_path / "stage.fmu").is_file()
+    pytest.importorskip("fmpy", reason="fmpy is not installed: pip install fmpy")
+    stuck, slid = (float(value) for value in re.findall(r"moves by (\S+) um", said))
+    assert 0.0 < stuck < 10.0 and slid > 100.0
+
+
+@pytest.mark.live
+def test_commissioning_begins_with_the_stage_as_machine_and_keeps_to_its_time(tmp_path: Path) -> None:
+    """The whole way is `test_commission.py`'s; here no motion fits into the time, so every step says so."""
+    pytest.importorskip("rclpy", reason="there is no ROS here")
+    said = _run("commission_a_simulated_table", "--out", str(tmp_path), "--time", "2", code=EXIT_NOT_USABLE)
+    steps = re.findall(r"^(\w+): (done|skipped) in", said, re.MULTILINE)
+    assert steps[1:] == [(step.name, "skipped") for step in STEPS[1:-1]] + [("report", "done")]
+    machine, mine = (load_settings(tmp_path / f"{name}.yaml").axes[0] for name in ("machine", "mine"))
+    assert [effect.name for effect in machine.effects] == ["cogging"] and mine.effects == ()
+    assert machine.stage.reference.kind == "topic"
+    assert (tmp_path / "commissioning" / "report.html").is_file()

@@ -1,0 +1,95 @@
+"""What a newcomer gets wrong: each mistake ends in one sentence that says what, where, and what to do."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+from c_build import needs
+
+from sgms_observer import whole_file
+from sgms_observer.cli.main import main
+from sgms_observer.errors import RecordingError
+
+NO_AXES = "/**: {ros__parameters: {sample_period: 1.0e-3}}"
+NO_MASS = "/**: {ros__parameters: {axes: [x], x: {estimator: {kind: ekf}}}}"
+WHOLE = "/**: {ros__parameters: {axes: [x], x: {mass: 3.0, estimator: {kind: ekf}}}}"
+
+
+def _file(folder: Path, text: str) -> str:
+    path = folder / "axis.yaml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize(("text", "sentence"), [(NO_AXES, "axes must be given"), (NO_MASS, "x.mass must be given")])
+@pytest.mark.parametrize(
+    "command",
+    [("check",), ("export", "--target", "c"), ("export", "--target", "fmu"), ("commission", "--yes")],
+    ids=" ".join,
+)
+def test_a_file_without_its_machine_is_refused_before_anything_is_written(
+    text: str, sentence: str, command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The nodes refuse it as well: numbers of an example drive nobody's machine."""
+    name, *options = command
+    config = [_file(tmp_path, text)] if name != "commission" else ["--config", _file(tmp_path, text)]
+    out = ["--out", str(tmp_path / "out")] if name != "check" else []
+    assert main([name, *config, *options, *out]) == 1
+    printed = capsys.readouterr()
+    assert printed.err.startswith(sentence) and printed.err.count("\n") == 1 and printed.out == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["axis.yaml"]
+
+
+@needs("cc")
+@pytest.mark.parametrize("name", ["stage", "stage.fmu"])
+def test_an_fmu_of_another_name_is_warned_of(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / name
+    assert main(["export", _file(tmp_path, WHOLE), "--target", "fmu", "--out", str(out)]) == 0
+    assert out.is_file()
+    warning = f"Warning: {out} does not end in .fmu; rename it for tools that ask for it\n"
+    assert capsys.readouterr().err == (warning if name == "stage" else "")
+
+
+@pytest.mark.parametrize("target", ["c", "ros2_control"])
+def test_an_export_does_not_replace_a_file(target: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    config = _file(tmp_path, WHOLE)
+    assert main(["export", config, "--target", target, "--out", config, "--overwrite"]) == 1
+    assert capsys.readouterr().err.endswith(
+        "was not written by sgms export and is not overwritten; give another name\n"
+    )
+    assert Path(config).read_text(encoding="utf-8") == WHOLE
+
+
+@pytest.mark.parametrize("name", ["joint states", "3", "/a//b", "/a/"])
+def test_a_recorder_asks_for_names_of_topics(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("rclpy")
+    assert main(["record", name, "--out", str(tmp_path / "bag"), "--duration", "1"]) == 1
+    assert capsys.readouterr().err.startswith(f"{name} is no topic name of ROS; ")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bag_below_a_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("t,q\n0,0\n0.001,1e-6\n", encoding="utf-8")
+    assert main(["convert", str(log), "--out", str(log / "bag"), "--map", "time=t", "position=q"]) == 1
+    sentence = "cannot be written: it is a file, or lies in one, where a folder must be; give another name\n"
+    assert capsys.readouterr().err == f"{log / 'bag'} {sentence}"
+
+
+@pytest.mark.parametrize(
+    ("number", "remedy"),
+    [(errno.EACCES, "choose a folder that you may write to"), (errno.ENOSPC, "make room or choose another folder")],
+)
+def test_a_folder_that_refuses_says_what_helps(
+    number: int, remedy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(Path, "touch", fail)
+    with pytest.raises(RecordingError) as error:
+        whole_file.try_folder(tmp_path)
+    assert str(error.value) == f"{tmp_path} cannot be written: {os.strerror(number)}; {remedy}"
