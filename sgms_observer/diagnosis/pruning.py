@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.candidates import LAST_STEPS, finish_fit, is_contact_law, with_free_effect
+from sgms_observer.diagnosis.closing import Closing
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least
 from sgms_observer.diagnosis.decision import (
@@ -29,11 +30,9 @@ from sgms_observer.diagnosis.diagnosis import (
 from sgms_observer.diagnosis.evaluation import evidence_of, sliding_shares
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import MAX_STEPS, Refit, RefitSetup, data_with_own_noise
-from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
 from sgms_observer.effects.catalogue import effect
-from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
@@ -159,8 +158,8 @@ def without_insignificant_effects(
     while True:
         written = _as_written(found, state, nominal)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
-        plain = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
-        tests = _reported_tests(names, written, plain, state, options)
+        file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
+        tests = _reported_tests(Closing(names, written, file_contact, state.evaluation(options)))
         weakest = min(tests, key=lambda test: test.value / test.threshold, default=None)
         if weakest is None or weakest.passed:
             for test in tests:
@@ -171,69 +170,39 @@ def without_insignificant_effects(
         state = found if nothing_is_left else state.refitted(_fit_without(state, weakest.of), REFIT_STEPS)
 
 
-def _reported_tests(
-    names: Sequence[str], written: WrittenFits, plain: RefitSetup, state: FitState, options: Options
-) -> list[Test]:
-    """Return the tests of effects as they are reported: the strength of each, and what it closes beside the others.
+def _reported_tests(closing: Closing) -> list[Test]:
+    """Return the tests of effects as they are reported: the strength of each, and what it closes.
 
-    Without the effect everything else is fitted again, because the gaps of several effects are listed so. Where a
-    single one is named, everything else may also stay as it is: the fit may drift (see ``candidates.alone``). An effect
-    that another contact law can imitate is also judged in the place of all that stands for another contact law: of the
-    effects that only describe one, and of changes of the contact.
+    An effect that another contact law can imitate is also judged in the place of all that stands for one: what it
+    leaves may be another contact law, and what it closes a part of it.
 
     Args:
-        names: the effects.
-        written: fits without and with everything that was accepted.
-        plain: setup with the contact of the file.
-        state: state with everything that was accepted.
-        options: options of the diagnosis.
+        closing: the effects, beside everything that was accepted.
     """
-    criteria, evaluation, after = options.criteria, state.evaluation(options), written.after
-
-    def closed(with_it: Model, others: Model) -> tuple[float, float]:
-        left = [residuals(others, evaluation.motions), residuals(with_it, evaluation.motions)]
-        rests = [WeightedResidual(evaluation.motions, one, evaluation.weights) for one in left]
-        as_reported = [replace(rest, weights=evaluation.gap_weights) for rest in rests]
-        gap, reported = (improvement(*(rest.blocks(criteria.block) for rest in pair)) for pair in (rests, as_reported))
-        return reported.z_score, replace(evaluation, gap=evaluation.rms(others)).closed_share(gap)
-
-    def without(name: str, effects: Sequence[EffectSettings]) -> list[EffectSettings]:
-        return [one for one in effects if one.name != name]
-
-    def in_place_of_contact_law(name: str) -> float:
-        with_it, others = (
-            plain.fit(effects, written.before.logs, LAST_STEPS)
-            for effects in (beyond_contact, without(name, beyond_contact))
-        )
-        return closed(with_it.model, others.model)[1]
-
-    beyond_contact = [one for one in after.effects if one.name not in names or not is_contact_law(one.name)]
-    contacts = [(setup.nominal, setup.freedom) for setup in (written.setup, plain)]
-    has_other_contact_law = len(beyond_contact) < len(after.effects) or contacts[0] != contacts[1]
+    criteria, written = closing.evaluation.criteria, closing.written
     tests = []
-    for name in names:
-        effects = without(name, after.effects)
-        found = [closed(after.model, written.setup.fit(effects, after.logs, REFIT_STEPS).model)]
-        if len(names) == 1:
-            found.append(closed(after.model, replace(after.model, effects=tuple(effects))))
-        z_score, share = max(found)
+    for name in closing.names:
+        is_law, closed = is_contact_law(name), closing.beside_others(name)
         tests += [
             at_least(
                 name, "strength over its scatter between recordings",
-                written.strength_over_scatter(name, has_fixed_shape=is_contact_law(name)),
-                criteria.interval_z_score if is_contact_law(name) else criteria.min_z_score,
+                written.strength_over_scatter(name, has_fixed_shape=is_law),
+                criteria.interval_z_score if is_law else criteria.min_z_score,
             ),
             at_least(
                 name, "strength over its standard error, in held-out recordings too",
                 written.strength_elsewhere(name, criteria.min_z_score), criteria.interval_z_score,
             ),
-            at_least(name, "share of the closable squared gap beside the others", share, criteria.min_closed_share),
-            at_least(name, "gap as reported beside the others: z-score", z_score, criteria.interval_z_score),
+            at_least(
+                name, "share of the closable squared gap beside the others", closed.share, criteria.min_closed_share
+            ),
+            at_least(name, "gap as reported beside the others: z-score", closed.z_score, criteria.interval_z_score),
         ]  # fmt: skip
-        if needs_visible_contact(name) and not is_contact_law(name):
-            share = in_place_of_contact_law(name) if has_other_contact_law else share
+        if needs_visible_contact(name) and not is_law:
+            if closing.has_other_contact_law:
+                closed = closing.in_place_of_contact_law(name)
             title = "share of the closable squared gap in the place of another contact law"
-            tests.append(at_least(name, title, share, criteria.min_imitable_share))
+            tests.append(at_least(name, title, closed.share, criteria.min_imitable_share))
     return tests
 
 

@@ -1,0 +1,102 @@
+"""What an effect closes of the gap: beside everything else, and in the place of another contact law."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from sgms_observer.diagnosis.candidates import LAST_STEPS, is_contact_law
+from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, WrittenFits
+from sgms_observer.diagnosis.evaluation import EvaluationData
+from sgms_observer.diagnosis.evidence import improvement
+from sgms_observer.diagnosis.fit import RefitSetup
+from sgms_observer.diagnosis.gap import WeightedResidual, residuals
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.settings.axis import EffectSettings
+
+
+@dataclass(frozen=True)
+class Closed:
+    """What an effect closes of the gap.
+
+    Attributes:
+        z_score: of the decrease of the squared gap as reported.
+        share: of the closable squared gap, with the weights of the evidence.
+    """
+
+    z_score: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Closing:
+    """The final model, with and without single effects.
+
+    Attributes:
+        names: the effects that were accepted.
+        written: fits without and with everything that was accepted.
+        setup: setup of the final model with the contact of the file.
+        evaluation: the recordings.
+    """
+
+    names: Sequence[str]
+    written: WrittenFits
+    setup: RefitSetup
+    evaluation: EvaluationData
+
+    def beside_others(self, name: str) -> Closed:
+        """Return what an effect closes beside everything else.
+
+        Without it everything else is fitted again, because the gaps of several effects are listed so. Where a single
+        one is named, everything else may also stay as it is: the fit may drift (see ``candidates.alone``).
+
+        Args:
+            name: the effect.
+        """
+        after = self.written.after
+        others = _without(name, after.effects)
+        found = [self._closed(after.model, self.written.setup.fit(others, after.logs, REFIT_STEPS).model)]
+        if len(self.names) == 1:
+            found.append(self._closed(after.model, replace(after.model, effects=tuple(others))))
+        return max(found, key=lambda one: (one.z_score, one.share))
+
+    def in_place_of_contact_law(self, name: str) -> Closed:
+        """Return what an effect closes where nothing else stands for another contact law.
+
+        That is with the contact of the file, and without the effects that only describe another contact law.
+
+        Args:
+            name: the effect.
+        """
+        with_it, others = (
+            self.setup.fit(effects, self.written.before.logs, LAST_STEPS).model
+            for effects in (self._beyond_contact, _without(name, self._beyond_contact))
+        )
+        return self._closed(with_it, others)
+
+    @property
+    def has_other_contact_law(self) -> bool:
+        """Return whether a change of the contact or another effect of the model stands for another contact law."""
+        contacts = [(setup.nominal, setup.freedom) for setup in (self.written.setup, self.setup)]
+        return contacts[0] != contacts[1] or len(self._beyond_contact) < len(self.written.after.effects)
+
+    @cached_property
+    def _beyond_contact(self) -> list[EffectSettings]:
+        """The effects that do not only describe another contact law; effects of the file stay."""
+        return [one for one in self.written.after.effects if one.name not in self.names or not is_contact_law(one.name)]
+
+    def _closed(self, with_it: Model, others: Model) -> Closed:
+        """Return what a model closes of the gap of another one."""
+        evaluation = self.evaluation
+        motions, block = evaluation.motions, evaluation.criteria.block
+        left = [WeightedResidual(motions, residuals(one, motions), evaluation.weights) for one in (others, with_it)]
+        as_reported = [replace(rest, weights=evaluation.gap_weights) for rest in left]
+        gap, reported = (improvement(*(rest.blocks(block) for rest in pair)) for pair in (left, as_reported))
+        share = replace(evaluation, gap=evaluation.rms(others)).closed_share(gap)
+        return Closed(reported.z_score, share)
+
+
+def _without(name: str, effects: Sequence[EffectSettings]) -> list[EffectSettings]:
+    """Return the effects without one."""
+    return [one for one in effects if one.name != name]
