@@ -24,6 +24,7 @@ MAX_UNEXPLAINED = 0.9
 """Share of the effort: where mass and friction explain less than a tenth, it does not belong to the motion."""
 MAX_MISSING = 0.5
 """Share of samples without effort: above it one of two is lost."""
+_STAMP_UNIT = 1.0e-9  # s: unit of a message's stamp; less jitter is rounding
 _MAX_RANGE = {PRISMATIC: 20.0, REVOLUTE: 100.0}  # m, rad: a long gantry, sixteen turns
 _MAX_SPEED = {PRISMATIC: 20.0, REVOLUTE: 2000.0}  # m/s, rad/s: a fast linear motor, a spindle of 19,000 rev/min
 _MAX_MASS = {PRISMATIC: 1.0e5, REVOLUTE: 1.0e5}  # kg, kg m^2
@@ -261,7 +262,7 @@ class BagInfo:
 
     def lines(self) -> list[str]:
         """Return what people read, apart from the warnings."""
-        found = [f"{self.path}: {len(self.topics)} topics"]
+        found = [f"{self.path}: {len(self.topics)} topic{'' if len(self.topics) == 1 else 's'}"]
         for topic in self.topics:
             rate = f" at {topic.rate:.6g} Hz" if topic.rate else ""
             joints = f", joints {', '.join(topic.joints)}" if topic.joints else ""
@@ -342,7 +343,7 @@ def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
     speed = f", up to {text(facts.peak_speed, 'm/s')}" if math.isfinite(facts.peak_speed) else ""
     lines = [
         f"axis {facts.name}: {facts.samples} samples, {facts.duration:.6g} s at {facts.rate:.6g} Hz, jitter"
-        f" {1e6 * facts.jitter:.3g} us, {facts.gaps} gaps, {facts.duplicate_stamps} duplicate stamps",
+        f" {1e6 * facts.jitter if facts.jitter >= _STAMP_UNIT else 0.0:.3g} us, {facts.gaps} gaps, {facts.duplicate_stamps} duplicate stamps",
         f"  position {text(low, 'm')} to {text(high, 'm')}, {step}{speed}, {facts.reversals} reversals",
     ]
     if facts.missing_efforts < 1.0:

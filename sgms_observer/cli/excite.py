@@ -72,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``."""
+    from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.excitation.limits import limits_of
     from sgms_observer.excitation.reference import DURATION, design_excitation
@@ -100,7 +101,8 @@ def run(args: argparse.Namespace) -> Outcome:
 
     def reference_from(start: float) -> tuple[Floats, Floats]:
         """Design the reference, tell about it and write it."""
-        reference = design_excitation(axis, limits, asked, start, seconds, rate, args.centre)
+        with Progress(f"design of {seconds:g} s of motion", 1.0) as progress:
+            reference = design_excitation(axis, limits, asked, start, seconds, rate, args.centre, progress.show)
         made.append(reference)
         for sentence in reference.summary:
             print(sentence)

@@ -134,6 +134,7 @@ def goals_of(
     segments: Sequence[tuple[Segment, Floats]],
     period: float,
     seconds: float,
+    report: Callable[[float], None],
 ) -> Goals:
     """Return the goals of a question.
 
@@ -145,6 +146,7 @@ def goals_of(
         segments: with their velocities.
         period: time between two samples of these [s].
         seconds: time of the whole reference [s].
+        report: called with the completed share.
     """
     loading = segments[0][1]  # after it the state of the contact is that between any two segments
     velocity = np.concatenate([loading, *(values for _segment, values in segments)])
@@ -154,7 +156,9 @@ def goals_of(
     goals: list[Goal] = []
     hidden: tuple[str, ...] = ()
     inseparable: tuple[str, ...] = ()
-    for contact in believed if question.parameters else believed[:1]:
+    wanted = believed if question.parameters else believed[:1]
+    for number, contact in enumerate(wanted):
+        report(number / len(wanted))
         position = pieces.position
         if not contact.is_from_file:
             position = followed(position, period, axis, contact.friction)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,6 +102,7 @@ def design_excitation(
     seconds: float = DURATION,
     rate: float = 1000.0,
     centre: float | None = None,
+    report: Callable[[float], None] = lambda share: None,
 ) -> Excitation:
     """Return the reference, among sequences of simple motions, that tells most about what is asked for.
 
@@ -113,6 +114,7 @@ def design_excitation(
         seconds: longest duration [s].
         rate: samples per second of the reference [Hz].
         centre: middle of the window of ``limits.stroke`` that the motion stays in [m]; None for ``start``.
+        report: called with the completed share.
 
     Raises:
         HiddenError: nothing that is asked for can be shown within the limits.
@@ -139,7 +141,7 @@ def design_excitation(
     segments = library(place, limits, period, left)
     if not segments:
         raise ConfigurationError([f"duration = {seconds:g} s is too short within these limits; allow more time"])
-    goals = goals_of(question, axis, limits, place, segments, period, left)
+    goals = goals_of(question, axis, limits, place, segments, period, left, report)
     if not goals.goals:
         raise HiddenError(
             [f"{', '.join(question.effects)} cannot be shown within these limits; allow more stroke, speed or time"]
