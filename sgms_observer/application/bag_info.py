@@ -341,9 +341,10 @@ def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
     low, high = facts.position_range
     step = f"encoder step {text(facts.encoder_step, 'm')}" if facts.encoder_step else "no encoder step shows"
     speed = f", up to {text(facts.peak_speed, 'm/s')}" if math.isfinite(facts.peak_speed) else ""
+    jitter = 1e6 * facts.jitter if facts.jitter >= _STAMP_UNIT else 0.0
     lines = [
         f"axis {facts.name}: {facts.samples} samples, {facts.duration:.6g} s at {facts.rate:.6g} Hz, jitter"
-        f" {1e6 * facts.jitter if facts.jitter >= _STAMP_UNIT else 0.0:.3g} us, {facts.gaps} gaps, {facts.duplicate_stamps} duplicate stamps",
+        f" {jitter:.3g} us, {facts.gaps} gaps, {facts.duplicate_stamps} duplicate stamps",
         f"  position {text(low, 'm')} to {text(high, 'm')}, {step}{speed}, {facts.reversals} reversals",
     ]
     if facts.missing_efforts < 1.0:
