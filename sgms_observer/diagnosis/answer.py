@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.advice import detectable, next_experiment
 from sgms_observer.diagnosis.changed import Changed, changed_values
+from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, Diagnosis, Options
@@ -316,13 +317,14 @@ def _warnings(
 def _best_unnamed(diagnosis: Diagnosis, criteria: Criteria) -> Decision | None:
     """Return the rejected effect that predicts most of the held-out residual, or None if none surely does.
 
-    Effects that only describe another contact law do not count: the regression has their coordinates.
+    Effects that another contact law can imitate do not count: the regression has the coordinates of a contact.
     """
     if not diagnosis.final_state.held_out_motions:
         return None
     last = diagnosis.rounds[-1].decisions if diagnosis.rounds and diagnosis.rounds[-1].accepted is None else ()
-    effects = [item for item in last if item.candidate.settings is not None and not item.candidate.is_contact_law]
-    sure = [item for item in effects if item.significant_share(criteria) > 0.0]
+    effects = [item for item in last if item.candidate.settings is not None]
+    beyond_contact = [item for item in effects if not is_confusable_with_contact(item.candidate.name)]
+    sure = [item for item in beyond_contact if item.significant_share(criteria) > 0.0]
     return max(sure, key=lambda item: item.significant_share(criteria), default=None)
 
 
