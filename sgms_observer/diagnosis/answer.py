@@ -212,7 +212,7 @@ def _contact_law_tests(
         *(
             at_least(
                 one.candidate.name, "share of the closable squared gap beside the others, of another contact law",
-                one.share_beside_others, criteria.min_imitable_share,
+                one.final_closed_share, criteria.min_imitable_share,
             )
             for one in named
         ),
@@ -323,8 +323,8 @@ def _best_unnamed(diagnosis: Diagnosis, criteria: Criteria) -> Decision | None:
         return None
     last = diagnosis.rounds[-1].decisions if diagnosis.rounds and diagnosis.rounds[-1].accepted is None else ()
     effects = [item for item in last if item.candidate.settings is not None]
-    beyond_contact = [item for item in effects if not is_confusable_with_contact(item.candidate.name)]
-    sure = [item for item in beyond_contact if item.significant_share(criteria) > 0.0]
+    not_imitable = [item for item in effects if not is_confusable_with_contact(item.candidate.name)]
+    sure = [item for item in not_imitable if item.significant_share(criteria) > 0.0]
     return max(sure, key=lambda item: item.significant_share(criteria), default=None)
 
 

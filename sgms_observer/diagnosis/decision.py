@@ -58,7 +58,7 @@ class Decision:
         return next((test.value for test in self.tests if test.name.startswith("share of the closable")), 0.0)
 
     @property
-    def share_beside_others(self) -> float:
+    def final_closed_share(self) -> float:
         """Return the share of the closable squared gap that the hypothesis closes beside the others, as last tested."""
         values = [test.value for test in self.tests if test.name.endswith("squared gap beside the others")]
         return values[-1] if values else math.inf

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.candidates import LAST_STEPS, finish_fit, is_contact_law, with_free_effect
-from sgms_observer.diagnosis.closing import Closing
+from sgms_observer.diagnosis.closed_gap import ClosedGap
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least
 from sgms_observer.diagnosis.decision import (
@@ -159,7 +159,7 @@ def without_insignificant_effects(
         written = _as_written(found, state, nominal)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
         file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
-        tests = _reported_tests(Closing(names, written, file_contact, state.evaluation(options)))
+        tests = _reported_tests(ClosedGap(names, written, file_contact, state.evaluation(options)))
         weakest = min(tests, key=lambda test: test.value / test.threshold, default=None)
         if weakest is None or weakest.passed:
             for test in tests:
@@ -170,24 +170,24 @@ def without_insignificant_effects(
         state = found if nothing_is_left else state.refitted(_fit_without(state, weakest.of), REFIT_STEPS)
 
 
-def _reported_tests(closing: Closing) -> list[Test]:
+def _reported_tests(closed_gap: ClosedGap) -> list[Test]:
     """Return the tests of effects as they are reported: the strength of each, and what it closes.
 
     An effect that another contact law can imitate is also judged in the place of all that stands for one: what it
     leaves may be another contact law, and what it closes a part of it.
 
     Args:
-        closing: the effects, beside everything that was accepted.
+        closed_gap: the effects, beside everything that was accepted.
     """
-    criteria, written = closing.evaluation.criteria, closing.written
+    criteria, written = closed_gap.evaluation.criteria, closed_gap.written
     tests = []
-    for name in closing.names:
-        is_law, closed = is_contact_law(name), closing.beside_others(name)
+    for name in closed_gap.names:
+        describes_contact, closed = is_contact_law(name), closed_gap.closed_by(name)
         tests += [
             at_least(
                 name, "strength over its scatter between recordings",
-                written.strength_over_scatter(name, has_fixed_shape=is_law),
-                criteria.interval_z_score if is_law else criteria.min_z_score,
+                written.strength_over_scatter(name, has_fixed_shape=describes_contact),
+                criteria.interval_z_score if describes_contact else criteria.min_z_score,
             ),
             at_least(
                 name, "strength over its standard error, in held-out recordings too",
@@ -198,9 +198,9 @@ def _reported_tests(closing: Closing) -> list[Test]:
             ),
             at_least(name, "gap as reported beside the others: z-score", closed.z_score, criteria.interval_z_score),
         ]  # fmt: skip
-        if needs_visible_contact(name) and not is_law:
-            if closing.has_other_contact_law:
-                closed = closing.in_place_of_contact_law(name)
+        if needs_visible_contact(name) and not describes_contact:
+            if closed_gap.has_other_contact_law:
+                closed = closed_gap.closed_by_instead_of_contact_law(name)
             title = "share of the closable squared gap in the place of another contact law"
             tests.append(at_least(name, title, closed.share, criteria.min_imitable_share))
     return tests

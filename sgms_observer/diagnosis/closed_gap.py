@@ -30,7 +30,7 @@ class Closed:
 
 
 @dataclass(frozen=True)
-class Closing:
+class ClosedGap:
     """The final model, with and without single effects.
 
     Attributes:
@@ -45,7 +45,7 @@ class Closing:
     setup: RefitSetup
     evaluation: EvaluationData
 
-    def beside_others(self, name: str) -> Closed:
+    def closed_by(self, name: str) -> Closed:
         """Return what an effect closes beside everything else.
 
         Without it everything else is fitted again, because the gaps of several effects are listed so. Where a single
@@ -61,7 +61,7 @@ class Closing:
             found.append(self._closed(after.model, replace(after.model, effects=tuple(others))))
         return max(found, key=lambda one: (one.z_score, one.share))
 
-    def in_place_of_contact_law(self, name: str) -> Closed:
+    def closed_by_instead_of_contact_law(self, name: str) -> Closed:
         """Return what an effect closes where nothing else stands for another contact law.
 
         That is with the contact of the file, and without the effects that only describe another contact law.
@@ -71,7 +71,7 @@ class Closing:
         """
         with_it, others = (
             self.setup.fit(effects, self.written.before.logs, LAST_STEPS).model
-            for effects in (self._beyond_contact, _without(name, self._beyond_contact))
+            for effects in (self._machine_effects, _without(name, self._machine_effects))
         )
         return self._closed(with_it, others)
 
@@ -79,10 +79,10 @@ class Closing:
     def has_other_contact_law(self) -> bool:
         """Return whether a change of the contact or another effect of the model stands for another contact law."""
         contacts = [(setup.nominal, setup.freedom) for setup in (self.written.setup, self.setup)]
-        return contacts[0] != contacts[1] or len(self._beyond_contact) < len(self.written.after.effects)
+        return contacts[0] != contacts[1] or len(self._machine_effects) < len(self.written.after.effects)
 
     @cached_property
-    def _beyond_contact(self) -> list[EffectSettings]:
+    def _machine_effects(self) -> list[EffectSettings]:
         """The effects that do not only describe another contact law; effects of the file stay."""
         return [one for one in self.written.after.effects if one.name not in self.names or not is_contact_law(one.name)]
 
