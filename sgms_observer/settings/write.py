@@ -230,6 +230,17 @@ def tree_of(settings: Settings, catalogue: CatalogueSource = installed_catalogue
     return {"/**": {"ros__parameters": tree}}
 
 
+def _kept_stage_friction(settings: Settings, axis: str, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the stage's own friction, whose values are those of the observer where the file lists none.
+
+    The truth of a simulation stays as it is where the observer's friction changes, also with other elements.
+    """
+    friction = next((one.stage_friction for one in settings.axes if one.name == axis), None)
+    if friction is None or not any(key.startswith("friction.") for key in changes):
+        return {}
+    return {f"stage.friction.{key}": value for key, value in _group_tree(friction).items()}
+
+
 def _group_tree(group: Any) -> dict[str, Any]:
     """Return a group of settings as nested mappings."""
     kind = type(group)
@@ -329,5 +340,5 @@ def settings_text(
     """
     tree: dict[Any, Any] = settings.source or tree_of(settings)
     for axis, axis_changes in changes.items():
-        tree = updated_tree(tree, axis, axis_changes)
+        tree = updated_tree(tree, axis, {**_kept_stage_friction(settings, axis, axis_changes), **axis_changes})
     return yaml_of(tree, comments, read_from=Path(settings.folder).resolve(), to=Path(path).resolve().parent)

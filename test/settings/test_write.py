@@ -165,3 +165,13 @@ def test_a_folder_that_is_a_file(tmp_path: Path, document: dict[Any, Any]) -> No
     assert "cannot be written" in str(error.value)
     with pytest.raises(RecordingError):
         write_text(yaml_of(document), tmp_path)
+
+
+def test_the_truth_of_a_simulation_stays_where_the_observer_gets_other_elements(tmp_path: Path) -> None:
+    given = load_settings(Path(__file__).parents[2] / "config" / "demo.yaml")
+    elements = {"element_stiffness": [3.0e6, 2.0e6, 1.0e6], "element_fraction": [0.5, 0.3, 0.2]}
+    changes = {f"friction.{key}": value for key, value in elements.items()}
+    write_settings(given, tmp_path / "other.yaml", {"x": changes | {"friction.element_damping": [0.0, 0.0, 0.0]}})
+    (axis,) = load_settings(tmp_path / "other.yaml").axes
+    assert axis.friction.element_stiffness == (3.0e6, 2.0e6, 1.0e6)
+    assert axis.stage_friction == given.axes[0].stage_friction is not None
