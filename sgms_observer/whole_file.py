@@ -15,11 +15,18 @@ from sgms_observer.errors import RecordingError
 _number = itertools.count()
 
 
+def file_in_the_way(path: str | Path, error: Exception) -> RecordingError | None:
+    """Return the sentence about a path where a file is in the place of a folder, or None for another error."""
+    if not isinstance(error, FileExistsError | NotADirectoryError):
+        return None
+    reason = "it is a file, or lies in one, where a folder must be"
+    return RecordingError(f"{path} cannot be written: {reason}; give another name")
+
+
 def _refused(path: str | Path, error: Exception) -> RecordingError:
     """Return the sentence about a path that the operating system refused."""
-    if isinstance(error, FileExistsError | NotADirectoryError):
-        reason = "it is a file, or lies in one, where a folder must be"
-        return RecordingError(f"{path} cannot be written: {reason}; give another name")
+    if found := file_in_the_way(path, error):
+        return found
     reason = getattr(error, "strerror", None) or "it is not a possible file name"
     remedy = (
         "choose a folder that you may write to"

@@ -22,6 +22,7 @@ from sgms_observer.bags.message_types import JOINT_STATE, MessageType, describe_
 from sgms_observer.bags.rows import MessageRows, joint_state_rows
 from sgms_observer.bags.sqlite_storage import SqliteWriter
 from sgms_observer.errors import DataError, RecordingError
+from sgms_observer.whole_file import file_in_the_way
 
 PARTIAL = ".partial"  # a recording, worth keeping if it is interrupted
 UNFINISHED = ".unfinished"  # what can be made again; a leftover of a killed process is replaced
@@ -275,10 +276,10 @@ class BagWriter:
         try:
             yield
         except (OSError, sqlite3.Error) as error:
+            if found := file_in_the_way(self.path, error):
+                raise found from error
             reason = getattr(error, "strerror", None) or str(error)
             partial = f"what was recorded is in {self._partial}; " if self._keep and self._partial.exists() else ""
-            if isinstance(error, FileExistsError | NotADirectoryError):
-                reason, remedy = "it is a file, or lies in one, where a folder must be", "give another name"
-            else:
-                remedy = "check free space and permissions"
-            raise RecordingError(f"{self.path} cannot be written: {reason}; {partial}{remedy}") from error
+            raise RecordingError(
+                f"{self.path} cannot be written: {reason}; {partial}check free space and permissions"
+            ) from error

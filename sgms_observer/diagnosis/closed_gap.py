@@ -69,11 +69,7 @@ class ClosedGap:
         Args:
             name: the effect.
         """
-        with_it, others = (
-            self.setup.fit(effects, self.written.before.logs, LAST_STEPS).model
-            for effects in (self._machine_effects, _without(name, self._machine_effects))
-        )
-        return self._closed(with_it, others)
+        return self._closed(self._with_file_contact, self._fitted(_without(name, self._machine_effects)))
 
     @property
     def has_other_contact_law(self) -> bool:
@@ -85,6 +81,15 @@ class ClosedGap:
     def _machine_effects(self) -> list[EffectSettings]:
         """The effects that do not only describe another contact law; effects of the file stay."""
         return [one for one in self.written.after.effects if one.name not in self.names or not is_contact_law(one.name)]
+
+    @cached_property
+    def _with_file_contact(self) -> Model:
+        """The contact of the file with these effects."""
+        return self._fitted(self._machine_effects)
+
+    def _fitted(self, effects: Sequence[EffectSettings]) -> Model:
+        """Return the contact of the file, fitted with effects."""
+        return self.setup.fit(effects, self.written.before.logs, LAST_STEPS).model
 
     def _closed(self, with_it: Model, others: Model) -> Closed:
         """Return what a model closes of the gap of another one."""

@@ -12,13 +12,7 @@ from sgms_observer.diagnosis.candidates import LAST_STEPS, finish_fit, is_contac
 from sgms_observer.diagnosis.closed_gap import ClosedGap
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least
-from sgms_observer.diagnosis.decision import (
-    Decision,
-    compare,
-    needs_visible_contact,
-    preferred,
-    z_score_between,
-)
+from sgms_observer.diagnosis.decision import Decision, compare, needs_visible_contact, preferred, z_score_between
 from sgms_observer.diagnosis.diagnosis import (
     REFIT_STEPS,
     FitState,

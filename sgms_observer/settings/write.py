@@ -231,9 +231,10 @@ def tree_of(settings: Settings, catalogue: CatalogueSource = installed_catalogue
 
 
 def _kept_stage_friction(settings: Settings, axis: str, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the stage's own friction, whose values are those of the observer where the file lists none.
+    """Return every friction value of the stage, if the file lists some of them.
 
-    The truth of a simulation stays as it is where the observer's friction changes, also with other elements.
+    A value that the file leaves out is read from the observer's friction. Where that changes, the simulated truth is
+    written in full, so that it stays as it was.
     """
     friction = next((one.stage_friction for one in settings.axes if one.name == axis), None)
     if friction is None or not any(key.startswith("friction.") for key in changes):
