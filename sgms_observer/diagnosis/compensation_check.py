@@ -66,7 +66,7 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
         look_ahead=0.0,  # the recorded effort is the effort of its own sample
     )  # fmt: skip
     lag = HELD_LAG if axis.filter.effort_is_held else 0.0
-    motion = motion_of(record, EffortLag.constant(lag), band)
+    motion = motion_of(record, EffortLag((lag,)), band)
     axis = replace(axis, compensation=whole, effects=with_phases_of(Model.of(axis), motion).effects)
     n, period = len(record.position), record.period
     stamp = np.round(np.arange(n) * period * 1e9).astype(np.int64)

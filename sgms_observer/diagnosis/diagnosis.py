@@ -12,7 +12,7 @@ import numpy as np
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.criteria import Criteria, Test
 from sgms_observer.diagnosis.decision import Decision
-from sgms_observer.diagnosis.effort_lag import change_of_lag, fitted_effort_lags, with_real_changes
+from sgms_observer.diagnosis.effort_lag import changes_of_lag, fitted_effort_lags, with_real_changes
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_with_noise_of, data_with_own_noise
 from sgms_observer.diagnosis.gap import WeightedResidual, noise_floor, residuals, rms, weighted
@@ -83,7 +83,7 @@ class Recordings:
 
     def _filtered(self, records: Sequence[Recording], lags: Sequence[EffortLag] | None) -> tuple[Motion, ...]:
         """Return recordings with these lags of their effort, filtered."""
-        used = [EffortLag.constant(self.stated_lag)] * len(records) if lags is None else lags
+        used = [EffortLag((self.stated_lag,))] * len(records) if lags is None else lags
         return tuple(motion_of(record, lag, self.band) for record, lag in zip(records, used, strict=True))
 
 
@@ -175,14 +175,15 @@ class FitState:
         return fitted_effort_lags(data, found, self.recordings.stated_lag)
 
     def with_changes_of_lag(self, criteria: Criteria) -> FitState:
-        """Return the state with fitted lags of the effort, which change once in a recording where that surely fits.
+        """Return the state with fitted lags of the effort, which change in a recording where that surely fits.
 
         Args:
             criteria: thresholds.
         """
+        stated = self.recordings.stated_lag
         lags, held_out_lags = (
             tuple(
-                replace(motion.lag, change=change_of_lag(rest, place, self.recordings.stated_lag, criteria))
+                _divided(motion.lag, changes_of_lag(rest, place, stated, criteria))
                 for place, motion in enumerate(rest.motions)
             )
             for rest in (self._rest(self.setup.data), self._rest(self._held_out_data()))
@@ -224,6 +225,11 @@ class FitState:
     def bounded(self, evaluation: EvaluationData) -> EvaluationData:
         """Return evaluation data whose noise is at most what the hypotheses so far leave."""
         return replace(evaluation, floor=min(evaluation.floor, self.least))
+
+
+def _divided(lag: EffortLag, changes: tuple[float, ...]) -> EffortLag:
+    """Return a constant lag as one that may change at these times [s]."""
+    return EffortLag(lag.values * (len(changes) + 1), changes)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 An effort that is held until the next sample acts half a sample late on average. A drive whose own loop is n times
 faster than the recording holds its effort for 1/n of a sample only, and a compensation that comes from a topic is held
 beside it. So each recording has its own lag between zero and that of the settings, and a recording in which the
-compensation is switched on has two.
+compensation is switched on or off has one for each part.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,9 +60,8 @@ def fitted_effort_lags(data: WhitenedData, found: Refit, stated_lag: float) -> t
     is_sure = late**2 * np.diag(normal) >= MIN_CHI2_REDUCTION
     steps = iter(np.where(is_sure, late, 0.0).tolist())
     return tuple(
-        replace(motion.lag, first=values[0], last=values[-1])
+        replace(motion.lag, values=tuple(_lag_after(lag, next(steps), stated_lag) for lag in motion.lag.values))
         for motion in data.motions
-        for values in [[_lag_after(lag, next(steps), stated_lag) for lag in motion.lag.values]]
     )
 
 
@@ -72,10 +72,12 @@ def _lag_after(lag: float, step: float, stated_lag: float) -> float:
     return stated_lag if step > 0.0 else 0.0
 
 
-def change_of_lag(rest: WeightedResidual, place: int, stated_lag: float, criteria: Criteria) -> float:
-    """Return the time at which the lag of the effort changes in a recording [s]; infinite if it does not.
+def changes_of_lag(rest: WeightedResidual, place: int, stated_lag: float, criteria: Criteria) -> tuple[float, ...]:
+    """Return the times at which the lag of the effort changes in a recording [s].
 
-    The lag of each part is judged by its scatter between blocks: what a model misses does not count as a change.
+    The recording is divided where constant lags fit it best. Parts whose lags do not surely differ are joined again:
+    they are judged by their scatter between blocks, so what a model misses does not count as a change. The blocks
+    scatter more than by noise, so none counts more than an average one.
 
     Args:
         rest: residual of the recordings, with weights.
@@ -89,32 +91,85 @@ def change_of_lag(rest: WeightedResidual, place: int, stated_lag: float, criteri
     count = len(column) // size
     parts = (column * column, -column * rest.weighted[place])
     information, score = (part[: count * size].reshape(count, size).sum(axis=1) for part in parts)
-    margin = int(np.ceil(MIN_DURATION / criteria.block)) + 1
-    places = range(margin, count - margin + 1)
-    least, time = float(stats.norm.sf(criteria.min_z_score)) / max(1, len(places)), math.inf
-    for cut in places:
-        first, last = (_late(information[part], score[part]) for part in (slice(None, cut), slice(cut, None)))
-        chance = _chance_of_difference(first, last)
-        if MAX_STAMP_ERROR < abs(last.mean - first.mean) < stated_lag + MAX_STAMP_ERROR and chance < least:
-            least, time = chance, float(motion.thinned(motion.time)[cut * size])
-    return time
+    shares = np.minimum(1.0, information.mean() / np.maximum(information, 1e-300))
+    information, score = shares * information, shares * score
+    cuts = _best_cuts(information, score, int(np.ceil(MIN_DURATION / criteria.block)) + 1)
+    least = float(stats.norm.sf(criteria.min_z_score)) / max(1, count)
+
+    def chance_at(number: int) -> float:
+        """Return the probability that chance makes the difference at a cut; 1 for a difference of another cause."""
+        ends = (0, *cuts, count)
+        first, last = (_late(information[i:j], score[i:j]) for i, j in pairwise(ends[number : number + 3]))
+        is_likely = MAX_STAMP_ERROR < abs(last.mean - first.mean) < stated_lag + MAX_STAMP_ERROR
+        return _chance_of_difference(first, last) if is_likely else 1.0
+
+    while cuts:
+        chances = [chance_at(number) for number in range(len(cuts))]
+        if max(chances) < least:
+            break
+        cuts.pop(int(np.argmax(chances)))
+    return tuple(float(motion.thinned(motion.time)[cut * size]) for cut in cuts)
+
+
+def _best_cuts(information: Floats, score: Floats, shortest: int) -> list[int]:
+    """Return the cuts between parts of constant lag that leave least, by Bayes' information criterion.
+
+    Args:
+        information, score: of the lag in each block, shape (n,).
+        shortest: fewest blocks of a part.
+
+    Source: Yao 1988, Statistics & Probability Letters 6(3) (criterion); Jackson et al. 2005, IEEE Signal Processing
+    Letters 12(2) (optimal partitioning).
+    """
+    count = len(score)
+    lag = score / np.maximum(information, 1e-300)
+    ahead, behind = information[1:], information[:-1]
+    variance = float(np.mean(ahead * behind / np.maximum(ahead + behind, 1e-300) * np.diff(lag) ** 2))
+    sums = [np.concatenate(([0.0], np.cumsum(one))) for one in (information, score)]
+    best, previous = np.full(count + 1, math.inf), np.zeros(count + 1, dtype=np.intp)
+    best[0] = 0.0
+    for end in range(shortest, count + 1):
+        begin = np.arange(end - shortest + 1)
+        total, mean = (one[end] - one[begin] for one in sums)
+        left = best[begin] - mean**2 / np.maximum(total, 1e-300) + 2.0 * variance * math.log(count)
+        previous[end] = int(np.argmin(left))
+        best[end] = left[previous[end]]
+    cuts: list[int] = []
+    place = int(previous[count])
+    while place > 0:
+        cuts.insert(0, place)
+        place = int(previous[place])
+    return cuts
 
 
 def with_real_changes(lags: Sequence[EffortLag]) -> tuple[EffortLag, ...]:
     """Return fitted lags without the changes that are within an error of the stamps."""
-    return tuple(
-        EffortLag.constant(0.5 * (lag.first + lag.last))
-        if lag.changes and abs(lag.last - lag.first) <= MAX_STAMP_ERROR
-        else lag
-        for lag in lags
-    )
+    return tuple(_with_real_changes(lag) for lag in lags)
+
+
+def _with_real_changes(lag: EffortLag) -> EffortLag:
+    """Return a fitted lag without the changes within an error of the stamps; the smallest is removed first."""
+    while lag.changes:
+        steps = np.abs(np.diff(lag.values))
+        least = int(np.argmin(steps))
+        if steps[least] > MAX_STAMP_ERROR:
+            break
+        mean = 0.5 * (lag.values[least] + lag.values[least + 1])
+        lag = EffortLag(
+            (*lag.values[:least], mean, *lag.values[least + 2 :]), (*lag.changes[:least], *lag.changes[least + 1 :])
+        )
+    return lag
 
 
 def notes_on_changes(motions: Sequence[Motion]) -> list[str]:
     """Return a sentence about each recording in which the lag of the effort changes."""
     return [
-        f"{motion.name}: until {motion.lag.change:.1f} s the effort acts {motion.lag.first:.2f} samples after its"
-        f" stamp, then {motion.lag.last:.2f}"
+        f"{motion.name}: until {motion.lag.changes[0]:.1f} s the effort acts {motion.lag.values[0]:.2f} samples after"
+        " its stamp, then "
+        + ", ".join(
+            f"{value:.2f} (until {change:.1f} s)" if math.isfinite(change) else f"{value:.2f}"
+            for value, change in zip(motion.lag.values[1:], (*motion.lag.changes[1:], math.inf), strict=True)
+        )
         for motion in motions
         if motion.lag.changes
     ]
@@ -126,12 +181,9 @@ def _late_effort(motion: Motion) -> Floats:
 
 
 def _late_effort_parts(motion: Motion) -> list[Floats]:
-    """Return the same for the parts of the motion before and after the lag changes, each zero in the other one."""
-    whole = _late_effort(motion)
-    if not motion.lag.changes:
-        return [whole]
-    is_before = motion.time < motion.lag.change
-    return [np.where(is_before, whole, 0.0), np.where(is_before, 0.0, whole)]
+    """Return the same for each part of the motion that has its own lag, zero in the other parts."""
+    whole, part = _late_effort(motion), motion.lag.part(motion.time)
+    return [np.where(part == number, whole, 0.0) for number in range(len(motion.lag.values))]
 
 
 @dataclass(frozen=True)

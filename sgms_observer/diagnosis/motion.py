@@ -53,36 +53,23 @@ EDGE_TIME = 0.1
 
 @dataclass(frozen=True)
 class EffortLag:
-    """Lag between the stamp of an effort sample and its action. It may change once in a recording.
+    """Lag between the stamp of an effort sample and its action: constant in each part of a recording.
 
     Attributes:
-        first: lag before the change, in samples of the recording.
-        last: lag after it, in samples of the recording.
-        change: time of the change from the start of the recording [s].
+        values: lag of each part, in samples of the recording.
+        changes: times from the start of the recording at which the next part begins [s], one less.
     """
 
-    first: float = HELD_LAG
-    last: float = HELD_LAG
-    change: float = math.inf
+    values: tuple[float, ...] = (HELD_LAG,)
+    changes: tuple[float, ...] = ()
 
-    @staticmethod
-    def constant(samples: float) -> EffortLag:
-        """Return a lag that does not change."""
-        return EffortLag(samples, samples)
-
-    @property
-    def changes(self) -> bool:
-        """Return whether the lag changes."""
-        return math.isfinite(self.change)
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """Return the lags, in samples: one, or two if the lag changes."""
-        return (self.first, self.last) if self.changes else (self.first,)
+    def part(self, time: Floats) -> NDArray[np.intp]:
+        """Return the index of the part at each time from the start of the recording [s]."""
+        return np.searchsorted(self.changes, time, side="right")
 
     def at(self, time: Floats) -> Floats:
         """Return the lag at each time from the start of the recording [s], in samples."""
-        return np.where(time < self.change, self.first, self.last)
+        return np.array(self.values)[self.part(time)]
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """The lag of the effort: an effort that is held, that is not held, and both in one recording."""
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,13 @@ from workflow_case import AXIS, record
 from sgms_observer.diagnosis.answer import answer_of
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.diagnosis import FIT_STEPS, FitState, Options, Recordings
-from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR, change_of_lag, fitted_effort_lags, with_real_changes
+from sgms_observer.diagnosis.effort_lag import (
+    MAX_STAMP_ERROR,
+    changes_of_lag,
+    fitted_effort_lags,
+    notes_on_changes,
+    with_real_changes,
+)
 from sgms_observer.diagnosis.fit import RefitSetup, data_with_own_noise, refit
 from sgms_observer.diagnosis.gap import WeightedResidual, halves, residuals
 from sgms_observer.diagnosis.model import Model
@@ -32,7 +37,7 @@ way through interpolated samples."""
 def needs(lag: float, read_with: float, source: Recording | None = None) -> Motion:
     """Return a recording whose effort has some lag [samples], read with another one."""
     motion = motion_of(source or record())
-    return replace(motion, effort=delayed(motion.effort, read_with - lag), lag=EffortLag.constant(read_with))
+    return replace(motion, effort=delayed(motion.effort, read_with - lag), lag=EffortLag((read_with,)))
 
 
 def lags_of(*motions: Motion, stated: float = HELD_LAG) -> tuple[float, ...]:
@@ -47,11 +52,11 @@ def lags_of(*motions: Motion, stated: float = HELD_LAG) -> tuple[float, ...]:
     return tuple(value for motion in motions for value in motion.lag.values)
 
 
-def change_in(motion: Motion) -> float:
-    """Return the time at which the lag of the effort changes in a recording [s]."""
+def changes_in(motion: Motion) -> tuple[float, ...]:
+    """Return the times at which the lag of the effort changes in a recording [s]."""
     data = data_with_own_noise((motion,), MODEL)
     rest = WeightedResidual((motion,), residuals(MODEL, [motion]), data.weights)
-    return change_of_lag(rest, 0, HELD_LAG, Criteria())
+    return changes_of_lag(rest, 0, HELD_LAG, Criteria())
 
 
 @pytest.mark.parametrize(
@@ -95,22 +100,44 @@ def test_a_file_with_another_stiffness_does_not_move_the_lag(stiffness: float, l
 
 def test_a_change_of_the_lag_is_found_where_it_is() -> None:
     late, early = needs(HELD_LAG, HELD_LAG), needs(0.1, HELD_LAG)
-    assert change_in(late) == math.inf
-    assert change_in(early) == math.inf
+    assert changes_in(late) == ()
+    assert changes_in(early) == ()
     both = replace(late, effort=np.where(late.time < 9.0, early.effort, late.effort))
-    change = change_in(both)
-    assert change == pytest.approx(9.0, abs=0.6)
-    assert lags_of(replace(both, lag=EffortLag(HELD_LAG, HELD_LAG, change))) == pytest.approx((0.1, HELD_LAG), abs=NEAR)
+    changes = changes_in(both)
+    assert changes == pytest.approx((9.0,), abs=0.6)
+    assert lags_of(replace(both, lag=EffortLag((HELD_LAG, HELD_LAG), changes))) == pytest.approx(
+        (0.1, HELD_LAG), abs=NEAR
+    )
+
+
+def test_every_change_of_the_lag_is_found() -> None:
+    late, early = needs(HELD_LAG, HELD_LAG), needs(0.1, HELD_LAG)
+    is_late = (late.time >= 6.0) & (late.time < 13.0)
+    both = replace(late, effort=np.where(is_late, late.effort, early.effort))
+    changes = changes_in(both)
+    assert changes == pytest.approx((6.0, 13.0), abs=0.6)
+    lag = EffortLag((HELD_LAG,) * 3, changes)
+    assert lags_of(replace(both, lag=lag)) == pytest.approx((0.1, HELD_LAG, 0.1), abs=NEAR)
+    (note,) = notes_on_changes([replace(both, lag=EffortLag((0.1, 0.5, 0.1), (6.0, 13.0)))])
+    assert note.endswith("until 6.0 s the effort acts 0.10 samples after its stamp, then 0.50 (until 13.0 s), 0.10")
+
+
+def test_a_second_with_another_lag_does_not_move_the_place_of_a_change() -> None:
+    """The second scatters the lag of the blocks on its side."""
+    late, early = needs(HELD_LAG, HELD_LAG), needs(0.1, HELD_LAG)
+    is_late = (late.time >= 9.0) & ((late.time < 15.0) | (late.time >= 16.0))
+    both = replace(late, effort=np.where(is_late, late.effort, early.effort))
+    assert changes_in(both) == pytest.approx((9.0,), abs=0.6)
 
 
 def test_a_change_within_an_error_of_the_stamps_is_none() -> None:
-    near, far = EffortLag(0.4, 0.5, 9.0), EffortLag(0.1, 0.5, 9.0)
-    assert with_real_changes([near, far]) == (EffortLag.constant(0.45), far)
+    near, far = EffortLag((0.4, 0.5), (9.0,)), EffortLag((0.1, 0.5), (9.0,))
+    assert with_real_changes([near, far]) == (EffortLag((0.45,)), far)
 
 
 @pytest.mark.parametrize("hidden", [("wear_step", (0.3, 9.0, 0.1)), ("cogging", (0.6, 2e-3, 0.3, 0.0, 0.0))])
 def test_what_the_model_misses_is_no_change_of_the_lag(hidden: tuple[str, tuple[float, ...]]) -> None:
-    assert change_in(motion_of(record((EffectSettings(*hidden),)))) == math.inf
+    assert changes_in(motion_of(record((EffectSettings(*hidden),)))) == ()
 
 
 def test_a_stage_with_a_fast_loop_whose_compensation_is_switched_on_misses_nothing() -> None:
@@ -130,8 +157,8 @@ def test_a_stage_with_a_fast_loop_whose_compensation_is_switched_on_misses_nothi
     options = Options(band=160.0)
     found = diagnose([source], [], axis, options)
     (lag,) = found.final_state.lags
-    assert lag.change == pytest.approx(count * period, abs=1.0)
-    assert lag.first < lag.last - 0.2
+    assert lag.changes == pytest.approx((count * period,), abs=1.0)
+    assert lag.values[0] < lag.values[-1] - 0.2
     assert any("the effort acts" in note for note in found.notes)
     assert answer_of(found, axis, options).verdict == "no_effect"
 

@@ -246,7 +246,7 @@ def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
 
 @pytest.mark.parametrize("lag", [0.0, 0.5])
 def test_a_delay_that_a_held_effort_or_inexact_stamps_may_make_fails(lag: float) -> None:
-    motion = replace(moved(), lag=EffortLag.constant(lag))
+    motion = replace(moved(), lag=EffortLag((lag,)))
     evaluation = evaluation_of((motion,), MODEL)
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
     plain = setup.fit((), None, 2)
