@@ -33,6 +33,7 @@ from sgms_observer.offline.recording import Recording, read_recordings
 from sgms_observer.report.page import write_page
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.load import load_settings
+from sgms_observer.settings.node_parameters import refuse_missing
 from sgms_observer.settings.units import Units
 from sgms_observer.whole_file import try_folder
 from sim_plant.record import StageRecord
@@ -180,6 +181,7 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
     """
     settings = load_settings(request.config)
     axis = settings.wanted_axes([request.axis] if request.axis else (), request.config)[0]
+    refuse_missing(settings, [axis])
     other = settings.coupled_to(axis)
     refuse_learnt_from(request.bags, request.holdout)
     refuse_own_recording(request.out, [*request.bags, *request.holdout])

@@ -8,7 +8,7 @@ from typing import Any
 
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.load import load_settings
-from sgms_observer.settings.node_parameters import missing_parameters
+from sgms_observer.settings.node_parameters import refuse_missing
 from sgms_observer.whole_file import write_bytes
 
 
@@ -67,8 +67,7 @@ def export(config: str | Path, out: str | Path, options: ExportOptions) -> Expor
     settings = load_settings(config)
     axes = settings.wanted_axes(options.axes, str(config))
     path = Path(out)
-    if missing := missing_parameters(settings, axes[:1] if options.target == "fmu" else axes):
-        raise ConfigurationError(missing)
+    refuse_missing(settings, axes[:1] if options.target == "fmu" else axes)
     _refuse_existing(path, options)
     if options.target == "fmu":
         from sgms_observer.export.fmu_target import write_fmu

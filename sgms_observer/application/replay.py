@@ -95,11 +95,13 @@ def replay_bag(
     from sgms_observer.bags.reader import BagSamples
     from sgms_observer.bags.writer import BagWriter
     from sgms_observer.settings.load import load_settings
+    from sgms_observer.settings.node_parameters import refuse_missing
 
     refuse_own_recording(out, [bag])
     refuse_existing_bag(out, is_overwriting)
     settings = load_settings(config)
     wanted = settings.wanted_axes(axes or (), config)
+    refuse_missing(settings, wanted)
     settings = replace(settings, axes=tuple(axis for axis in settings.axes if axis in wanted))
     names = [axis.name for axis in settings.axes]
     source = BagSamples(bag, settings.scales, settings.sample_period, topics=topics)

@@ -77,6 +77,7 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.excitation.limits import limits_of
     from sgms_observer.excitation.reference import DURATION, design_excitation
     from sgms_observer.settings.load import load_settings
+    from sgms_observer.settings.node_parameters import refuse_missing
     from sgms_observer.whole_file import refuse_existing_files, try_folder
     from sim_plant.reference_file import write_reference_file
 
@@ -93,6 +94,7 @@ def run(args: argparse.Namespace) -> Outcome:
     settings = load_settings(args.config)
     wanted = axis_from(args.axis, "excite")
     axis = settings.wanted_axes([wanted] if wanted else (), args.config)[0]
+    refuse_missing(settings, [axis])
     limits = limits_of(axis.joint_type, args.stroke, args.speed, args.acceleration, args.smallest)
     asked = [word.strip() for word in (args.asked or "").split(",") if word.strip()]
     seconds = DURATION if args.duration is None else args.duration

@@ -38,9 +38,12 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.bags.bag_folder import refuse_existing_bag
     from sgms_observer.cli.progress import Progress
     from sgms_observer.settings.load import load_settings
+    from sgms_observer.settings.node_parameters import refuse_missing
 
     refuse_existing_bag(args.out, args.overwrite)
-    simulation = Simulation(load_settings(args.config), args.duration, args.seed, args.observe)
+    settings = load_settings(args.config)
+    refuse_missing(settings, settings.axes)
+    simulation = Simulation(settings, args.duration, args.seed, args.observe)
     names, seeds = ", ".join(simulation.seeds), ", ".join(f"{name}: {seed}" for name, seed in simulation.seeds.items())
     print(f"simulating {simulation.count} samples of {names}, {simulation.duration:g} s; seeds {seeds}")
     start = time.perf_counter()

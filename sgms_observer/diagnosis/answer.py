@@ -211,8 +211,9 @@ def _contact_law_tests(
     return [
         *(
             at_least(
-                one.candidate.name, "share of the closable squared gap beside the others, of another contact law",
-                one.final_closed_share, criteria.min_imitable_share,
+                one.candidate.name,
+                "share of the squared gap above the noise beside the others, of another contact law",
+                one.share_above_noise, criteria.min_imitable_share,
             )
             for one in named
         ),

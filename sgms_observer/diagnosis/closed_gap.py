@@ -23,10 +23,12 @@ class Closed:
     Attributes:
         z_score: of the decrease of the squared gap as reported.
         share: of the closable squared gap, with the weights of the evidence.
+        share_above_floor: of the squared gap above the floor, also where that gap is hardly above it.
     """
 
     z_score: float
     share: float
+    share_above_floor: float
 
 
 @dataclass(frozen=True)
@@ -98,8 +100,8 @@ class ClosedGap:
         left = [WeightedResidual(motions, residuals(one, motions), evaluation.weights) for one in (others, with_it)]
         as_reported = [replace(rest, weights=evaluation.gap_weights) for rest in left]
         gap, reported = (improvement(*(rest.blocks(block) for rest in pair)) for pair in (left, as_reported))
-        share = replace(evaluation, gap=evaluation.rms(others)).closed_share(gap)
-        return Closed(reported.z_score, share)
+        without = replace(evaluation, gap=evaluation.rms(others))
+        return Closed(reported.z_score, without.closed_share(gap), without.closed_share_above_floor(gap))
 
 
 def _without(name: str, effects: Sequence[EffectSettings]) -> list[EffectSettings]:

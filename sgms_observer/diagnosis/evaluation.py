@@ -83,8 +83,19 @@ class EvaluationData:
         Args:
             gain: improvement of the weighted squared residual on ``motions`` [N^2].
         """
+        return self._closed_share(gain, 0.0 if self.is_noise(self.gap) else self.floor)
+
+    def closed_share_above_floor(self, gain: Improvement) -> float:
+        """Return the share of the squared gap above the squared floor that an improvement closes.
+
+        Args:
+            gain: improvement of the weighted squared residual on ``motions`` [N^2].
+        """
+        return self._closed_share(gain, self.floor)
+
+    def _closed_share(self, gain: Improvement, floor: float) -> float:
+        """Return the share of the squared gap above a squared floor that an improvement closes."""
         count = sum(len(motion.thinned(motion.time)) for motion in self.motions)
-        floor = 0.0 if self.is_noise(self.gap) else self.floor
         closable = (self.gap**2 - floor**2) * count
         return gain.decrease / closable if closable > 0.0 else 0.0
 

@@ -12,7 +12,14 @@ from sgms_observer.diagnosis.candidates import LAST_STEPS, finish_fit, is_contac
 from sgms_observer.diagnosis.closed_gap import ClosedGap
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least
-from sgms_observer.diagnosis.decision import Decision, compare, needs_visible_contact, preferred, z_score_between
+from sgms_observer.diagnosis.decision import (
+    SHARE_ABOVE_NOISE,
+    Decision,
+    compare,
+    needs_visible_contact,
+    preferred,
+    z_score_between,
+)
 from sgms_observer.diagnosis.diagnosis import (
     REFIT_STEPS,
     FitState,
@@ -192,11 +199,13 @@ def _reported_tests(closed_gap: ClosedGap) -> list[Test]:
             ),
             at_least(name, "gap as reported beside the others: z-score", closed.z_score, criteria.interval_z_score),
         ]  # fmt: skip
-        if needs_visible_contact(name) and not describes_contact:
+        if describes_contact:
+            tests.append(at_least(name, SHARE_ABOVE_NOISE, closed.share_above_floor, criteria.min_closed_share))
+        elif needs_visible_contact(name):
             if closed_gap.has_other_contact_law:
                 closed = closed_gap.closed_by_instead_of_contact_law(name)
-            title = "share of the closable squared gap in the place of another contact law"
-            tests.append(at_least(name, title, closed.share, criteria.min_imitable_share))
+            title = "share of the squared gap above the noise in the place of another contact law"
+            tests.append(at_least(name, title, closed.share_above_floor, criteria.min_imitable_share))
     return tests
 
 

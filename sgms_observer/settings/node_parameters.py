@@ -240,6 +240,20 @@ def missing_parameters(settings: Settings, axes: Sequence[AxisSettings]) -> list
     return _missing(given_parameters(parameter_tree(settings.source, "the parameter file")), axes)
 
 
+def refuse_missing(settings: Settings, axes: Sequence[AxisSettings]) -> None:
+    """Refuse a parameter file without axes or without a mass: the numbers of an example are nobody's machine.
+
+    Args:
+        settings: of the file.
+        axes: those of its axes that matter.
+
+    Raises:
+        ConfigurationError: one sentence for each value that the file lacks.
+    """
+    if missing := missing_parameters(settings, axes):
+        raise ConfigurationError(missing)
+
+
 def _missing(given: Mapping[str, Any], axes: Sequence[AxisSettings]) -> list[str]:
     """Return a sentence for each value that parameters by full name lack."""
     if "axes" not in given:

@@ -27,7 +27,16 @@ def _file(folder: Path, text: str) -> str:
 @pytest.mark.parametrize(("text", "sentence"), [(NO_AXES, "axes must be given"), (NO_MASS, "x.mass must be given")])
 @pytest.mark.parametrize(
     "command",
-    [("check",), ("export", "--target", "c"), ("export", "--target", "fmu"), ("commission", "--yes")],
+    [
+        ("check",),
+        ("export", "--target", "c"),
+        ("export", "--target", "fmu"),
+        ("commission", "--yes"),
+        ("replay", "bag"),
+        ("diagnose", "bag"),
+        ("simulate",),
+        ("excite",),
+    ],
     ids=" ".join,
 )
 def test_a_file_without_its_machine_is_refused_before_anything_is_written(
@@ -35,7 +44,7 @@ def test_a_file_without_its_machine_is_refused_before_anything_is_written(
 ) -> None:
     """The nodes refuse it as well: numbers of an example drive nobody's machine."""
     name, *options = command
-    config = [_file(tmp_path, text)] if name != "commission" else ["--config", _file(tmp_path, text)]
+    config = [_file(tmp_path, text)] if name in ("check", "export") else ["--config", _file(tmp_path, text)]
     out = ["--out", str(tmp_path / "out")] if name != "check" else []
     assert main([name, *config, *options, *out]) == 1
     printed = capsys.readouterr()

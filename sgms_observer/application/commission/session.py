@@ -13,11 +13,11 @@ from sgms_observer.application.commission.ledger import CONTENT, Ledger
 from sgms_observer.application.commission.motion import Motion, longest_approach
 from sgms_observer.application.commission.table import Guard, Heard, HeldUp, Table, Watch
 from sgms_observer.application.commission.tracking import Tracker
-from sgms_observer.errors import ConfigurationError, DataError, SgmsError
+from sgms_observer.errors import DataError, SgmsError
 from sgms_observer.excitation.limits import ExcitationLimits, limits_of
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.load import load_settings
-from sgms_observer.settings.node_parameters import missing_parameters
+from sgms_observer.settings.node_parameters import refuse_missing
 
 REPEATS = 3
 """How often a motion is played again after a busy computer stopped it."""
@@ -94,8 +94,7 @@ class Plan:
         """
         settings = load_settings(request.config)
         axis = settings.wanted_axes([request.axis] if request.axis else (), request.config)[0]
-        if missing := missing_parameters(settings, [axis]):
-            raise ConfigurationError(missing)
+        refuse_missing(settings, [axis])
         limits = limits_of(axis.joint_type, request.stroke, request.speed, request.acceleration)
         return cls(request, settings, axis, limits)
 
