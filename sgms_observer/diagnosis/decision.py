@@ -390,6 +390,21 @@ def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
     ]  # fmt: skip
 
 
+def is_general_in_vain(general: Decision, special: Decision, criteria: Criteria) -> bool:
+    """Return whether an effect contains another one as a special case and closes hardly more.
+
+    What it adds to its special case is an effect like any other: it has to close as much as deserves a name.
+
+    Args:
+        general: decision on the one.
+        special: decision on the other one.
+        criteria: thresholds.
+    """
+    settings = special.candidate.settings
+    is_contained = settings is not None and effect(settings.name).special_case_of == general.candidate.name
+    return is_contained and general.share - special.share < criteria.min_closed_share
+
+
 def compare(best: str, rival: str, z_score: float, criteria: Criteria) -> Test:
     """Return the test that an effect predicts significantly better than a rival; one that fails is an alternative."""
     title = f"z-score of a better prediction than {rival}"

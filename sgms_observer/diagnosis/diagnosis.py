@@ -136,8 +136,11 @@ class FitState:
     def with_fitted_lags(self) -> FitState:
         """Return the state with the lag of the effort that fits each recording, held-out ones included.
 
-        A lag is judged against the noise, and the noise contains what a wrong lag leaves: both are fitted in turn.
+        A lag is judged against the noise, and the noise contains what a wrong lag leaves: both are fitted in turn. A
+        delay of the model is a lag of all recordings: beside one they stay as they are.
         """
+        if any(item.name == "actuator_delay" for item in self.current.effects):
+            return self
         state = self
         for _ in range(MAX_REFITS):
             lags = fitted_effort_lags(state.setup.data, state.current, state.recordings.stated_lag)

@@ -74,6 +74,10 @@ class EvaluationData:
         """Return the rms weighted residual of a model on ``motions`` [N]."""
         return rms(weighted(residuals(model, self.motions), self.weights))
 
+    def reported_rms(self, model: Model) -> float:
+        """Return the rms residual of a model on ``motions`` with the weights of the reported gap [N]."""
+        return rms(weighted(residuals(model, self.motions), self.gap_weights))
+
     def closed_share(self, gain: Improvement) -> float:
         """Return the share of the closable squared gap that an improvement closes.
 

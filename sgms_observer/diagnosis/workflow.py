@@ -14,6 +14,7 @@ from sgms_observer.diagnosis.decision import (
     comparisons,
     decide,
     free_form_prediction,
+    is_general_in_vain,
     preferred,
     z_score_between,
 )
@@ -413,7 +414,11 @@ def select_hypothesis(
     if best.candidate.settings is None:
         return best
     criteria = evaluation.criteria
-    equal = [item for item in passed if z_score_between(best.evidence, item.evidence, criteria) <= criteria.min_z_score]
+    equal = [
+        item for item in passed
+        if z_score_between(best.evidence, item.evidence, criteria) <= criteria.min_z_score
+        or is_general_in_vain(best, item, criteria)
+    ]  # fmt: skip
     return preferred(best, equal, listed)
 
 
