@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.advice import detectable, next_experiment
 from sgms_observer.diagnosis.changed import Changed, changed_values
-from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
+from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, Diagnosis, Options
@@ -131,6 +131,9 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
             _share_added_by_refit(data.rest(final.before), given, criteria), criteria.min_predictable_share,
         ),
     ]  # fmt: skip
+    beyond_contact = []
+    if free and not (unnamed_rest.passed or learnt or unnamed):
+        beyond_contact = [_beyond_contact_test(data, data.evidence(final.after), final.fit.model, free)]
     if diagnosis.is_contact_hidden:
         title = "gap over noise, where the encoder hides the contact"
         trust.append(at_most("model", title, over_noise, criteria.min_gap_over_floor))
@@ -148,7 +151,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         return answer_of(replace(diagnosis, refused_contact_effects=failed[0]), axis, options, contradiction)
     effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_with)
     effects += measured_quantisation(diagnosis)
-    verdict = verdict_of(diagnosis, effects, unnamed_rest, bool(learnt), whole, trust)
+    verdict = verdict_of(diagnosis, effects, unnamed_rest, bool(learnt), whole, trust, beyond_contact)
     everywhere = locate(final.before, data.motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")
     significant = [item for item in everywhere if item.p_value < LOCATED_P_VALUE][:MAX_LOCATED] if is_alarm else []
@@ -168,7 +171,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         next_experiment=next_experiment(verdict, effects, significant, diagnosis, axis.units),
         tests=(
             *(test for item in diagnosis.rounds for test in item.tests),
-            *final.tests, *by_name, *contact_tests, whole, unnamed_rest, *trust,
+            *final.tests, *by_name, *contact_tests, whole, unnamed_rest, *beyond_contact, *trust,
             *(test for test in (diagnosis.refused_contact_effects, contradiction) if test is not None),
         ),
         doubtful=tuple(test for test in by_name if not test.passed),
@@ -329,6 +332,23 @@ def _best_unnamed(diagnosis: Diagnosis, criteria: Criteria) -> Decision | None:
     return max(sure, key=lambda item: item.significant_share(criteria), default=None)
 
 
+def _beyond_contact_test(data: GapData, rest: WeightedResidual, model: Model, free: FreeForm) -> Test:
+    """Return the test that a regression over all coordinates predicts surely better than one over those of a contact.
+
+    Where it does not, the remainder may be the difference between the contact law and that of the file.
+
+    Args:
+        data: recordings of the gap.
+        rest: residual of ``model``, with the weights of the evidence.
+        model: the model.
+        free: regression over all coordinates.
+    """
+    criteria, contact = data.options.criteria, data.free_form(CONTACT, rest, model)
+    left = [rest.minus(one.predicted).blocks(criteria.block) for one in (contact, free)]
+    title = "z-score of a better prediction than over the coordinates of a contact"
+    return at_least("model", title, improvement(*left).z_score, criteria.min_z_score)
+
+
 def _share_added_by_refit(before: WeightedResidual, given: Sequence[Floats], criteria: Criteria) -> float:
     """Return the share of the squared gap that the refit adds to the gap of the given file; 0 if not significant.
 
@@ -342,7 +362,13 @@ def _share_added_by_refit(before: WeightedResidual, given: Sequence[Floats], cri
 
 
 def verdict_of(
-    diagnosis: Diagnosis, effects: Sequence[Named], rest: Test, is_learnt: bool, whole: Test, trust: Sequence[Test]
+    diagnosis: Diagnosis,
+    effects: Sequence[Named],
+    rest: Test,
+    is_learnt: bool,
+    whole: Test,
+    trust: Sequence[Test],
+    beyond_contact: Sequence[Test] = (),
 ) -> str:
     """Return the verdict.
 
@@ -353,6 +379,7 @@ def verdict_of(
         is_learnt: whether a learnt map predicts a part of it.
         whole: test of the share of the effort that the final model leaves unexplained.
         trust: tests that ``no_effect`` needs as well.
+        beyond_contact: tests that ``unknown_effect`` needs as well, where nothing was learnt.
     """
     if diagnosis.is_poor:
         return "cannot_tell"
@@ -360,6 +387,7 @@ def verdict_of(
         return "ambiguous" if any(item.alternatives for item in effects) else "effect_found"
     if not whole.passed and not is_learnt:
         return "cannot_tell"
-    if not rest.passed:  # what an encoder hides of the contact is predictable too, and not missing
-        return "cannot_tell" if diagnosis.is_contact_hidden and not is_learnt else "unknown_effect"
+    if not rest.passed:  # what an encoder hides of the contact is predictable too, as is another contact law
+        may_be_contact = diagnosis.is_contact_hidden or not all(test.passed for test in beyond_contact)
+        return "cannot_tell" if may_be_contact and not is_learnt else "unknown_effect"
     return "no_effect" if all(test.passed for test in trust) else "cannot_tell"

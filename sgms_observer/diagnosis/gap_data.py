@@ -114,16 +114,25 @@ class GapData:
         return replace(self.fitted(model), weights=self.diagnosis.evaluation.fit_data.gap_weights)
 
     def predictable(self, rest: WeightedResidual, model: Model) -> FreeForm | None:
-        """Return what a free-form regression predicts of a residual, or None if it is not significant.
+        """Return what a free-form regression over all coordinates predicts of a residual, or None if not significant.
 
         Args:
             rest: residual of ``model``.
             model: the model.
         """
-        criteria = self.options.criteria
-        known = self.fitted(model) if self.has_held_out else rest
-        free = free_form(ALL, known, rest, criteria, self.options.seed)
+        criteria, free = self.options.criteria, self.free_form(ALL, rest, model)
         return free if free.improvement.z_score > criteria.min_z_score and free.improvement.share > 0.0 else None
+
+    def free_form(self, names: Sequence[str], rest: WeightedResidual, model: Model) -> FreeForm:
+        """Return what a free-form regression over some coordinates predicts of a residual.
+
+        Args:
+            names: the coordinates.
+            rest: residual of ``model``.
+            model: the model.
+        """
+        known = self.fitted(model) if self.has_held_out else rest
+        return free_form(names, known, rest, self.options.criteria, self.options.seed)
 
 
 def ratio_to_noise(gap: float, noise: float) -> float:

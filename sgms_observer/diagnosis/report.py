@@ -138,6 +138,11 @@ def sentence(answer: Answer) -> str:
             learnt = f" It looks like {sentences}; {maps} added." if answer.learnt else ""
             return f"The model misses something that has no name in the catalogue{where}.{learnt}"
         case "cannot_tell":
+            if answer.usable and answer.remainder == "unknown" and not answer.diagnosis.is_contact_hidden:
+                return (
+                    "These recordings cannot show whether the model misses anything: what predicts the rest of the gap"
+                    f" ({gap.after:.3g} % of the rms effort) may be another contact law than that of the file."
+                )
             return "These recordings cannot show whether the model misses anything."
         case _:
             if answer.changed:

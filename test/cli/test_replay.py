@@ -17,6 +17,7 @@ _CONFIG = """/**:
     axes: [x]
     sample_period: 1.0e-4
     x:
+      mass: 5.0
       estimator: {kind: ekf}
 """
 

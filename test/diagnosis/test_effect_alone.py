@@ -68,6 +68,29 @@ def test_where_drift_hides_the_gap_the_effect_counts_alone(evaluation: Evaluatio
     assert HELD_OUT_GAP in [test.name for test in failed.tests if not test.passed]
 
 
+@pytest.mark.parametrize("is_hidden_by_drift", [True, False])
+def test_the_written_model_keeps_the_values_whose_drift_would_hide_the_gap(
+    is_hidden_by_drift: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset",))
+    monkeypatch.setattr(workflow, "CHANGE_HYPOTHESES", ())
+    masses: list[float] = []
+
+    def reported_rms(_: EvaluationData, model: Model) -> float:
+        """Return a gap that shrinks by the effect, and grows if the mass moves beside it."""
+        if not model.effects:
+            masses.append(model.mass)
+        moved = is_hidden_by_drift and [model.mass] != masses[-1:]
+        return 1.0 - 0.5 * len(model.effects) + 2.0 * moved
+
+    monkeypatch.setattr(EvaluationData, "reported_rms", reported_rms, raising=True)
+    one, other = (record((OFFSET,), seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
+    fits = workflow.diagnose([one], [other], AXIS, Options(workers=1, band=25.0)).written
+    assert [item.name for item in fits.after.effects] == ["offset"]
+    assert np.array_equal(fits.after.logs, fits.before.logs) is is_hidden_by_drift
+    assert fits.errors[0, 0] > 0.0
+
+
 @pytest.mark.parametrize(
     "is_sure, is_predictable, goes_on", [(True, False, True), (False, True, True), (False, False, False)]
 )

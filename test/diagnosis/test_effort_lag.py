@@ -98,6 +98,21 @@ def test_a_file_with_another_stiffness_does_not_move_the_lag(stiffness: float, l
     assert state.lags[0].values == pytest.approx((lag,), abs=CLOSE)
 
 
+def test_beside_a_delay_the_lag_stays() -> None:
+    """A delay of the model is a lag of all recordings: one of the two would take the place of the other."""
+    source = record()
+    source = replace(source, effort=delayed(source.effort, 0.3))
+    recordings = Recordings((source,), (), HELD_LAG, 100.0)
+    motions = recordings.motions()
+    setup = RefitSetup(data_with_own_noise(motions, MODEL), MODEL, 0.05)
+    alone, beside = (
+        FitState(recordings, motions, (), setup, setup.fit(effects, None, FIT_STEPS)).converged().with_fitted_lags()
+        for effects in ((), (EffectSettings("actuator_delay", (1.0e-4,)),))
+    )
+    assert alone.lags[0].values != (HELD_LAG,)
+    assert beside.lags[0].values == (HELD_LAG,)
+
+
 def test_a_change_of_the_lag_is_found_where_it_is() -> None:
     late, early = needs(HELD_LAG, HELD_LAG), needs(0.1, HELD_LAG)
     assert changes_in(late) == ()

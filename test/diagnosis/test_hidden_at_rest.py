@@ -9,7 +9,7 @@ import pytest
 from workflow_case import AXIS, record, rich_position
 
 from sgms_observer.diagnosis.answer import verdict_of
-from sgms_observer.diagnosis.criteria import at_most
+from sgms_observer.diagnosis.criteria import at_least, at_most
 from sgms_observer.diagnosis.diagnosis import Options, accepted_candidates
 from sgms_observer.diagnosis.fit import data_with_own_noise
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
@@ -101,3 +101,14 @@ def test_a_rest_that_a_hidden_contact_may_make_is_no_unknown_effect(
     found: Any = SimpleNamespace(is_poor=False, is_contact_hidden=is_hidden)
     rest, whole = at_most("model", "rest", 1.0, 0.1), at_most("model", "whole", 0.1, 0.3)
     assert verdict_of(found, (), rest, is_learnt, whole, ()) == verdict
+
+
+def test_a_rest_that_another_contact_law_may_make_is_no_unknown_effect() -> None:
+    found: Any = SimpleNamespace(is_poor=False, is_contact_hidden=False)
+    rest, whole = at_most("model", "rest", 1.0, 0.1), at_most("model", "whole", 0.1, 0.3)
+    beyond = [
+        at_least("model", "better than over the coordinates of a contact", z_score, 3.0) for z_score in (2.9, 3.1)
+    ]
+    verdicts = [verdict_of(found, (), rest, False, whole, (), [one]) for one in beyond]
+    assert verdicts == ["cannot_tell", "unknown_effect"]
+    assert verdict_of(found, (), rest, True, whole, (), [beyond[0]]) == "unknown_effect"  # a learnt map closes it
