@@ -36,6 +36,7 @@ CRITERION_OF = {
     "strength over its scatter": "min_z_score",
     "share that is surely predicted better": "min_predictable_share",
     "z-score beside the other effects": "min_z_score",
+    "size beyond the tolerance of the file": "interval_z_score",
     "held-out gap: z-score": "interval_z_score",
     "gap as reported: z-score": "interval_z_score",
     "share of the squared gap above the noise in the place of": "min_imitable_share",

@@ -393,7 +393,8 @@ def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
 def is_general_in_vain(general: Decision, special: Decision, criteria: Criteria) -> bool:
     """Return whether an effect contains another one as a special case and closes hardly more.
 
-    What it adds to its special case is an effect like any other: it has to close as much as deserves a name.
+    What it adds to its special case is an effect like any other: of the closable gap it has to close as much as
+    deserves a name.
 
     Args:
         general: decision on the one.
@@ -402,7 +403,7 @@ def is_general_in_vain(general: Decision, special: Decision, criteria: Criteria)
     """
     settings = special.candidate.settings
     is_contained = settings is not None and effect(settings.name).special_case_of == general.candidate.name
-    return is_contained and general.share - special.share < criteria.min_closed_share
+    return is_contained and min(general.share, 1.0) - special.share < criteria.min_closed_share
 
 
 def compare(best: str, rival: str, z_score: float, criteria: Criteria) -> Test:

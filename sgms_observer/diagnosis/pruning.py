@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -36,6 +37,9 @@ from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_es
 from sgms_observer.effects.catalogue import effect
 
 Floats = NDArray[np.float64]
+
+MASS_ERROR, ACTUATOR_GAIN = "mass_error", "actuator_gain"
+"""Effects on values of the file."""
 
 
 def without_redundant_effects(
@@ -200,6 +204,10 @@ def _reported_tests(closed_gap: ClosedGap) -> list[Test]:
             ),
             at_least(name, "gap as reported beside the others: z-score", closed.z_score, criteria.interval_z_score),
         ]  # fmt: skip
+        if name in (MASS_ERROR, ACTUATOR_GAIN):
+            beyond = _size_beyond_tolerance(name, closed_gap)
+            title = "size beyond the tolerance of the file over its standard error"
+            tests.append(at_least(name, title, beyond, criteria.interval_z_score))
         if describes_contact:
             tests.append(at_least(name, SHARE_ABOVE_NOISE, closed.share_above_floor, criteria.min_closed_share))
         elif needs_visible_contact(name):
@@ -208,6 +216,29 @@ def _reported_tests(closed_gap: ClosedGap) -> list[Test]:
             title = "share of the squared gap above the noise in the place of another contact law"
             tests.append(at_least(name, title, closed.share_above_floor, criteria.min_imitable_share))
     return tests
+
+
+def _size_beyond_tolerance(name: str, closed_gap: ClosedGap) -> float:
+    """Return by how much a value of the file would exceed its tolerance without an effect, over its standard error.
+
+    Within the tolerance nothing is missing. A wrong mass is one value of the file; a wrong gain scales all values, so
+    the smaller one of mass and Coulomb force counts.
+
+    Args:
+        name: one of ``MASS_ERROR`` and ``ACTUATOR_GAIN``.
+        closed_gap: the effects, beside everything that was accepted.
+    """
+    written, file = closed_gap.written, closed_gap.setup.nominal
+    fitted = written.after.model
+    place = [item.name for item in written.after.effects].index(name)
+    value, error = written.after.effects[place].values[0], written.errors.get((place, 0), 0.0)
+    if name == MASS_ERROR:
+        sizes, error = [(fitted.mass + value) / file.mass - 1.0], error / file.mass
+    else:
+        ratios = fitted.mass / file.mass, fitted.friction.coulomb_force / file.friction.coulomb_force
+        sizes, error = [ratio / value - 1.0 for ratio in ratios], error / value
+    size = min(abs(one) for one in sizes)
+    return (size - closed_gap.setup.tolerance) / error if error > 0.0 else math.inf
 
 
 def _with_effects(rounds: Sequence[Round]) -> list[Round]:

@@ -68,6 +68,27 @@ def test_where_drift_hides_the_gap_the_effect_counts_alone(evaluation: Evaluatio
     assert HELD_OUT_GAP in [test.name for test in failed.tests if not test.passed]
 
 
+@pytest.mark.parametrize("hidden", [EffectSettings("actuator_gain", (0.8,)), EffectSettings("mass_error", (1.2,))])
+def test_within_the_tolerance_of_the_file_nothing_is_missing(
+    hidden: EffectSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: (hidden.name,))
+    monkeypatch.setattr(workflow, "CHANGE_HYPOTHESES", ())
+    one, other = (record((hidden,), seed=seed, duration=12.0, period=0.004) for seed in (1, 2))
+    options = Options(workers=1, band=25.0)
+    found = workflow.diagnose([one], [other], AXIS, options)
+    (item,) = [item.accepted for item in found.rounds if item.accepted]
+    (test,) = [test for test in item.tests if test.name.startswith("size beyond the tolerance")]
+    assert item.candidate.name == hidden.name and test.value > test.threshold
+
+    state = found.final_state
+    state = replace(state, setup=replace(state.setup, tolerance=0.5))  # the same fit, of an owner who knows less
+    rounds = pruning.without_insignificant_effects(found.file_state, state, found.rounds, found.nominal, options)[1]
+    (item,) = [item for number in rounds for item in number.decisions if item.candidate.name == hidden.name]
+    assert not any(number.accepted for number in rounds)
+    assert item.tests[-1].name == test.name and item.tests[-1].value < 0.0
+
+
 @pytest.mark.parametrize("is_hidden_by_drift", [True, False])
 def test_the_written_model_keeps_the_values_whose_drift_would_hide_the_gap(
     is_hidden_by_drift: bool, monkeypatch: pytest.MonkeyPatch
