@@ -124,7 +124,8 @@ def _with_another_map(
         more = with_map(learnt, found, units)
         total = residuals(final.fit.model.with_effects([item.settings for item in more]), data.motions)
         gain = improvement(data.rest(left).blocks(criteria.block), data.rest(total).blocks(criteria.block))
-        if gain.z_score >= criteria.interval_z_score:  # the gap as reported has to shrink surely, too
+        # The gap as reported has to shrink surely and by as much, too.
+        if gain.z_score >= criteria.interval_z_score and gain.share >= least:
             return more
     return None
 

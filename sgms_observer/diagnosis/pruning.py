@@ -287,7 +287,9 @@ def _as_written(found: FitState, state: FitState, nominal: Model, evaluation: Ev
         starts.append(state.current.logs)
     tried = [last.fit(state.current.effects, start, MAX_STEPS) for start in starts]
     after = min(tried, key=lambda fit: fit.cost)
-    if later == nominal and evaluation.reported_rms(after.model) > (least := evaluation.reported_rms(before.model)):
+    least = evaluation.reported_rms(before.model)
+    is_as_free = later == nominal and last.freedom == first.freedom
+    if is_as_free and evaluation.reported_rms(after.model) > least:
         held = last.fit(state.current.effects, before.logs, MAX_STEPS, is_nominal_held=True)
         after = held if evaluation.reported_rms(held.model) < least else after
     fresh, of_strengths = (_with_derivatives(last, after, only_strengths) for only_strengths in (False, True))
