@@ -17,7 +17,7 @@ _CONFIG = """/**:
   ros__parameters:
     axes: [x]
     sample_period: 1.0e-3
-    x: {estimator: {kind: ekf}}
+    x: {mass: 10.0, estimator: {kind: ekf}}
 """
 
 

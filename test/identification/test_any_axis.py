@@ -189,7 +189,7 @@ def test_the_other_axis_is_the_one_that_the_observer_follows(
         """/**:
   ros__parameters:
     axes: [x, y, z]
-    z: {coupled_axis: y, effects: {names: [cross_axis_coupling]}}
+    z: {mass: 10.0, coupled_axis: y, effects: {names: [cross_axis_coupling]}}
 """
     )
     asked: list[str] = []
