@@ -131,9 +131,6 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
             _share_added_by_refit(data.rest(final.before), given, criteria), criteria.min_predictable_share,
         ),
     ]  # fmt: skip
-    beyond_contact = []
-    if free and not (unnamed_rest.passed or learnt or unnamed):
-        beyond_contact = [_beyond_contact_test(data, data.evidence(final.after), final.fit.model, free)]
     if diagnosis.is_contact_hidden:
         title = "gap over noise, where the encoder hides the contact"
         trust.append(at_most("model", title, over_noise, criteria.min_gap_over_floor))
@@ -151,6 +148,9 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         return answer_of(replace(diagnosis, refused_contact_effects=failed[0]), axis, options, contradiction)
     effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_with)
     effects += measured_quantisation(diagnosis)
+    beyond_contact = []
+    if free and not (unnamed_rest.passed or learnt or unnamed):
+        beyond_contact = [_beyond_contact_test(data, data.evidence(final.after), final.fit.model, free)]
     verdict = verdict_of(diagnosis, effects, unnamed_rest, bool(learnt), whole, trust, beyond_contact)
     everywhere = locate(final.before, data.motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")

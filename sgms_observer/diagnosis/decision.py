@@ -390,14 +390,14 @@ def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
     ]  # fmt: skip
 
 
-def is_general_in_vain(general: Decision, special: Decision, criteria: Criteria) -> bool:
-    """Return whether an effect contains another one as a special case and closes hardly more.
+def is_special_case_enough(general: Decision, special: Decision, criteria: Criteria) -> bool:
+    """Return whether another effect is a special case of an effect and closes nearly as much.
 
     What it adds to its special case is an effect like any other: of the closable gap it has to close as much as
     deserves a name.
 
     Args:
-        general: decision on the one.
+        general: decision on the effect.
         special: decision on the other one.
         criteria: thresholds.
     """

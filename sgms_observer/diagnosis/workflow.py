@@ -14,7 +14,7 @@ from sgms_observer.diagnosis.decision import (
     comparisons,
     decide,
     free_form_prediction,
-    is_general_in_vain,
+    is_special_case_enough,
     preferred,
     z_score_between,
 )
@@ -33,7 +33,6 @@ from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise
 from sgms_observer.diagnosis.free_form import ALL
-from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.map_fit import MAP_NAMES
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import BAND, HELD_LAG
@@ -237,10 +236,7 @@ def choose_element_freedom(state: FitState, options: Options) -> FitState:
     earlier, later = evidence_of(narrow.current, evaluation), evidence_of(state.current, evaluation)
     pair = (earlier.held_out, later.held_out) if evaluation.has_held_out else (earlier.all, later.all)
     is_sure = improvement(*pair).z_score > options.criteria.min_z_score
-    wide_gap, narrow_gap = (
-        rms(weighted(residuals(one.current.model, evaluation.motions), evaluation.gap_weights))
-        for one in (state, narrow)
-    )
+    wide_gap, narrow_gap = (evaluation.reported_rms(one.current.model) for one in (state, narrow))
     return state if is_sure and wide_gap <= narrow_gap else narrow
 
 
@@ -417,7 +413,7 @@ def select_hypothesis(
     equal = [
         item for item in passed
         if z_score_between(best.evidence, item.evidence, criteria) <= criteria.min_z_score
-        or is_general_in_vain(best, item, criteria)
+        or is_special_case_enough(best, item, criteria)
     ]  # fmt: skip
     return preferred(best, equal, listed)
 
