@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int | Outcome:
     for note in done.notes:
         print(f"note: {note}")
     print(f"verdict: {answer.verdict} (seed {args.seed})")
-    print(f"  {sentence(answer)}")
+    print(f"  {sentence(answer, done.units)}")
     for item in answer.effects:
         entry = effect(item.settings.name)
         values = ", ".join(

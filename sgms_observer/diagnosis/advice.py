@@ -47,7 +47,12 @@ def detectable(diagnosis: Diagnosis, axis: AxisSettings, options: Options) -> di
 
 
 def next_experiment(
-    verdict: str, named: Sequence[Named], located: Sequence[Located], diagnosis: Diagnosis, units: Units
+    verdict: str,
+    named: Sequence[Named],
+    located: Sequence[Located],
+    diagnosis: Diagnosis,
+    units: Units,
+    has_disturbance: bool,
 ) -> str | None:
     """Return one sentence on what to record next, or None."""
     if verdict == "cannot_tell":
@@ -63,6 +68,11 @@ def next_experiment(
             if item.alternatives:
                 names = ", ".join(item.alternatives)
                 return f"To tell {item.settings.name} from {names}, record: {effect(item.settings.name).excitation}."
+    if verdict == "unknown_effect" and has_disturbance:
+        return (
+            "Record the same motion twice, and once more after changing one thing at a time (cables, compressed air,"
+            " supply): what differs at the same place and time comes from outside."
+        )
     if verdict == "unknown_effect" and located:
         where = located[0]
         return (

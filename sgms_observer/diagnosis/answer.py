@@ -15,6 +15,7 @@ from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_cont
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, Diagnosis, Options
+from sgms_observer.diagnosis.disturbance import SlidingResidual, sliding_residual
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps, range_tests
 from sgms_observer.diagnosis.free_form import FreeForm
@@ -47,7 +48,8 @@ class Answer:
         effects: the named effects.
         learnt: maps of a predictable force that no named effect explains.
         changed: values of the file that the fit moved beyond their tolerance.
-        remainder: predictable residual that has no name: ``none``, ``learnt`` (by a map) or ``unknown``.
+        remainder: residual that is not noise and has no name: ``none``, ``learnt`` (by a map) or ``unknown``.
+        disturbance: a force that acts while the contact slides and does not repeat, or None.
         located: significant coordinates over which the residual of the refitted file varies.
         all_located: every coordinate.
         located_after: the coordinates of ``located`` for the residual of the final model.
@@ -71,6 +73,7 @@ class Answer:
     learnt: tuple[FittedMap, ...]
     changed: tuple[Changed, ...]
     remainder: str
+    disturbance: SlidingResidual | None
     located: tuple[Located, ...]
     all_located: tuple[Located, ...]
     located_after: tuple[Located, ...]
@@ -151,7 +154,13 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     beyond_contact = []
     if free and not (unnamed_rest.passed or learnt or unnamed):
         beyond_contact = [_beyond_contact_test(data, data.evidence(final.after), final.fit.model, free)]
-    verdict = verdict_of(diagnosis, effects, unnamed_rest, bool(learnt), whole, trust, beyond_contact)
+    sliding = None
+    if not (diagnosis.is_poor or diagnosis.is_contact_hidden):
+        sliding = sliding_residual(data, model, total, None if learnt else free)
+    disturbance = sliding if sliding and sliding.is_disturbance else None
+    verdict = verdict_of(
+        diagnosis, effects, unnamed_rest, bool(learnt), whole, trust, beyond_contact, disturbance is not None
+    )
     everywhere = locate(final.before, data.motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")
     significant = [item for item in everywhere if item.p_value < LOCATED_P_VALUE][:MAX_LOCATED] if is_alarm else []
@@ -163,20 +172,24 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         effects=tuple(effects),
         learnt=tuple(learnt),
         changed=tuple(changed_values(diagnosis, final.fit, options)) if is_changed else (),
-        remainder="none" if unnamed_rest.passed else "learnt" if learnt else "unknown",
+        remainder="none" if unnamed_rest.passed and disturbance is None else "learnt" if learnt else "unknown",
+        disturbance=disturbance,
         located=tuple(significant),
         all_located=tuple(everywhere),
         located_after=tuple(afterwards[item.coordinate] for item in significant if item.coordinate in afterwards),
         detectable=detectable(diagnosis, axis, options),
-        next_experiment=next_experiment(verdict, effects, significant, diagnosis, axis.units),
+        next_experiment=next_experiment(
+            verdict, effects, significant, diagnosis, axis.units, has_disturbance=disturbance is not None
+        ),
         tests=(
             *(test for item in diagnosis.rounds for test in item.tests),
             *final.tests, *by_name, *contact_tests, whole, unnamed_rest, *beyond_contact, *trust,
+            *(sliding.tests if sliding else ()),
             *(test for test in (diagnosis.refused_contact_effects, contradiction) if test is not None),
         ),
         doubtful=tuple(test for test in by_name if not test.passed),
         usable=whole.passed and not diagnosis.is_poor,
-        warnings=_warnings(diagnosis, effects, gap, verdict, whole, over_noise, axis.units),
+        warnings=_warnings(diagnosis, effects, gap, verdict, whole, over_noise, disturbance, axis.units),
         model=model,
         diagnosis=diagnosis,
         motions=data.motions,
@@ -216,7 +229,7 @@ def _contact_law_tests(
             at_least(
                 one.candidate.name,
                 "share of the squared gap above the noise beside the others, of another contact law",
-                one.share_above_noise, criteria.min_imitable_share,
+                data.diagnosis.written.shares_above_noise[one.candidate.name], criteria.min_imitable_share,
             )
             for one in named
         ),
@@ -295,6 +308,7 @@ def _warnings(
     verdict: str,
     whole: Test,
     over_noise: float,
+    disturbance: SlidingResidual | None,
     units: Units,
 ) -> tuple[str, ...]:
     """Return the sentences for the user."""
@@ -309,6 +323,11 @@ def _warnings(
         warnings.append(
             f"unusable model: {gap.after:.0f} % of the effort is unexplained; identify the axis first, or record more"
             " motion"
+        )
+    if disturbance is not None:
+        warnings.append(
+            "look for what moves the stage from outside (cables, compressed air, supply, floor):"
+            f" {disturbance.sentence(units)}. The observer follows such a force; no model can predict it"
         )
     if verdict == "cannot_tell" and whole.passed and not (diagnosis.is_poor or diagnosis.is_contact_hidden):
         warnings.append(
@@ -369,6 +388,7 @@ def verdict_of(
     whole: Test,
     trust: Sequence[Test],
     beyond_contact: Sequence[Test] = (),
+    has_disturbance: bool = False,
 ) -> str:
     """Return the verdict.
 
@@ -380,6 +400,7 @@ def verdict_of(
         whole: test of the share of the effort that the final model leaves unexplained.
         trust: tests that ``no_effect`` needs as well.
         beyond_contact: tests that ``unknown_effect`` needs as well, where nothing was learnt.
+        has_disturbance: whether a force acts that does not repeat.
     """
     if diagnosis.is_poor:
         return "cannot_tell"
@@ -387,6 +408,8 @@ def verdict_of(
         return "ambiguous" if any(item.alternatives for item in effects) else "effect_found"
     if not whole.passed and not is_learnt:
         return "cannot_tell"
+    if has_disturbance:
+        return "unknown_effect"
     if not rest.passed:  # what an encoder hides of the contact is predictable too, as is another contact law
         may_be_contact = diagnosis.is_contact_hidden or not all(test.passed for test in beyond_contact)
         return "cannot_tell" if may_be_contact and not is_learnt else "unknown_effect"

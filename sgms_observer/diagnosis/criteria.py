@@ -22,6 +22,8 @@ class Criteria:
             may be that contact law, and what it closes a part of it.
         max_gap_over_noise: largest ratio of gap to noise for the verdict ``no_effect``, if nothing predicts the gap; an
             order of magnitude. Above it the verdict is ``cannot_tell``.
+        max_sliding_over_noise: largest ratio of residual to noise while the contact slides fast. Above twice the noise
+            more than three quarters of the square are something else.
         max_unexplained: largest unexplained share of the rms effort of a usable model: a third, as for identification.
         max_rate_share: highest frequency of an effect over the sample rate: below Nyquist with room for the filter.
         min_gap_over_floor: smallest ratio of gap to floor for which the gap is closable (closure is null below).
@@ -35,6 +37,7 @@ class Criteria:
     min_closed_share: float = 0.05
     min_imitable_share: float = 0.5
     max_gap_over_noise: float = 10.0
+    max_sliding_over_noise: float = 2.0
     max_unexplained: float = 1.0 / 3.0
     max_rate_share: float = 0.4
     min_gap_over_floor: float = 1.1

@@ -28,8 +28,6 @@ MAX_LAG_WITHOUT_DELAY = HELD_LAG + MAX_STAMP_ERROR
 """Largest lag of the effort without a delay, in samples: the effort is held, and its stamps are inexact."""
 HELD_OUT_GAP = "held-out gap: z-score"
 """Test that the gap of held-out recordings shrinks, both where the contact slides and as reported."""
-SHARE_ABOVE_NOISE = "share of the squared gap above the noise beside the others"
-"""Test of what an effect that only describes another contact law closes."""
 RANGE_END_TOLERANCE = 1.0e-6
 """Largest relative distance at which a parameter counts as at the end of its range."""
 
@@ -58,12 +56,6 @@ class Decision:
     def share(self) -> float:
         """Return the share of the closable squared gap that the hypothesis closes."""
         return next((test.value for test in self.tests if test.name.startswith("share of the closable")), 0.0)
-
-    @property
-    def share_above_noise(self) -> float:
-        """Return the share of the squared gap above the noise that it closes beside the others, as last tested."""
-        values = [test.value for test in self.tests if test.name == SHARE_ABOVE_NOISE]
-        return values[-1] if values else math.inf
 
     def significant_share(self, criteria: Criteria) -> float:
         """Return the share of the squared gap that the hypothesis predicts; 0 if not significant."""

@@ -289,6 +289,7 @@ class WrittenFits:
         setup: setup of ``after``.
         estimates: of the free effect parameters of ``after``.
         strengths: of those among them that are strengths, where all effects keep the shapes of ``after``.
+        shares_above_noise: share of the squared gap above the noise that each effect closes beside the others.
     """
 
     before: Refit
@@ -296,6 +297,7 @@ class WrittenFits:
     setup: RefitSetup
     estimates: RecordingEstimates
     strengths: RecordingEstimates
+    shares_above_noise: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def errors(self) -> Mapping[tuple[int, int], float]:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.candidates import LAST_STEPS, finish_fit, is_contact_law, with_free_effect
-from sgms_observer.diagnosis.closed_gap import ClosedGap
+from sgms_observer.diagnosis.closed_gap import Closed, ClosedGap
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least
 from sgms_observer.diagnosis.decision import (
-    SHARE_ABOVE_NOISE,
     Decision,
     compare,
     needs_visible_contact,
@@ -165,18 +164,21 @@ def without_insignificant_effects(
         written = _as_written(found, state, nominal, evaluation)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
         file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
-        tests = _reported_tests(ClosedGap(names, written, file_contact, evaluation))
+        closed_gap = ClosedGap(names, written, file_contact, evaluation)
+        closed = {name: closed_gap.closed_by(name) for name in names}
+        tests = _reported_tests(closed_gap, closed)
         weakest = min(tests, key=lambda test: test.value / test.threshold, default=None)
         if weakest is None or weakest.passed:
             for test in tests:
                 rounds = _with_test(rounds, test)
-            return state, tuple(rounds), written
+            shares = {name: one.share_above_floor for name, one in closed.items()}
+            return state, tuple(rounds), replace(written, shares_above_noise=shares)
         rounds = _with_test(rounds, weakest)
         nothing_is_left = not any(item.accepted for item in rounds)
         state = found if nothing_is_left else state.refitted(_fit_without(state, weakest.of), REFIT_STEPS)
 
 
-def _reported_tests(closed_gap: ClosedGap) -> list[Test]:
+def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> list[Test]:
     """Return the tests of effects as they are reported: the strength of each, and what it closes.
 
     An effect that another contact law can imitate is also judged in the place of all that stands for one: what it
@@ -184,11 +186,12 @@ def _reported_tests(closed_gap: ClosedGap) -> list[Test]:
 
     Args:
         closed_gap: the effects, beside everything that was accepted.
+        closed_by: what each of them closes beside everything else.
     """
     criteria, written = closed_gap.evaluation.criteria, closed_gap.written
     tests = []
-    for name in closed_gap.names:
-        describes_contact, closed = is_contact_law(name), closed_gap.closed_by(name)
+    for name, closed in closed_by.items():
+        describes_contact = is_contact_law(name)
         tests += [
             at_least(
                 name, "strength over its scatter between recordings",
@@ -208,9 +211,7 @@ def _reported_tests(closed_gap: ClosedGap) -> list[Test]:
             beyond = _size_beyond_tolerance(name, closed_gap)
             title = "size beyond the tolerance of the file over its standard error"
             tests.append(at_least(name, title, beyond, criteria.interval_z_score))
-        if describes_contact:
-            tests.append(at_least(name, SHARE_ABOVE_NOISE, closed.share_above_floor, criteria.min_closed_share))
-        elif needs_visible_contact(name):
+        if needs_visible_contact(name) and not describes_contact:
             if closed_gap.has_other_contact_law:
                 closed = closed_gap.closed_by_instead_of_contact_law(name)
             title = "share of the squared gap above the noise in the place of another contact law"

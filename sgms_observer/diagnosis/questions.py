@@ -47,7 +47,7 @@ def questions_of(
         _explained(answer),
         *(_effect(item, answer, units) for item in answer.effects),
         *_changed(answer, units),
-        _rest(answer),
+        _rest(answer, units),
         _feedforward(answer, checks, units),
         _tracking(tracking, units),
     )
@@ -191,7 +191,7 @@ def _changed(answer: Answer, units: Units) -> list[Light]:
     return [Light(BELIEVABILITY, "Did values of the file change?", GOOD, f"{'; '.join(listed)}.")]
 
 
-def _rest(answer: Answer) -> Light:
+def _rest(answer: Answer, units: Units) -> Light:
     """Ask whether the residual is noise."""
     question = "Is the residual noise?"
     rest, near = _test(answer, "surely predictable share of the residual"), _test(answer, "gap over noise")
@@ -204,6 +204,8 @@ def _rest(answer: Answer) -> Light:
     if not rest.passed:
         learnt = " A learnt map of it was added." if answer.learnt else " It has no name in the catalogue."
         return Light(BELIEVABILITY, question, UNSURE if answer.learnt else BAD, facts + learnt)
+    if answer.disturbance is not None:
+        return Light(BELIEVABILITY, question, BAD, f"{facts} But {answer.disturbance.sentence(units)}.")
     return Light(BELIEVABILITY, question, GOOD if near.passed else UNSURE, facts)
 
 

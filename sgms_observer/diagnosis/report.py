@@ -75,7 +75,7 @@ def diagnosis_page(
     source = f"From {', '.join(Path(name).name for name in run.names)}; seed {run.options.seed}."
     return Page(
         f"Diagnosis of axis {run.axis.name}",
-        sentence(answer),
+        sentence(answer, units),
         [
             Section("What to do next", [next_step(answer)]),
             _answer(answer, units),
@@ -115,7 +115,7 @@ def _tracking(tracking: PredictedTracking | None, units: Units) -> Section:
     return Section(heading, text, [Table(("tracking error", "rms", "peak"), rows)], plots=plots)
 
 
-def sentence(answer: Answer) -> str:
+def sentence(answer: Answer, units: Units) -> str:
     """Return the verdict in one sentence."""
     gap = answer.gap
     shrink = f"the gap on {gap.held_out} data falls from {gap.before:.3g} % to {gap.after:.3g} % of the rms effort"
@@ -132,6 +132,9 @@ def sentence(answer: Answer) -> str:
             )
             return f"The model misses something like {names}, but these recordings cannot tell {pairs}; {shrink}."
         case "unknown_effect":
+            if answer.disturbance and not answer.learnt:
+                outside = answer.disturbance.sentence(units)
+                return f"The model misses something that no recorded signal predicts: {outside}."
             where = f", most visibly over {answer.located[0].coordinate}" if answer.located else ""
             sentences = "; and ".join(item.sentence for item in answer.learnt)
             maps = "a learnt map of it was" if len(answer.learnt) == 1 else "learnt maps of them were"

@@ -12,7 +12,7 @@ from workflow_case import AXIS, record
 from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
-from sgms_observer.diagnosis.decision import SHARE_ABOVE_NOISE, Decision, comparisons, z_score_between
+from sgms_observer.diagnosis.decision import Decision, comparisons, z_score_between
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evaluation import Evidence
 from sgms_observer.diagnosis.evidence import Improvement, preference
@@ -112,10 +112,9 @@ def test_of_two_of_them_the_first_is_named_and_the_second_is_a_part_of_its_conta
 @pytest.mark.parametrize(("share", "is_named"), [(0.51, True), (0.49, False)])
 def test_beside_everything_else_it_closes_more_than_it_leaves(share: float, is_named: bool, explained: Answer) -> None:
     found = explained.diagnosis
-    (place,) = [number for number, item in enumerate(found.rounds) if item.accepted]
-    beside = at_least("stribeck", SHARE_ABOVE_NOISE, share, 0.05)
-    rounds = (*found.rounds[:place], found.rounds[place].with_test(beside), *found.rounds[place + 1 :])
-    answer = answer_of(replace(found, rounds=rounds), AXIS, OPTIONS)
+    assert found.written.shares_above_noise["stribeck"] > 0.51
+    written = replace(found.written, shares_above_noise={"stribeck": share})
+    answer = answer_of(replace(found, written=written), AXIS, OPTIONS)
     assert [item.settings.name for item in answer.effects] == ["stribeck"] * is_named
     (test,) = [one for one in answer.tests if one.name.endswith("beside the others, of another contact law")]
     assert test.passed == is_named

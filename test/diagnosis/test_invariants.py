@@ -78,7 +78,7 @@ def check(answer: Answer, learn: Recording) -> None:
             ]  # fmt: skip
             assert agrees and all(test.passed for test in agrees)
     if answer.verdict == "no_effect":
-        assert not named and rest.passed and whole.passed
+        assert not named and rest.passed and whole.passed and answer.disturbance is None
     rate = 1.0 / learn.period
     most = float(np.max(np.abs(learn.effort)))
     for item in named:
@@ -116,7 +116,7 @@ def check(answer: Answer, learn: Recording) -> None:
                 told = {test.name.rpartition(" ")[2] for test in number.tests_of(decision) if not test.passed}
                 assert told == set(number.alternatives)
     assert 0.0 <= gap.noise <= gap.floor + 1e-9 <= gap.after + 2e-9
-    if answer.verdict == "unknown_effect":  # the same share in verdict and gap
+    if answer.verdict == "unknown_effect" and answer.disturbance is None:  # the same share in verdict and gap
         assert gap.predictable > 0.0
     if answer.verdict == "cannot_tell" and answer.diagnosis.is_poor:
         assert answer.warnings and not answer.usable and not named

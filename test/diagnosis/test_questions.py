@@ -14,6 +14,7 @@ from sgms_observer.diagnosis.changed import Changed
 from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.criteria import at_least, at_most
 from sgms_observer.diagnosis.diagnosis import Options
+from sgms_observer.diagnosis.disturbance import SlidingResidual
 from sgms_observer.diagnosis.gap import Gap
 from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.model import Model
@@ -48,6 +49,7 @@ def answer(**changes: Any) -> Any:
         "effects": (Named(EffectSettings("cogging", (1.4, 0.012, 0.3, 0.0, 0.0)), (0.1,) * 5, 0.98, (), 5.0, 2.0),),
         "changed": (),
         "learnt": (),
+        "disturbance": None,
         "diagnosis": run,
         "tests": (
             at_most("model", "share of the effort that is unexplained", 0.02, 1.0 / 3.0),
@@ -64,6 +66,7 @@ def answer(**changes: Any) -> Any:
     return SimpleNamespace(**values)
 
 
+OUTSIDE = SlidingResidual(0.5, 3.0, False, ())
 BETTER = PredictedTracking(
     TrackingError(2e-6, 9e-6), TrackingError(1e-6, 5e-6), TrackingError(4e-7, 2e-6), TrackingError(2.1e-6, 9e-6), 4.0
 )
@@ -109,6 +112,7 @@ def test_all_is_well() -> None:
         ({"tests": with_test("surely predictable", 0.5)}, "Is the residual noise?", BAD, "no name in the catalogue"),
         ({"tests": with_test("surely predictable", 0.5), "learnt": (SimpleNamespace(),)}, "Is the residual noise?",
          UNSURE, "A learnt map"),
+        ({"disturbance": OUTSIDE}, "Is the residual noise?", BAD, "a force of 0.5 N rms (3 times the noise) acts"),
         ({"tests": with_test("gap over noise", 20.0)}, "Is the residual noise?", UNSURE, "20 times the noise"),
         ({"tests": with_test("friction not", 5.0)}, "Does the feedforward leave less friction with the new model?",
          BAD, "not added"),
@@ -182,5 +186,5 @@ def test_the_next_experiment_speaks_in_the_units_of_the_joint(coordinate: str, u
     none = np.zeros(2)
     told = Located(coordinate, unit, none, none, none, 0.5, 0.01, 1.0, 2.0)
     found: Any = SimpleNamespace(rounds=())
-    text = next_experiment("unknown_effect", [], [told], found, Units(REVOLUTE))
+    text = next_experiment("unknown_effect", [], [told], found, Units(REVOLUTE), has_disturbance=False)
     assert text is not None and said in text

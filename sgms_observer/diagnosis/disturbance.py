@@ -1,0 +1,111 @@
+"""A force that does not repeat: it acts while the contact slides, and nothing recorded predicts it.
+
+At rest and after a reversal every contact law leaves a residual of its own. While the contact slides fast, its force is
+a function of the velocity, whatever the law. A residual there that is larger than the noise is no friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import median_abs_deviation
+
+from sgms_observer.diagnosis.criteria import Criteria, Test, at_most
+from sgms_observer.diagnosis.free_form import FreeForm
+from sgms_observer.diagnosis.gap import WeightedResidual, rms
+from sgms_observer.diagnosis.gap_data import GapData
+from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.noise import largest_noise
+from sgms_observer.settings.units import Units
+
+Floats = NDArray[np.float64]
+
+MAX_STICKING = 0.05
+"""Largest share of the contact that sticks while it counts as sliding."""
+
+
+@dataclass(frozen=True)
+class SlidingResidual:
+    """The residual while the contact slides fast.
+
+    Attributes:
+        force: its rms on the recordings of the gap [N].
+        over_noise: its ratio to the noise, the smaller one of fitted recordings and recordings of the gap.
+        is_brief: whether it acts in a small part of the time only.
+        tests: tests that it is noise. Where none is passed, it is a disturbance.
+    """
+
+    force: float
+    over_noise: float
+    is_brief: bool
+    tests: tuple[Test, ...]
+
+    @property
+    def is_disturbance(self) -> bool:
+        """Return whether a force acts that does not repeat."""
+        return not any(test.passed for test in self.tests)
+
+    def sentence(self, units: Units) -> str:
+        """Return what it is in words."""
+        when = "at times" if self.is_brief else "all the time"
+        size = f"{self.force:.3g} {units.effort} rms ({self.over_noise:.2g} times the noise)"
+        return f"a force of {size} acts {when} and does not repeat"
+
+
+def sliding_residual(
+    data: GapData, model: Model, residual: Sequence[Floats], free: FreeForm | None
+) -> SlidingResidual | None:
+    """Return the residual while the contact slides fast, or None where the recordings hardly show it.
+
+    Args:
+        data: recordings of the gap.
+        model: the final model.
+        residual: its residual in the recordings of the gap [N].
+        free: significant free-form prediction of the residual, or None.
+    """
+    criteria, whole = data.options.criteria, data.rest(residual)
+    left = whole.minus(free.predicted) if free else whole
+    fitted, evaluated = (_fast_sliding(rest, model, criteria) for rest in (data.fitted_gap(model), left))
+    if fitted is None or evaluated is None:
+        return None
+    noise = largest_noise(data.diagnosis.final_state.setup.data.noise).rms
+    typical = [median_abs_deviation(part, scale="normal") for part in (fitted, evaluated)]
+    over_noise = min(
+        rms([part]) / max(min(noise, usual), 1.0e-300) for part, usual in zip((fitted, evaluated), typical, strict=True)
+    )
+    force = rms([evaluated])
+    return SlidingResidual(
+        force, over_noise, force > criteria.max_sliding_over_noise * typical[1],
+        (
+            at_most(
+                "model", "residual over noise, where the contact slides fast", over_noise,
+                criteria.max_sliding_over_noise,
+            ),
+            at_most(
+                "model", "share of the squared gap, where the contact slides fast", (force / whole.rms) ** 2,
+                criteria.min_predictable_share,
+            ),
+        ),
+    )  # fmt: skip
+
+
+def _fast_sliding(rest: WeightedResidual, model: Model, criteria: Criteria) -> Floats | None:
+    """Return the faster half of the samples of a residual at which the contact slides [N].
+
+    Args:
+        rest: the residual.
+        model: simulates the contact.
+        criteria: length of a block; two of them have to be left.
+    """
+    values, speeds = [], []
+    for motion, residual in zip(rest.motions, rest.residual, strict=True):
+        slides = motion.thinned(motion.is_moving & (predict(model, motion).stick_indicator <= MAX_STICKING))
+        values.append(residual[slides])
+        speeds.append(np.abs(motion.thinned(motion.velocity)[slides]))
+    speed = np.concatenate(speeds)
+    if len(speed) * rest.motions[0].residual_period < 4.0 * criteria.block:
+        return None
+    return np.asarray(np.concatenate(values)[speed >= np.median(speed)], dtype=np.float64)

@@ -1,0 +1,92 @@
+"""A force from outside does not repeat: no model predicts it, but the answer tells of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from workflow_case import AXIS, record
+
+from sgms_observer.diagnosis import workflow
+from sgms_observer.diagnosis.answer import Answer, answer_of
+from sgms_observer.diagnosis.diagnosis import Options
+from sgms_observer.diagnosis.report import sentence
+from sgms_observer.diagnosis.workflow import diagnose
+from sgms_observer.offline.recording import Recording
+from sgms_observer.settings.axis import EffectSettings
+
+PERIOD = 1.0 / 250.0
+OPTIONS = Options(workers=1, band=25.0)
+LAW = EffectSettings("frictional_lag", (20.0, 5.0e-6))
+
+
+def blows(count: int, rng: np.random.Generator) -> np.ndarray:
+    """Return short blows of 3 N in both directions at random times [N]."""
+    force = np.zeros(count)
+    for start in rng.integers(0, count, count // 500):
+        force[start : start + 12] += rng.choice([-3.0, 3.0])
+    return force
+
+
+def wandering(count: int, rng: np.random.Generator) -> np.ndarray:
+    """Return a force of 0.5 N rms that wanders within seconds [N]."""
+    force = np.convolve(rng.standard_normal(count), np.hanning(250), mode="same")
+    return np.asarray(0.5 * force / np.std(force))
+
+
+def nothing(count: int, rng: np.random.Generator) -> np.ndarray:
+    """Return no force [N]."""
+    return np.zeros(count)
+
+
+def answered(force, effects: tuple[EffectSettings, ...] = ()) -> Answer:  # type: ignore[no-untyped-def]
+    """Return the answer on two recordings, each with a force of its own on the stage."""
+    pair = []
+    for seed in (1, 2):
+        made = record(effects, seed=seed, duration=16.0, period=PERIOD)
+        outside = force(len(made.effort), np.random.default_rng([seed, 9]))
+        pair.append(Recording(made.name, made.period, made.position, made.effort + outside))
+    return answer_of(diagnose(pair[:1], pair[1:], AXIS, OPTIONS), AXIS, OPTIONS)
+
+
+@pytest.fixture(autouse=True)
+def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Look for a few effects, so that a run takes seconds."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset", "spring"))
+
+
+@pytest.mark.parametrize(("force", "when"), [(blows, "at times"), (wandering, "all the time")])
+def test_a_force_from_outside_is_told_and_has_no_name(force, when: str) -> None:  # type: ignore[no-untyped-def]
+    answer = answered(force)
+    assert answer.verdict == "unknown_effect" and answer.remainder == "unknown"
+    assert not answer.effects and not answer.learnt
+    assert answer.disturbance is not None
+    said = answer.disturbance.sentence(AXIS.units)
+    assert f"acts {when} and does not repeat" in said
+    assert said in sentence(answer, AXIS.units) and any(said in text for text in answer.warnings)
+    assert answer.next_experiment is not None and "the same motion twice" in answer.next_experiment
+
+
+def test_its_size_is_that_of_the_force() -> None:
+    found = answered(wandering).disturbance
+    assert found is not None and found.force == pytest.approx(0.5, rel=0.25)
+
+
+@pytest.mark.parametrize("effects", [(), (LAW,)], ids=["nothing", "another contact law"])
+def test_noise_and_another_contact_law_are_none(effects: tuple[EffectSettings, ...]) -> None:
+    answer = answered(nothing, effects)
+    assert answer.disturbance is None
+    (noise,) = [test for test in answer.tests if test.name == "residual over noise, where the contact slides fast"]
+    assert noise.passed and noise.value < 1.5
+
+
+def test_it_stands_beside_a_name() -> None:
+    answer = answered(wandering, (EffectSettings("offset", (1.5,)),))
+    assert [item.settings.name for item in answer.effects] == ["offset"]
+    assert answer.verdict == "effect_found" and answer.remainder == "unknown"
+
+
+def test_where_hardly_anything_slides_nothing_is_told() -> None:
+    made = record(duration=16.0, period=PERIOD)
+    still = replace(made, position=1.0e-3 * made.position)
+    answer = answer_of(diagnose([still], [still], AXIS, OPTIONS), AXIS, OPTIONS)
+    assert answer.verdict == "cannot_tell" and answer.disturbance is None
