@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sgms_observer.application.axis_facts import AxisFacts, read_axis_facts
 from sgms_observer.application.bag_info import losses_in, unit_doubts, uses_of
 from sgms_observer.bags.source import BagReader, find_inputs, missing_topic, survey_bag
-from sgms_observer.errors import RecordingError
+from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.settings.axis import AxisSettings, Settings
+from sgms_observer.settings.load import load_settings
+from sgms_observer.settings.node_parameters import missing_parameters
 
 MAX_RATE_ERROR = 0.1
 """Share by which the recorded period may differ from sample_period: the filters' delay differs by as much."""
@@ -47,7 +49,29 @@ class Checked:
         }
 
 
-def check(settings: Settings, bag: str, axes: Sequence[str], topics: Mapping[str, str]) -> Checked:
+def check(config: str, axes: Sequence[str], bag: str | None, topics: Mapping[str, str]) -> Checked:
+    """Check a parameter file, and compare it with a recording.
+
+    Args:
+        config: path of the file.
+        axes: names of the axes; empty for all.
+        bag: the recording, or None.
+        topics: names of the bag's topics where they differ.
+
+    Raises:
+        RecordingError: the bag cannot be read at all.
+    """
+    try:
+        settings = load_settings(config)
+        wanted = settings.wanted_axes(axes, config)
+    except ConfigurationError as error:
+        return Checked(error.sentences, (), ())
+    names = tuple(axis.name for axis in wanted)
+    found = _compared(settings, bag, names, topics) if bag else Checked((), (), names)
+    return replace(found, faults=(*missing_parameters(settings, wanted), *found.faults))
+
+
+def _compared(settings: Settings, bag: str, axes: Sequence[str], topics: Mapping[str, str]) -> Checked:
     """Compare a parameter file with a recording.
 
     Args:

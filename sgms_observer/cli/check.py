@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import replace
 
 from sgms_observer.cli.options import add_bag_options, add_output_options, topics_from
 from sgms_observer.cli.warn import warn
@@ -23,21 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``."""
-    from sgms_observer.application.check import Checked, check
-    from sgms_observer.errors import ConfigurationError
-    from sgms_observer.settings.load import load_settings
-    from sgms_observer.settings.node_parameters import missing_parameters
+    from sgms_observer.application.check import check
 
-    topics = topics_from(args.topic)
-    try:
-        settings = load_settings(args.config)
-        wanted = settings.wanted_axes(args.axis or (), args.config)
-    except ConfigurationError as error:
-        found = Checked(error.sentences, (), ())
-    else:
-        axes = tuple(axis.name for axis in wanted)
-        found = check(settings, args.bag, axes, topics) if args.bag else Checked((), (), axes)
-        found = replace(found, faults=(*missing_parameters(settings, wanted), *found.faults))
+    found = check(args.config, args.axis or (), args.bag, topics_from(args.topic))
     for fault in found.faults:
         print(fault, file=sys.stderr)
     warn(found.warnings)

@@ -102,7 +102,8 @@ class RecorderNode(Node):
                 self._subscribe(topic, self._wanted[topic], is_reliable)
             if kind and all(info.topic_type != kind for info in offered):
                 print(
-                    f"{topic} is published as {offered[0].topic_type}, not {kind}; it is not recorded", file=sys.stderr
+                    f"Warning: {topic} is published as {offered[0].topic_type}, not {kind}; it is not recorded",
+                    file=sys.stderr,
                 )
                 self._wanted[topic] = offered[0].topic_type
                 self.destroy_subscription(self._subscriptions_by_topic.pop(topic))
