@@ -34,6 +34,7 @@ CRITERION_OF = {
     "z-score over all recordings": "min_z_score",
     "strength over its standard error": "min_z_score",
     "strength over its scatter": "min_z_score",
+    "strength over its reported standard error": "interval_z_score",
     "share that is surely predicted better": "min_predictable_share",
     "z-score beside the other effects": "min_z_score",
     "size beyond the tolerance of the file": "interval_z_score",
@@ -48,8 +49,13 @@ CRITERION_OF = {
     "surely predictable share": "min_predictable_share",
     "share of the squared gap that the refit adds": "min_predictable_share",
     "gap over noise": "max_gap_over_noise",
+    "residual over noise, where the contact slides fast": "max_sliding_over_noise",
+    "share of the squared gap, where the contact slides fast": "min_predictable_share",
+    "residual above noise / closed residual": "min_imitable_share",
 }
 """Which criterion a test belongs to, by the beginning of its name."""
+FROM_OUTSIDE = "where the contact slides fast"
+"""Part of the names of two tests: where both fail, a force acts that does not repeat."""
 FACTORS = (0.5, 2.0)
 Tested = dict[str, Any]
 
@@ -121,12 +127,12 @@ def decided(result: dict[str, Any], criterion: str, factor: float) -> dict[str, 
     tested = {name for name, group in hypotheses(result["tests"]) if all(test["passed"] for test in group)}
     fresh = [name for name, holds in outcome.items() if holds and name not in was and name not in tested]
     again["effects"] += [{"name": name, "alternatives": [], "parameters": {}} for name in fresh]
-    is_told = any(
-        test["name"].startswith("surely predictable") and not passes(test, criterion, factor) for test in whole
-    )
-    is_doubtful = any(
-        not passes(test, criterion, factor) for test in whole if not test["name"].startswith("surely predictable")
-    )
+    predicted, outside, others = [], [], []
+    for test in whole:
+        is_outside, is_predicted = FROM_OUTSIDE in test["name"], test["name"].startswith("surely predictable")
+        (outside if is_outside else predicted if is_predicted else others).append(passes(test, criterion, factor))
+    is_told = not all(predicted) or (bool(outside) and not any(outside))
+    is_doubtful = not all(others)
     if again["effects"]:
         again["verdict"] = result["verdict"] if result["verdict"] in NAMING else "effect_found"
     else:

@@ -327,6 +327,15 @@ class WrittenFits:
         found = self.strengths if has_fixed_shape else self.estimates
         return self._largest(name, found, found.strength_over_scatter)
 
+    def strength_over_error(self, name: str) -> float:
+        """Return the strength of an effect over its reported standard error; infinite without a free strength.
+
+        Args:
+            name: the effect.
+        """
+        found, errors = self.estimates, self.estimates.std_errors
+        return self._largest(name, found, lambda column, zero: found.size_over(column, zero, float(errors[column])))
+
     def _largest(self, name: str, found: RecordingEstimates, value: Callable[[int, float], float]) -> float:
         """Return the largest value of the strength parameters of an effect, from their columns and defaults."""
         place = [item.name for item in self.after.effects].index(name)

@@ -68,7 +68,7 @@ def sliding_residual(
     """
     criteria, whole = data.options.criteria, data.rest(residual)
     left = whole.minus(free.predicted) if free else whole
-    fitted, evaluated = (_fast_sliding(rest, model, criteria) for rest in (data.fitted_gap(model), left))
+    fitted, evaluated = (fast_sliding(rest, model, criteria) for rest in (data.fitted_gap(model), left))
     if fitted is None or evaluated is None:
         return None
     noise = largest_noise(data.diagnosis.final_state.setup.data.noise).rms
@@ -92,7 +92,7 @@ def sliding_residual(
     )  # fmt: skip
 
 
-def _fast_sliding(rest: WeightedResidual, model: Model, criteria: Criteria) -> Floats | None:
+def fast_sliding(rest: WeightedResidual, model: Model, criteria: Criteria) -> Floats | None:
     """Return the faster half of the samples of a residual at which the contact slides [N].
 
     Args:

@@ -199,6 +199,10 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
                 criteria.interval_z_score if describes_contact else criteria.min_z_score,
             ),
             at_least(
+                name, "strength over its reported standard error", written.strength_over_error(name),
+                criteria.interval_z_score,
+            ),
+            at_least(
                 name, "strength over its standard error, in held-out recordings too",
                 written.strength_elsewhere(name, criteria.min_z_score), criteria.interval_z_score,
             ),

@@ -103,8 +103,18 @@ class RecordingEstimates:
             Infinite if the fit has no error of the parameter.
         """
         values, errors = self.values[:, column], self.errors[:, column]
-        deviation = math.hypot(errors[0], math.sqrt(between_variance(values, errors)))
-        return abs(float(values[0]) - default) / deviation if errors[0] > 0.0 else math.inf
+        return self.size_over(column, default, math.hypot(errors[0], math.sqrt(between_variance(values, errors))))
+
+    def size_over(self, column: int, default: float, deviation: float) -> float:
+        """Return the strength of the fit over a deviation; infinite if the fit has no error of the parameter.
+
+        Args:
+            column: of the parameter.
+            default: its value without the effect.
+            deviation: in the unit of the parameter.
+        """
+        size = abs(float(self.values[0, column]) - default)
+        return size / deviation if self.errors[0, column] > 0.0 else math.inf
 
 
 def series_length(motion: Motion, noise: Noise) -> int:

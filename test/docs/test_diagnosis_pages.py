@@ -36,7 +36,6 @@ NATURAL = {
     "parameters at the end of their range": 0.0,
     "gap as reported, as a share of the effort": 1.0,
     "residual predictable over the coordinates of a contact / closed residual": 1.0,
-    "residual above noise / closed residual": 1.0,
     "friction that reverses within one encoder step, over the static force": 1.0,
     "friction not cancelled by the feedforward: z-score of its growth": 3.0,
 }
