@@ -246,7 +246,7 @@ def _contact_law_tests(
 
 
 def _closed_while_sliding(data: GapData, final: FinalModel, others: Sequence[Floats]) -> float:
-    """Return the mean square that named effects close while the contact slides fast: no contact law differs there [N^2].
+    """Return the mean square that named effects close while the contact slides fast, where all contact laws agree.
 
     Args:
         data: recordings of the gap.
