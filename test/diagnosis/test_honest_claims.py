@@ -10,7 +10,7 @@ from workflow_case import AXIS, PERIOD, evaluation_of, record
 from sgms_observer.diagnosis.candidates import Candidate, finish_fit, first_fit
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, changed_candidate
 from sgms_observer.diagnosis.decision import Decision, decide, strength_over_error
-from sgms_observer.diagnosis.diagnosis import FitState, Options, Recordings, Round
+from sgms_observer.diagnosis.diagnosis import FitState, Options, Recordings, Round, WrittenFits
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
 from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup, data_with_own_noise, refit
@@ -155,6 +155,7 @@ def test_what_a_contact_law_can_imitate_closes_more_than_it_leaves(gain: float, 
 
 
 SCATTER = "strength over its scatter between recordings"
+REPORTED = "strength over its reported standard error"
 REPLICATED = "strength over its standard error, in held-out recordings too"
 
 
@@ -202,6 +203,26 @@ def test_a_strength_counts_as_far_as_recordings_agree_on_it() -> None:
     assert 3.0 < over_scatter((0.6, 0.05), (0.45, 0.01)) < 12.0, "a size may differ"
     assert over_scatter((0.6, 0.01), (0.1, 0.01), (1.5, 0.01)) < 1.645, "each sure, but of no common size"
     assert over_scatter((1.2, 0.05), (1.2, 0.05), default=1.0) == pytest.approx(4.0), "of a gain: from one"
+
+
+def test_two_recordings_hardly_tell_how_much_a_size_scatters() -> None:
+    """Each shows a gain surely. They differ by a quarter of it, of which Student's distribution makes all."""
+    found = estimates((0.84, 0.002), (0.88, 0.002))
+    assert found.strength_over_scatter(0, 1.0) > 3.0
+    assert found.size_over(0, 1.0, float(found.std_errors[0])) < 1.645
+
+
+@pytest.mark.parametrize(("over_error", "is_named"), [(1.6, False), (1.7, True)])
+def test_the_reported_interval_of_an_effect_that_a_contact_can_imitate_does_not_contain_zero(
+    over_error: float, is_named: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(WrittenFits, "strength_over_error", lambda *_: over_error)
+    gain = EffectSettings("actuator_gain", (0.8,))
+    learn, held = (record((gain,), seed, 12.0) for seed in (1, 2))
+    others = frozenset(name for name in names() if name != gain.name) | frozenset(CHANGE_HYPOTHESES)
+    found = diagnose([learn], [held], AXIS, Options(workers=1, excluded=others))
+    (test,) = [one for item in found.rounds for one in item.tests if one.name == REPORTED]
+    assert test.value == over_error and test.passed == is_named == bool(found.accepted)
 
 
 @pytest.mark.parametrize(("over_scatter", "is_named"), [(2.9, False), (3.1, True)])
