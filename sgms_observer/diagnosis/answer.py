@@ -158,8 +158,9 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     if whole.passed and not (diagnosis.is_poor or diagnosis.is_contact_hidden):
         sliding = sliding_residual(data, model, total, None if learnt else free)
     disturbance = sliding if sliding and sliding.is_disturbance else None
+    is_learnt = any(not (diagnosis.is_contact_hidden and item.is_of_contact) for item in learnt)
     verdict = verdict_of(
-        diagnosis, effects, unnamed_rest, bool(learnt), whole, trust, beyond_contact, disturbance is not None
+        diagnosis, effects, unnamed_rest, is_learnt, whole, trust, beyond_contact, disturbance is not None
     )
     everywhere = locate(final.before, data.motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")
@@ -411,7 +412,7 @@ def verdict_of(
         diagnosis: the diagnosis.
         effects: named effects.
         rest: test of the predictable share of the remaining residual.
-        is_learnt: whether a learnt map predicts a part of it.
+        is_learnt: whether a learnt map predicts a part of it that no hidden contact makes.
         whole: test of the share of the effort that the final model leaves unexplained.
         trust: tests that ``no_effect`` needs as well.
         beyond_contact: tests that ``unknown_effect`` needs as well, where nothing was learnt.

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.diagnosis.coordinates import CONTACT
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import Improvement, improvement
 from sgms_observer.diagnosis.gap import WeightedResidual
@@ -52,6 +53,11 @@ class FittedMap:
     share: float
     sentence: str
     formula: Formula | None = None
+
+    @property
+    def is_of_contact(self) -> bool:
+        """Return whether the force may be that of another contact law."""
+        return set(self.coordinates) <= {*CONTACT, "load", "rest"}
 
     @property
     def settings(self) -> EffectSettings:

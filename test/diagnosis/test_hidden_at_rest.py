@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from sgms_observer.diagnosis.criteria import at_least, at_most
 from sgms_observer.diagnosis.diagnosis import Options, accepted_candidates
 from sgms_observer.diagnosis.fit import data_with_own_noise
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
+from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.model import Model, friction_drop_after_reversal, hidden_by_encoder
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.workflow import diagnose
@@ -112,3 +114,11 @@ def test_a_rest_that_another_contact_law_may_make_is_no_unknown_effect() -> None
     verdicts = [verdict_of(found, (), rest, False, whole, (), [one]) for one in beyond]
     assert verdicts == ["cannot_tell", "unknown_effect"]
     assert verdict_of(found, (), rest, True, whole, (), [beyond[0]]) == "unknown_effect"  # a learnt map closes it
+
+
+def test_a_map_over_the_coordinates_of_a_contact_may_be_the_hidden_contact() -> None:
+    def is_of_contact(*coordinates: str) -> bool:
+        return FittedMap(Mock(), coordinates, Mock(), 0.2, "a force").is_of_contact
+
+    assert is_of_contact("load", "direction") and is_of_contact("velocity") and is_of_contact("rest", "direction")
+    assert not is_of_contact("position", "direction") and not is_of_contact("time", "direction")
