@@ -15,7 +15,7 @@ from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_cont
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, Diagnosis, Options
-from sgms_observer.diagnosis.disturbance import SlidingResidual, fast_sliding, sliding_residual
+from sgms_observer.diagnosis.disturbance import SlidingResidual, fast_sliding_residual, sliding_residual
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps, range_tests
 from sgms_observer.diagnosis.free_form import FreeForm
@@ -209,7 +209,8 @@ def _contact_law_tests(
 ) -> list[Test]:
     """Return the tests that named effects which another contact law can imitate explain most of what is left of it.
 
-    Where they do not, they describe a part of the difference between the contact laws.
+    Where they do not, they describe a part of the difference between the contact laws. Effects that close no less while
+    the contact slides fast than elsewhere are judged there, where all contact laws agree.
 
     Args:
         data: recordings of the gap.
@@ -224,8 +225,13 @@ def _contact_law_tests(
     after = data.rms(final.after) ** 2
     others = residuals_with([one for one in final.fit.effects if one.name not in names])
     closed = max(data.rms(others) ** 2 - after, 1.0e-300)
-    is_beyond_contact = _closed_while_sliding(data, final, others) >= closed
-    predicted, of = predictable_share * after, ", ".join(sorted(names))
+    left, predicted = max(after - final.noise**2, 0.0), predictable_share * after
+    sliding = [fast_sliding_residual(data.rest(one), final.fit.model, criteria) for one in (others, final.after)]
+    squares = [float(np.mean(part**2)) for part in sliding if part is not None]
+    if len(squares) == len(sliding) and squares[0] - squares[1] >= closed:
+        closed, left = squares[0] - squares[1], max(squares[1] - final.noise**2, 0.0)
+        predicted = min(predicted, left)
+    of = ", ".join(sorted(names))
     return [
         *(
             at_least(
@@ -236,27 +242,13 @@ def _contact_law_tests(
             for one in named
         ),
         at_most(
-            of, "residual above noise / closed residual", max(after - final.noise**2, 0.0) / closed,
-            1.0 if is_beyond_contact else criteria.min_imitable_share,
+            of, "residual above noise / closed residual", left / closed, criteria.min_imitable_share
         ),
         at_most(
             of, "predictable residual / (predictable + closed residual)", predicted / (predicted + closed),
             criteria.min_predictable_share,
         ),
     ]  # fmt: skip
-
-
-def _closed_while_sliding(data: GapData, final: FinalModel, others: Sequence[Floats]) -> float:
-    """Return the mean square that named effects close while the contact slides fast, where all contact laws agree.
-
-    Args:
-        data: recordings of the gap.
-        final: models without and with the named effects.
-        others: residual without the effects, everything else fitted again [N].
-    """
-    pair = [fast_sliding(data.rest(one), final.fit.model, data.options.criteria) for one in (others, final.after)]
-    squares = [float(np.mean(part**2)) for part in pair if part is not None]
-    return squares[0] - squares[1] if len(squares) == len(pair) else 0.0
 
 
 def _share_of_both(rest: WeightedResidual, free: FreeForm) -> float:

@@ -1,7 +1,7 @@
-"""A force that does not repeat: it acts while the contact slides, and nothing recorded predicts it.
+"""A force that does not repeat: it acts while the contact slides fast, and nothing recorded predicts it.
 
-At rest and after a reversal every contact law leaves a residual of its own. While the contact slides fast, its force is
-a function of the velocity, whatever the law. A residual there that is larger than the noise is no friction.
+The force of the contact is a function of the velocity there (see ``sliding``), so a residual that is larger than the
+noise is no friction.
 """
 
 from __future__ import annotations
@@ -17,14 +17,12 @@ from sgms_observer.diagnosis.criteria import Criteria, Test, at_most
 from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import WeightedResidual, rms
 from sgms_observer.diagnosis.gap_data import GapData
-from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.noise import largest_noise
+from sgms_observer.diagnosis.sliding import slides_fast
 from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
-
-MAX_STICKING = 0.05
-"""Largest share of the contact that sticks while it counts as sliding."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ def sliding_residual(
     """
     criteria, whole = data.options.criteria, data.rest(residual)
     left = whole.minus(free.predicted) if free else whole
-    fitted, evaluated = (fast_sliding(rest, model, criteria) for rest in (data.fitted_gap(model), left))
+    fitted, evaluated = (fast_sliding_residual(rest, model, criteria) for rest in (data.fitted_gap(model), left))
     if fitted is None or evaluated is None:
         return None
     noise = largest_noise(data.diagnosis.final_state.setup.data.noise).rms
@@ -92,20 +90,15 @@ def sliding_residual(
     )  # fmt: skip
 
 
-def fast_sliding(rest: WeightedResidual, model: Model, criteria: Criteria) -> Floats | None:
-    """Return the faster half of the samples of a residual at which the contact slides [N].
+def fast_sliding_residual(rest: WeightedResidual, model: Model, criteria: Criteria) -> Floats | None:
+    """Return the residual while the contact slides fast, or None where the recordings hardly show it [N].
 
     Args:
         rest: the residual.
         model: simulates the contact.
         criteria: length of a block; two of them have to be left.
     """
-    values, speeds = [], []
-    for motion, residual in zip(rest.motions, rest.residual, strict=True):
-        slides = motion.thinned(motion.is_moving & (predict(model, motion).stick_indicator <= MAX_STICKING))
-        values.append(residual[slides])
-        speeds.append(np.abs(motion.thinned(motion.velocity)[slides]))
-    speed = np.concatenate(speeds)
-    if len(speed) * rest.motions[0].residual_period < 4.0 * criteria.block:
-        return None
-    return np.asarray(np.concatenate(values)[speed >= np.median(speed)], dtype=np.float64)
+    fast = slides_fast(model, rest.motions)
+    values = np.concatenate([residual[at] for residual, at in zip(rest.residual, fast, strict=True)])
+    is_enough = len(values) * rest.motions[0].residual_period >= 2.0 * criteria.block
+    return np.asarray(values, dtype=np.float64) if is_enough else None

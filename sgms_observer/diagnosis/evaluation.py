@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import (
     Improvement,
-    blocks_of,
     fit_residuals,
     held_out_residuals,
     in_blocks,
@@ -20,9 +19,8 @@ from sgms_observer.diagnosis.evidence import (
 from sgms_observer.diagnosis.fit import Refit, WhitenedData
 from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
-from sgms_observer.diagnosis.model import Model, predict
+from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.uncertainty import series_length
 
 Floats = NDArray[np.float64]
 
@@ -160,25 +158,3 @@ def evidence_of(found: Refit, evaluation: EvaluationData) -> Evidence:
         in_blocks(weighted(left, evaluation.weights), evaluation.motions, length),
         in_blocks(weighted(left, evaluation.gap_weights), evaluation.motions, length),
     )
-
-
-def sliding_shares(model: Model, evaluation: EvaluationData) -> list[Floats]:
-    """Return the share of the contact that slides at the samples of each block of ``Evidence.all``.
-
-    At rest the effort is what the contact has held since it stopped, which differs between contact laws. Effects that
-    another contact law cannot imitate are compared while the contact slides.
-
-    Args:
-        model: simulates the contact.
-        evaluation: the recordings.
-    """
-    found: list[Floats] = []
-    for data in (evaluation.fit_data, evaluation.held_out_data):
-        for motion, noise in zip(data.motions, data.noise, strict=True):
-            stick_indicator = motion.thinned(predict(model, motion).stick_indicator)
-            count = series_length(motion, noise)
-            at = np.linspace(0.0, len(stick_indicator) - 1.0, count)
-            share = 1.0 - np.clip(np.interp(at, np.arange(len(stick_indicator)), stick_indicator), 0.0, 1.0)
-            period = len(motion.time) * motion.period / count
-            found += blocks_of(share, period, evaluation.criteria.block)
-    return found

@@ -28,10 +28,11 @@ from sgms_observer.diagnosis.diagnosis import (
     WrittenFits,
     accepted_candidates,
 )
-from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of, sliding_shares
+from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import MAX_STEPS, Refit, RefitSetup, data_with_own_noise
 from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.sliding import sliding_shares
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
 from sgms_observer.effects.catalogue import effect
 
@@ -87,9 +88,9 @@ def compared_again(
 def compared(state: FitState, item: Round, listed: Sequence[str], options: Options) -> tuple[FitState, Round]:
     """Compare an accepted effect with its rivals in the noise of the residual that it leaves.
 
-    Before it was accepted, the fitted noise still contained it. A rival that now predicts better takes its place, by
-    the rules of the first choice. Effects that a contact law cannot imitate are compared while the contact slides. A
-    change of the file has no place that an effect could take.
+    Before it was accepted, the fitted noise still contained it. A rival that now predicts significantly better takes
+    its place; among equals the rules of the first choice decide. Effects that a contact law cannot imitate are compared
+    while the contact slides. A change of the file has no place that an effect could take.
 
     Args:
         state: state with everything that was accepted.
@@ -126,8 +127,8 @@ def compared(state: FitState, item: Round, listed: Sequence[str], options: Optio
     best = name
     for rival in rivals:
         best = rival if z_score(rival, best) > 0.0 else best
-    equal = [one for key, one in decisions.items() if z_score(best, key) <= most]
-    first = preferred(decisions[best], equal, listed)
+    equal = {key: one for key, one in decisions.items() if z_score(best, key) <= most}
+    first = preferred(equal.get(name, decisions[best]), list(equal.values()), listed)
     best = first.candidate.name
     tests = {key: compare(best, key, z_score(best, key), options.criteria) for key in decisions if key != best}
     if best != name:

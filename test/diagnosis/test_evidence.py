@@ -139,7 +139,7 @@ def test_criteria_are_the_conventions_that_the_docs_give_reasons_for() -> None:
     assert pytest.approx(stats.norm.ppf(0.95), abs=5e-4) == CRITERIA.interval_z_score
     others = {name: value for name, value in asdict(CRITERIA).items() if not name.endswith("z_score")}
     assert others == {
-        "min_closed_share": 0.05, "min_imitable_share": 0.5, "max_gap_over_noise": 10.0,
+        "min_closed_share": 0.05, "min_imitable_share": 0.5, "max_gap_over_noise": 10.0, "max_sliding_over_noise": 2.0,
         "max_unexplained": 1.0 / 3.0, "max_rate_share": 0.4, "min_gap_over_floor": 1.1, "min_predictable_share": 0.1,
         "block": 0.5, "max_effects": 4,
     }  # fmt: skip

@@ -14,11 +14,12 @@ from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.candidates import MIN_REDUCTION_SHARE
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.diagnosis import Diagnosis, FitState, Options, Round, accepted_candidates
-from sgms_observer.diagnosis.evaluation import evidence_of, sliding_shares
+from sgms_observer.diagnosis.evaluation import evidence_of
 from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.diagnosis.result import by_name
+from sgms_observer.diagnosis.sliding import sliding_shares
 from sgms_observer.settings.axis import EffectSettings
 
 OPTIONS = Options(workers=1, band=25.0)
