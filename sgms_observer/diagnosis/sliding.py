@@ -29,15 +29,15 @@ def slides_fast(model: Model, motions: Sequence[Motion]) -> list[Flags]:
 
     Args:
         model: simulates the contact.
-        motions: the motions. Their median speed while sliding divides the halves.
+        motions: the motions, if any. Their median speed while sliding divides the halves.
     """
     slides = [
         motion.thinned(motion.is_moving & (predict(model, motion).stick_indicator <= MAX_STICKING))
         for motion in motions
     ]
     speeds = [np.abs(motion.thinned(motion.velocity)) for motion in motions]
-    sliding = np.concatenate([speed[at] for speed, at in zip(speeds, slides, strict=True)])
-    middle = float(np.median(sliding)) if len(sliding) else 0.0
+    sliding = [value for speed, at in zip(speeds, slides, strict=True) for value in speed[at].tolist()]
+    middle = float(np.median(sliding)) if sliding else 0.0
     return [at & (speed >= middle) for speed, at in zip(speeds, slides, strict=True)]
 
 

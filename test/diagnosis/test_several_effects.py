@@ -157,6 +157,19 @@ def test_a_sample_counts_by_the_share_of_the_contact_that_slides() -> None:
     np.testing.assert_allclose(np.concatenate(found.all), np.concatenate(evidence.all) * np.concatenate(shares))
 
 
+def test_beside_another_contact_law_the_faster_half_of_the_sliding_samples_counts() -> None:
+    """Without the offset the model leaves more than noise. There is no held-out recording."""
+    learn = motion_of(record((OFFSET,), seed=1, duration=12.0))
+    truth = Model.of(AXIS).with_effects((OFFSET,))
+    evaluation = evaluation_of([learn], truth)
+    right, wrong = (np.concatenate(sliding_shares(model, evaluation)) for model in (truth, Model.of(AXIS)))
+    assert len(right) == len(wrong)
+    speed = np.abs(learn.thinned(learn.velocity))
+    speed = np.interp(np.linspace(0.0, 1.0, len(wrong)), np.linspace(0.0, 1.0, len(speed)), speed)
+    assert 0.35 < wrong.mean() / right.mean() < 0.65
+    assert wrong[speed < np.quantile(speed, 0.5)].max() == 0.0 and wrong[speed > np.quantile(speed, 0.7)].min() == 1.0
+
+
 def test_a_dead_zone_that_is_not_there_has_no_width() -> None:
     """Its width may be zero, so it has no logarithm; by its logarithm it stayed above zero with an error of nothing."""
     evaluation = evaluation_of([motion_of(record(seed=seed, duration=12.0)) for seed in (1, 2)], Model.of(AXIS))
