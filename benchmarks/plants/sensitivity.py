@@ -127,12 +127,12 @@ def decided(result: dict[str, Any], criterion: str, factor: float) -> dict[str, 
     tested = {name for name, group in hypotheses(result["tests"]) if all(test["passed"] for test in group)}
     fresh = [name for name, holds in outcome.items() if holds and name not in was and name not in tested]
     again["effects"] += [{"name": name, "alternatives": [], "parameters": {}} for name in fresh]
-    predicted, outside, others = [], [], []
-    for test in whole:
-        is_outside, is_predicted = FROM_OUTSIDE in test["name"], test["name"].startswith("surely predictable")
-        (outside if is_outside else predicted if is_predicted else others).append(passes(test, criterion, factor))
-    is_told = not all(predicted) or (bool(outside) and not any(outside))
-    is_doubtful = not all(others)
+    passed = {test["name"]: passes(test, criterion, factor) for test in whole}
+    outside = [name for name in passed if FROM_OUTSIDE in name]
+    predictable = [name for name in passed if name.startswith("surely predictable")]
+    acts_from_outside = bool(outside) and not any(passed[name] for name in outside)
+    is_told = acts_from_outside or not all(passed[name] for name in predictable)
+    is_doubtful = not all(passed[name] for name in passed if name not in (*outside, *predictable))
     if again["effects"]:
         again["verdict"] = result["verdict"] if result["verdict"] in NAMING else "effect_found"
     else:

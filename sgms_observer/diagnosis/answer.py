@@ -15,11 +15,11 @@ from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_cont
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, Diagnosis, Options
-from sgms_observer.diagnosis.disturbance import SlidingResidual, fast_sliding_residual, sliding_residual
+from sgms_observer.diagnosis.disturbance import SlidingResidual, sliding_residual
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps, range_tests
 from sgms_observer.diagnosis.free_form import FreeForm
-from sgms_observer.diagnosis.gap import Gap, WeightedResidual, interval, residuals
+from sgms_observer.diagnosis.gap import Gap, WeightedResidual, interval, residuals, rms
 from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
 from sgms_observer.diagnosis.homing import homing_warnings
 from sgms_observer.diagnosis.locate import Located, locate
@@ -27,6 +27,7 @@ from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.model import PERIODIC_DISTURBANCE, Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.named import Named, measured_quantisation, named_effects
+from sgms_observer.diagnosis.sliding import fast_sliding_residual
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.units import Units
 
@@ -226,11 +227,15 @@ def _contact_law_tests(
     others = residuals_with([one for one in final.fit.effects if one.name not in names])
     closed = max(data.rms(others) ** 2 - after, 1.0e-300)
     left, predicted = max(after - final.noise**2, 0.0), predictable_share * after
-    sliding = [fast_sliding_residual(data.rest(one), final.fit.model, criteria) for one in (others, final.after)]
-    squares = [float(np.mean(part**2)) for part in sliding if part is not None]
-    if len(squares) == len(sliding) and squares[0] - squares[1] >= closed:
-        closed, left = squares[0] - squares[1], max(squares[1] - final.noise**2, 0.0)
-        predicted = min(predicted, left)
+    without, with_all = (
+        fast_sliding_residual(data.rest(one), final.fit.model, criteria) for one in (others, final.after)
+    )
+    if without is not None and with_all is not None:
+        left_there = rms([with_all]) ** 2
+        closed_there = rms([without]) ** 2 - left_there
+        if closed_there >= closed:
+            closed, left = closed_there, max(left_there - final.noise**2, 0.0)
+            predicted = min(predicted, left)
     of = ", ".join(sorted(names))
     return [
         *(

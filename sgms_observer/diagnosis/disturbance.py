@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import median_abs_deviation
 
-from sgms_observer.diagnosis.criteria import Criteria, Test, at_most
+from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.free_form import FreeForm
-from sgms_observer.diagnosis.gap import WeightedResidual, rms
+from sgms_observer.diagnosis.gap import rms
 from sgms_observer.diagnosis.gap_data import GapData
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.noise import largest_noise
-from sgms_observer.diagnosis.sliding import slides_fast
+from sgms_observer.diagnosis.sliding import fast_sliding_residual
 from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
@@ -88,17 +88,3 @@ def sliding_residual(
             ),
         ),
     )  # fmt: skip
-
-
-def fast_sliding_residual(rest: WeightedResidual, model: Model, criteria: Criteria) -> Floats | None:
-    """Return the residual while the contact slides fast, or None where the recordings hardly show it [N].
-
-    Args:
-        rest: the residual.
-        model: simulates the contact.
-        criteria: length of a block; two of them have to be left.
-    """
-    fast = slides_fast(model, rest.motions)
-    values = np.concatenate([residual[at] for residual, at in zip(rest.residual, fast, strict=True)])
-    is_enough = len(values) * rest.motions[0].residual_period >= 2.0 * criteria.block
-    return np.asarray(values, dtype=np.float64) if is_enough else None

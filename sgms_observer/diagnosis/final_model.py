@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_contact
+from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least, at_most
 from sgms_observer.diagnosis.decision import within_range
 from sgms_observer.diagnosis.diagnosis import Round, accepted_candidates
@@ -16,7 +16,7 @@ from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.gap_data import GapData
-from sgms_observer.diagnosis.map_fit import AT_REST, COORDINATES, MAP_NAMES, FittedMap, fit_map, with_map
+from sgms_observer.diagnosis.map_fit import AT_REST, COORDINATES, MAP_NAMES, OF_CONTACT, FittedMap, fit_map, with_map
 from sgms_observer.diagnosis.map_formula import Formula, formula_of
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.effects.catalogue import effect
@@ -181,7 +181,7 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
     tests = []
     for one in accepted_candidates(final.accepted):
         is_confusable = is_confusable_with_contact(one.name)
-        coordinates = {*CONTACT, "load"} if is_confusable else set(effect(one.name).coordinates)
+        coordinates = OF_CONTACT if is_confusable else set(effect(one.name).coordinates)
         over = [key for key in COORDINATES if set(key) <= coordinates | {"direction"} and set(key) & coordinates]
         if not over or one.is_contact_law:
             continue

@@ -30,6 +30,8 @@ COORDINATES = (
 AT_REST = (("rest",), ("rest", "direction"))
 """Coordinates of what relaxes while the stage rests. The evidence hardly counts such samples, so these maps are fitted
 and judged with the weights of the gap."""
+OF_CONTACT = frozenset({*CONTACT, "load", "rest"})
+"""Coordinates that the force of any contact law may depend on."""
 POINTS = {1: 24, 2: 10}
 """Number of grid points of a coordinate, by the number of coordinates with a grid."""
 
@@ -57,7 +59,7 @@ class FittedMap:
     @property
     def is_of_contact(self) -> bool:
         """Return whether the force may be that of another contact law."""
-        return set(self.coordinates) <= {*CONTACT, "load", "rest"}
+        return set(self.coordinates) <= OF_CONTACT
 
     @property
     def settings(self) -> EffectSettings:

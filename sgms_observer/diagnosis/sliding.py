@@ -11,8 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.evidence import blocks_of
+from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.uncertainty import series_length
@@ -21,7 +23,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MAX_STICKING = 0.05
-"""Largest share of the contact that sticks while it counts as sliding."""
+"""Largest share of the contact that sticks while it counts as sliding: 5 %, by convention."""
 
 
 def slides_fast(model: Model, motions: Sequence[Motion]) -> list[Flags]:
@@ -36,8 +38,8 @@ def slides_fast(model: Model, motions: Sequence[Motion]) -> list[Flags]:
         for motion in motions
     ]
     speeds = [np.abs(motion.thinned(motion.velocity)) for motion in motions]
-    sliding = [value for speed, at in zip(speeds, slides, strict=True) for value in speed[at].tolist()]
-    middle = float(np.median(sliding)) if sliding else 0.0
+    sliding = np.concatenate([np.zeros(0), *(speed[at] for speed, at in zip(speeds, slides, strict=True))])
+    middle = float(np.median(sliding)) if len(sliding) else 0.0
     return [at & (speed >= middle) for speed, at in zip(speeds, slides, strict=True)]
 
 
@@ -52,14 +54,35 @@ def sliding_shares(model: Model, evaluation: EvaluationData) -> list[Floats]:
         evaluation: the recordings.
     """
     found: list[Floats] = []
+    is_contact_right = evaluation.is_gap_closed(model)
     for data in (evaluation.fit_data, evaluation.held_out_data):
-        fast = None if evaluation.is_gap_closed(model) else slides_fast(model, data.motions)
-        for place, (motion, noise) in enumerate(zip(data.motions, data.noise, strict=True)):
-            share = 1.0 - np.clip(motion.thinned(predict(model, motion).stick_indicator), 0.0, 1.0)
-            if fast is not None:
-                share = fast[place].astype(np.float64)
+        if is_contact_right:
+            shares = _slides(model, data.motions)
+        else:
+            shares = [np.asarray(fast, dtype=np.float64) for fast in slides_fast(model, data.motions)]
+        for motion, noise, share in zip(data.motions, data.noise, shares, strict=True):
             count = series_length(motion, noise)
             at = np.linspace(0.0, len(share) - 1.0, count)
             period = len(motion.time) * motion.period / count
             found += blocks_of(np.interp(at, np.arange(len(share)), share), period, evaluation.criteria.block)
     return found
+
+
+def _slides(model: Model, motions: Sequence[Motion]) -> list[Floats]:
+    """Return for each motion the share of the contact that slides at the samples of residuals."""
+    sticks = [motion.thinned(predict(model, motion).stick_indicator) for motion in motions]
+    return [1.0 - np.clip(stick, 0.0, 1.0) for stick in sticks]
+
+
+def fast_sliding_residual(rest: WeightedResidual, model: Model, criteria: Criteria) -> Floats | None:
+    """Return the residual while the contact slides fast, or None where the recordings hardly show it [N].
+
+    Args:
+        rest: the residual.
+        model: simulates the contact.
+        criteria: length of a block; two of them have to be left.
+    """
+    fast = slides_fast(model, rest.motions)
+    values = np.concatenate([residual[at] for residual, at in zip(rest.residual, fast, strict=True)])
+    is_enough = len(values) * rest.motions[0].residual_period >= 2.0 * criteria.block
+    return np.asarray(values, dtype=np.float64) if is_enough else None

@@ -1,5 +1,6 @@
 """A force from outside does not repeat: no model predicts it, but the answer tells of it."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 
+Force = Callable[[int, np.random.Generator], np.ndarray]
 PERIOD = 1.0 / 250.0
 OPTIONS = Options(workers=1, band=25.0)
 LAW = EffectSettings("frictional_lag", (20.0, 5.0e-6))
@@ -38,7 +40,7 @@ def nothing(count: int, rng: np.random.Generator) -> np.ndarray:
     return np.zeros(count)
 
 
-def answered(force, effects: tuple[EffectSettings, ...] = ()) -> Answer:  # type: ignore[no-untyped-def]
+def answered(force: Force, effects: tuple[EffectSettings, ...] = ()) -> Answer:
     """Return the answer on two recordings, each with a force of its own on the stage."""
     pair = []
     for seed in (1, 2):
@@ -55,7 +57,7 @@ def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(("force", "when"), [(blows, "at times"), (wandering, "all the time")])
-def test_a_force_from_outside_is_told_and_has_no_name(force, when: str) -> None:  # type: ignore[no-untyped-def]
+def test_a_force_from_outside_is_told_and_has_no_name(force: Force, when: str) -> None:
     answer = answered(force)
     assert answer.verdict == "unknown_effect" and answer.remainder == "unknown"
     assert not answer.effects and not answer.learnt

@@ -212,30 +212,26 @@ def test_two_recordings_hardly_tell_how_much_a_size_scatters() -> None:
     assert found.size_over(0, 1.0, float(found.std_errors[0])) < 1.645
 
 
-@pytest.mark.parametrize(("over_error", "is_named"), [(1.6, False), (1.7, True)])
-def test_the_reported_interval_of_an_effect_that_a_contact_can_imitate_does_not_contain_zero(
-    over_error: float, is_named: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(WrittenFits, "strength_over_error", lambda *_: over_error)
-    gain = EffectSettings("actuator_gain", (0.8,))
-    learn, held = (record((gain,), seed, 12.0) for seed in (1, 2))
-    others = frozenset(name for name in names() if name != gain.name) | frozenset(CHANGE_HYPOTHESES)
-    found = diagnose([learn], [held], AXIS, Options(workers=1, excluded=others))
-    (test,) = [one for item in found.rounds for one in item.tests if one.name == REPORTED]
-    assert test.value == over_error and test.passed == is_named == bool(found.accepted)
-
-
-@pytest.mark.parametrize(("over_scatter", "is_named"), [(2.9, False), (3.1, True)])
+@pytest.mark.parametrize(
+    ("owner", "method", "title", "value", "is_named"),
+    [
+        (WrittenFits, "strength_over_error", REPORTED, 1.6, False),
+        (WrittenFits, "strength_over_error", REPORTED, 1.7, True),
+        (RecordingEstimates, "strength_over_scatter", SCATTER, 2.9, False),
+        (RecordingEstimates, "strength_over_scatter", SCATTER, 3.1, True),
+    ],
+)
 def test_a_strength_of_another_size_in_each_recording_is_not_named(
-    over_scatter: float, is_named: bool, monkeypatch: pytest.MonkeyPatch
+    owner: type, method: str, title: str, value: float, is_named: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RecordingEstimates, "strength_over_scatter", lambda *_: over_scatter)
+    """A contact can imitate a gain, so its reported interval has to exclude zero, too."""
+    monkeypatch.setattr(owner, method, lambda *_: value)
     gain = EffectSettings("actuator_gain", (0.8,))
     learn, held = (record((gain,), seed, 12.0) for seed in (1, 2))
     others = frozenset(name for name in names() if name != gain.name) | frozenset(CHANGE_HYPOTHESES)
     found = diagnose([learn], [held], AXIS, Options(workers=1, excluded=others))
-    (test,) = [one for item in found.rounds for one in item.tests if one.name == SCATTER]
-    assert test.value == over_scatter and test.passed == is_named == bool(found.accepted)
+    (test,) = [one for item in found.rounds for one in item.tests if one.name == title]
+    assert test.value == value and test.passed == is_named == bool(found.accepted)
 
 
 def test_a_gain_that_another_contact_law_feigns_is_within_the_tolerance_of_the_file() -> None:
