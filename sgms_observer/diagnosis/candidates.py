@@ -6,7 +6,7 @@ itself (friction, elements, contact law).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -158,18 +158,20 @@ def _with_second_harmonic(setup: RefitSetup, found: Refit, place: int, columns: 
     return found
 
 
-def effect_candidates(setup: RefitSetup, screen: Screen, before: Refit, workers: int, most: int) -> list[Candidate]:
-    """Fit the effects that pass the screening.
+def fitted_candidates(
+    setup: RefitSetup, screen: Screen, before: Refit, workers: int, others: Sequence[Callable[[], Candidate]]
+) -> list[Candidate]:
+    """Fit the effects that pass the screening, and other hypotheses beside them.
 
     Args:
         setup: setup of the fits.
         screen: screening of the residual of ``before``.
-        before: fit without the effects.
+        before: fit without the hypotheses.
         workers: number of threads.
-        most: largest number of final fits.
+        others: functions that fit one other hypothesis each.
 
     Returns:
-        Candidates with their own derivatives, the lowest cost first.
+        Candidates with their own derivatives: effects, the lowest cost first, then the others.
     """
     screenings = screen.screenings
     largest = max((screening.chi2_reduction for screening in screenings.values()), default=0.0)
@@ -179,23 +181,23 @@ def effect_candidates(setup: RefitSetup, screen: Screen, before: Refit, workers:
     ]
     promising += [name for name in ABSORBED_BY_NOMINAL if name in screenings and name not in promising]
     jobs = [start for name in promising for start in screen.starts(name)]
-    one_thread = replace(setup, workers=1)
 
     def first(start: EffectSettings) -> Refit:
-        return first_fit(with_free_effect(one_thread, start.name), before, start, screen.nominal_columns)
-
-    with ThreadPoolExecutor(max_workers=workers) as pool:
-        done = list(pool.map(first, jobs))
-    best: dict[str, Refit] = {}
-    for start, found in zip(jobs, done, strict=True):
-        if found.cost < before.cost and (start.name not in best or found.cost < best[start.name].cost):
-            best[start.name] = found
-    ranked = sorted(best, key=lambda name: best[name].cost)
-    names = ranked[:most] + [name for name in ranked[most:] if name in ABSORBED_BY_NOMINAL]
+        return first_fit(with_free_effect(setup, start.name), before, start, screen.nominal_columns)
 
     def last(name: str) -> Candidate:
-        free = with_free_effect(one_thread, name)
+        free = with_free_effect(setup, name)
         return Candidate(name, free, finish_fit(free, best[name]), screenings[name].trials)
 
     with ThreadPoolExecutor(max_workers=workers) as pool:
-        return sorted(pool.map(last, names), key=lambda item: item.refit.cost)
+        first_fits = [pool.submit(first, start) for start in jobs]
+        other_fits = [pool.submit(fit) for fit in others]
+        best: dict[str, Refit] = {}
+        for start, job in zip(jobs, first_fits, strict=True):
+            found = job.result()
+            if found.cost < before.cost and (start.name not in best or found.cost < best[start.name].cost):
+                best[start.name] = found
+        ranked = sorted(best, key=lambda name: best[name].cost)
+        names = ranked[:MAX_COMPARED] + [name for name in ranked[MAX_COMPARED:] if name in ABSORBED_BY_NOMINAL]
+        effects = sorted(pool.map(last, names), key=lambda item: item.refit.cost)
+        return [*effects, *(job.result() for job in other_fits)]

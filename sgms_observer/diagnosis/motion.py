@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from threading import Lock
 from typing import Any, TypeVar
 
 import numpy as np
@@ -43,6 +44,7 @@ HELD_LAG = 0.5
 """Lag of an effort that is held between samples, in samples."""
 MAX_CACHED = 4
 """Number of cached results per motion and kind: a parameter outside the contact needs no new simulation."""
+_CACHE_LOCK = Lock()
 REST_SHARE = 2.0e-3
 """The stage counts as resting below this share of the 99.5 % quantile of the speed."""
 _GAUSSIAN_WIDTH = math.sqrt(math.log(2.0)) / (2.0 * math.pi)
@@ -154,8 +156,10 @@ class Motion:
         found = cache.get(key)
         if found is None:
             found = make()
+        with _CACHE_LOCK:
+            cache.pop(key, None)
             while len(cache) >= MAX_CACHED:
-                cache.pop(next(iter(cache), None), None)
+                cache.pop(next(iter(cache)))
             cache[key] = found
         return found
 

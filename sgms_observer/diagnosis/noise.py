@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -97,12 +98,34 @@ class Noise:
         n = values.shape[0]
         scaled = values * (weights if values.ndim == 1 else weights[:, None])
         spectrum = np.fft.rfft(scaled, axis=0)
-        frequency = np.asarray(np.fft.rfftfreq(n, self.period), dtype=np.float64)
-        keep = frequency <= self.band
-        gain = np.sqrt(2.0 * self.period / (n * self.density(frequency[keep])))
-        gain[0] /= np.sqrt(2.0)
-        spectrum = spectrum[keep] * (gain if values.ndim == 1 else gain[:, None])
+        gain = _unit_gain(self, n)
+        spectrum = spectrum[: len(gain)] * (gain if values.ndim == 1 else gain[:, None])
         return np.concatenate([spectrum.real, spectrum.imag[1:]])
+
+    def count(self, samples: int) -> int:
+        """Return the length of a whitened column of so many samples."""
+        return 2 * len(_unit_gain(self, samples)) - 1
+
+    def adjoint(self, whitened: Floats, weights: Floats) -> Floats:
+        """Return the series whose product with any residual is that of ``whitened`` with the whitened residual.
+
+        Args:
+            whitened: a whitened column.
+            weights: see ``weights``.
+        """
+        n, gain = len(weights), _unit_gain(self, len(weights))
+        spectrum = gain * (whitened[: len(gain)] + 1j * np.concatenate([[0.0], whitened[len(gain) :]]))
+        spectrum[1:] *= 0.5  # the inverse transform counts every bin but the first twice
+        return np.asarray(n * np.fft.irfft(spectrum, n) * weights, dtype=np.float64)
+
+
+@lru_cache(maxsize=64)
+def _unit_gain(noise: Noise, count: int) -> Floats:
+    """Return the gain to unit variance of each bin below the band of the spectrum of ``count`` samples."""
+    frequency = np.asarray(np.fft.rfftfreq(count, noise.period), dtype=np.float64)
+    gain = np.sqrt(2.0 * noise.period / (count * noise.density(frequency[frequency <= noise.band])))
+    gain[0] /= np.sqrt(2.0)
+    return np.asarray(gain, dtype=np.float64)
 
 
 def largest_noise(noise: Sequence[Noise]) -> Noise:

@@ -32,6 +32,11 @@ MIN_PERIODS = 20
 """Smallest number of periods of a periodic disturbance in the recording: the motion explains slower ones as well."""
 MAX_SHAPES = 8
 """Largest number of shapes that are kept for an effect."""
+SINES_OF_POSITION, PITCH = ("cogging", "position_periodic_friction"), 1
+"""Effects that are a sine of the position, and the index of its pitch."""
+MANY_SHAPES, NORM_STEP = 96, 8
+"""Of more pitches than this, only so many are computed in full: those that look best with a norm that is known for
+every ``NORM_STEP``-th one."""
 
 
 @dataclass(frozen=True)
@@ -157,19 +162,58 @@ class Screen:
         """Return the screening of one effect, with one shape in memory at a time."""
         if name == PERIODIC_DISTURBANCE:
             return self._strongest_sine()
-        found: list[tuple[float, Columns]] = []
-        shares: list[float] = []
         shapes = search.shapes(name, self.data.motions, self.model)
+        step = NORM_STEP if name in SINES_OF_POSITION and len(shapes) > MANY_SHAPES else 1
+        found, norms, shares = self._computed(name, shapes[::step])
+        if step > 1:
+            found, *_ = self._computed(name, self._promising(name, shapes, norms))
+        return Screening(tuple(found), len(shapes), float(np.median(shares)) if shares else 0.0)
+
+    def _computed(
+        self, name: str, shapes: Sequence[search.Shape]
+    ) -> tuple[list[tuple[float, Columns]], list[float], list[float]]:
+        """Return the best shapes with their chi2_reduction, each shape's norm after the projection, and the shares.
+
+        Shares are those of the norms that the nominal parameters do not absorb, of the shapes that they leave.
+        """
+        found: list[tuple[float, Columns]] = []
+        norms, shares = [], []
         for shape in shapes:
             raw = np.column_stack([self._column(name, item.values) for item in shape.columns()])
             item = self._orthonormal(shape, raw)
+            norms.append(0.0 if item is None else item.independent_share * item.norm)
             if item is None:
                 continue
             shares.append(item.independent_share)
             reduction = item.chi2_reduction(self._left)
             if reduction > 0.0:
                 found = sorted([*found, (reduction, item)], key=lambda pair: -pair[0])[:MAX_SHAPES]
-        return Screening(tuple(found), len(shapes), float(np.median(shares)) if shares else 0.0)
+        return found, norms, shares
+
+    def _promising(self, name: str, shapes: Sequence[search.Shape], norms: Sequence[float]) -> list[search.Shape]:
+        """Return the pitches of a sine of the position that may reduce the residual most.
+
+        The projection of the residual on a sine is exact, without whitening the sine; its norm is interpolated, because
+        neighbouring pitches have nearly the same.
+
+        Args:
+            name: the effect, a sine of the position that is added, or that scales the friction.
+            shapes: all its shapes.
+            norms: norm after the projection of every ``NORM_STEP``-th of them.
+        """
+        waves, place = 1.0 / np.array([shape.bases[0][PITCH] for shape in shapes]), 0
+        sums = np.zeros(len(shapes), dtype=np.complex128)
+        for noise, weights, thin in zip(self.data.noise, self.data.weights, self._thin, strict=True):
+            part = self._left[place : place + noise.count(len(weights))]
+            place += len(part)
+            force = noise.adjoint(part, weights)
+            if effect(name).place is Place.LEVEL_FACTOR:
+                force = force * thin["friction"]
+            sums += search.sums_over_waves(thin["q"], force, waves)
+        places = np.arange(len(shapes))
+        norm = np.interp(places, places[::NORM_STEP], norms)
+        order = np.argsort(-np.abs(sums) / np.maximum(norm, 1.0e-3 * norm.max()), kind="stable")
+        return [shapes[k] for k in order[:MANY_SHAPES]]
 
     def _strongest_sine(self) -> Screening:
         """Return the screening of sines in time near the largest line of all spectra; every line counts as a trial.

@@ -97,6 +97,24 @@ def sine_and_cosine(name: str, size: float, period: float) -> Shape:
     return Shape(name, ((size, period, 0.0, *tail), (size, period, 0.5 * math.pi, *tail)), combine)
 
 
+def sums_over_waves(position: Floats, weights: Floats, waves: Floats) -> NDArray[np.complex128]:
+    """Return the weighted sum of ``exp(2 pi i position wave)`` over the samples, for each wave.
+
+    Args:
+        position: shape (n,) [m].
+        weights: of the samples, shape (n,).
+        waves: spatial frequencies [1/m]; each costs one multiplication per sample where they are evenly spaced.
+    """
+    found = np.zeros(len(waves), dtype=np.complex128)
+    turned, turn, last = weights.astype(np.complex128), np.ones(1), 0.0
+    for k, step in enumerate(np.diff(waves, prepend=0.0)):
+        if not math.isclose(step, last, rel_tol=1.0e-6):
+            turn, last = np.exp(2.0j * np.pi * step * position), step
+        turned *= turn
+        found[k] = turned.sum()
+    return found
+
+
 def shapes(name: str, motions: Sequence[Motion], model: Model) -> list[Shape]:
     """Return the shapes of an effect that these recordings can show.
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from sgms_observer.diagnosis import audit
-from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, effect_candidates, finish_fit
+from sgms_observer.diagnosis.candidates import Candidate, finish_fit, fitted_candidates
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, can_be_freed, changed_candidate
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.decision import (
@@ -345,8 +346,9 @@ def _search(
         earlier = evidence_of(current, evaluation)
         screen = Screen(setup.data, current, options.tolerance, setup.freedom, names, options.workers)
         report("full fits", share + 0.02)
-        fitted = effect_candidates(setup, screen, current, options.workers, MAX_COMPARED)
-        fitted += [changed_candidate(setup, current, name) for name in changed if can_be_freed(setup, name)]
+        one_thread = replace(setup, workers=1)  # one hypothesis per thread
+        others = [partial(changed_candidate, one_thread, current, one) for one in changed if can_be_freed(setup, one)]
+        fitted = fitted_candidates(one_thread, screen, current, options.workers, others)
         decisions = [decide(item, current, earlier, evaluation) for item in fitted if item.refit.cost < current.cost]
         decisions.sort(key=lambda item: -item.improvement.decrease)
         state = state.with_least_of(decisions)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from workflow_case import AXIS, FRICTION, PERIOD, record
 
-from sgms_observer.diagnosis.candidates import Candidate, effect_candidates
+from sgms_observer.diagnosis import screen
+from sgms_observer.diagnosis.candidates import Candidate, fitted_candidates
 from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.diagnosis.criteria import Criteria, at_least
 from sgms_observer.diagnosis.decision import Decision, comparisons
@@ -22,6 +23,7 @@ from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, motion_of, play_opera
 from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, fit_noise
 from sgms_observer.diagnosis.replicates import coloured, replicate_of
 from sgms_observer.diagnosis.screen import Screen
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.errors import DataError
 from sgms_observer.offline.encoder import position_noise, without_unit_rounding
 from sgms_observer.offline.recording import Recording
@@ -149,6 +151,29 @@ def test_a_replicate_has_the_noise_and_nothing_else() -> None:
     assert float(np.std(left)) < 2.0 * noise.rms + 0.02
 
 
+@pytest.mark.parametrize("count", [1000, 1001])
+def test_the_adjoint_of_the_whitening_gives_the_same_product(count: int) -> None:
+    rng = np.random.default_rng(count)
+    noise, weights = Noise(0.004, 1e-4, 25.0, 1e-5, 0.0, 100.0), rng.uniform(0.1, 1.0, count)
+    column, series = rng.normal(size=noise.count(count)), rng.normal(size=count)
+    assert column @ noise.whitened(series, weights) == pytest.approx(series @ noise.adjoint(column, weights), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", screen.SINES_OF_POSITION)
+def test_few_pitches_computed_in_full_give_the_screening_of_all(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    size = 0.2 if name == "cogging" else 0.05
+    motion = motion_of(record((EffectSettings(name, (size, 2.3e-3, 1.0, *effect(name).defaults[3:])),)))
+    model = Model(5.0, FRICTION)
+    data = data_with_own_noise((motion,), model)
+    plain = refit(data, model, 0.05, iterations=5)
+    few = Screen(data, plain, 0.05, Freedom(), (name,), 1).screenings[name]
+    monkeypatch.setattr(screen, "MANY_SHAPES", few.trials)
+    every = Screen(data, plain, 0.05, Freedom(), (name,), 1).screenings[name]
+    assert few.trials == every.trials > 2 * 96
+    assert [found for found, _ in few.best] == [found for found, _ in every.best]
+    assert few.independent_share == pytest.approx(every.independent_share, abs=0.02)
+
+
 @pytest.mark.parametrize(("name", "known"), [("mass_error", 4.4), ("actuator_gain", 5.0)])
 def test_mass_and_gain_are_effects_where_the_tolerance_does_not_reach_them(name: str, known: float) -> None:
     source = record()
@@ -161,7 +186,7 @@ def test_mass_and_gain_are_effects_where_the_tolerance_does_not_reach_them(name:
     assert plain.model.mass <= 1.05 * known * (1.0 + 1e-9)  # the tolerance is its owner's word
     setup = RefitSetup(data, model, 0.05)
     screen = Screen(data, plain, 0.05, Freedom(), (name,), 1)
-    (found,) = effect_candidates(setup, screen, plain, 1, 1)
+    (found,) = fitted_candidates(setup, screen, plain, 1, [])
     assert found.settings is not None and found.name == name
     if name == "mass_error":
         assert found.refit.model.mass + found.settings.values[0] == pytest.approx(5.0, rel=0.01)
