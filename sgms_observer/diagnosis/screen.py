@@ -168,7 +168,7 @@ class Screen:
         shapes = search.shapes(name, self.data.motions, self.model)
         step = NORM_STEP if name in SINES_OF_POSITION and len(shapes) > MANY_SHAPES else 1
         found, norms, shares = self._computed(name, shapes[::step])
-        if step > 1:
+        if step > 1 and any(norms):
             found, *_ = self._computed(name, self._promising(name, shapes, norms))
         return Screening(tuple(found), len(shapes), float(np.median(shares)) if shares else 0.0)
 
