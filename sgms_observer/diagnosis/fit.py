@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.contact_slopes import contact_parameters, contact_slopes
 from sgms_observer.diagnosis.model import (
     COULOMB,
     DAMPING,
@@ -86,14 +85,6 @@ class WhitenedData:
     def residual(self, model: Model) -> Floats:
         """Return the whitened residual of a model."""
         return self.whitened([predict(model, motion).residual for motion in self.motions])
-
-    def contact_slopes(self, nominal: Model, logs: Floats) -> Floats:
-        """Return the whitened derivatives with respect to the parameters of the contact, see ``contact_slopes``."""
-        parts = [
-            noise.whitened(motion.low_pass(contact_slopes(nominal, logs, motion)).T, weights)
-            for motion, noise, weights in zip(self.motions, self.noise, self.weights, strict=True)
-        ]
-        return np.concatenate(parts)
 
     @property
     def count(self) -> int:
@@ -313,10 +304,7 @@ def refit(
 
     def residual(z: Floats) -> Floats:
         model, moved = unpack(z)
-        return np.concatenate([data.residual(model), prior(z, moved)])
-
-    def prior(z: Floats, moved: Sequence[EffectSettings]) -> Floats:
-        return total_force_logs(z[:n], nominal, moved) / widths
+        return np.concatenate([data.residual(model), total_force_logs(z[:n], nominal, moved) / widths])
 
     here = residual(x)
     cost = 0.5 * float(here @ here)
@@ -325,14 +313,6 @@ def refit(
     if nominal_columns is not None:
         jacobian[:, :n] = np.vstack([nominal_columns, np.diag(1.0 / widths)])
     units = np.concatenate([1.0 / widths, np.ones(len(free))])
-
-    in_contact = contact_parameters(nominal.with_effects(effects))
-
-    def contact_columns() -> Floats:
-        moved = unpack(x)[1]
-        steps = DERIVATIVE_STEP * np.eye(len(x))[in_contact]
-        of_prior = [(prior(x + step, moved) - prior(x, moved)) / DERIVATIVE_STEP for step in steps]
-        return np.vstack([data.contact_slopes(nominal.with_effects(moved), x[:n]), np.transpose(of_prior)])
 
     def derivative(k: int) -> Floats:
         step = DERIVATIVE_STEP if x[k] + DERIVATIVE_STEP <= high[k] else -DERIVATIVE_STEP
@@ -343,10 +323,7 @@ def refit(
     age, is_small = 0, False
     with ThreadPoolExecutor(max_workers=workers) as pool:
         for _ in range(iterations):
-            is_fresh = nominal_columns is None and age == 0
-            if is_fresh and in_contact:
-                jacobian[:, in_contact] = contact_columns()
-            wanted = [k for k in range(0 if is_fresh else n, len(x)) if k not in in_contact]
+            wanted = range(n if nominal_columns is not None or age > 0 else 0, len(x))
             for k, column in zip(wanted, pool.map(derivative, wanted), strict=True):
                 jacobian[:, k] = column
             normal, gradient = jacobian.T @ jacobian, jacobian.T @ here

@@ -166,67 +166,13 @@ class Prediction:
         friction: simulated element friction [N].
         stick_indicator: 0 where the contact slides, 1 where it sticks or creeps and the encoder resolution matters;
             empty if the contact was not simulated.
-        needed: force that the motion needs [N].
         phases: phase of each periodic disturbance in this recording [rad].
     """
 
     residual: Floats
     friction: Floats
     stick_indicator: Floats
-    needed: Floats
     phases: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class CorrectedMotion:
-    """A motion corrected by the effects outside the contact: true position, added force and added mass."""
-
-    position: Floats
-    velocity: Floats
-    acceleration: Floats
-    first: Floats
-    second: Floats
-    force: Floats
-    added_mass: float
-    has_position: bool
-
-
-@dataclass(frozen=True)
-class Parts:
-    """A model along a motion, by where its effects act.
-
-    Attributes:
-        on_sliding_force: effects on the sliding force.
-        on_path: effects on the path of the effort.
-        periodic: forces that are periodic in time.
-        corrected: the motion, corrected by the other effects.
-        sides: factors on the sliding force for forward and backward motion.
-    """
-
-    on_sliding_force: tuple[EffectSettings, ...]
-    on_path: tuple[EffectSettings, ...]
-    periodic: tuple[EffectSettings, ...]
-    corrected: CorrectedMotion
-    sides: tuple[float, float]
-
-
-def parts_of(model: Model, motion: Motion) -> Parts:
-    """Return the parts of a model along a motion.
-
-    Args:
-        model: the model.
-        motion: the recording.
-    """
-    on_sliding_force = tuple(item for item in model.effects if effect(item.name).place is Place.LEVEL_FACTOR)
-    on_path = tuple(item for item in model.effects if effect(item.name).place is Place.EFFORT_PATH)
-    periodic = tuple(item for item in model.effects if item.name == PERIODIC_DISTURBANCE)
-    others = tuple(item for item in model.effects if item not in on_sliding_force + on_path + periodic)
-    sides = (1.0, 1.0)
-    for item in on_sliding_force:
-        if item.name == ASYMMETRIC_COULOMB:
-            forward, backward = (float(asymmetric_coulomb(side, item.values)) for side in (1.0, -1.0))
-            sides = (sides[0] * forward, sides[1] * backward)
-    return Parts(on_sliding_force, on_path, periodic, _corrected_motion(others, model.friction, motion), sides)
 
 
 def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) -> Prediction:
@@ -240,13 +186,23 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         fixed_friction: element friction of the model without effects on the sliding force. If given, these effects
             scale it and the contact is not simulated again (for the screening of many effects).
     """
-    friction, parts = model.friction, parts_of(model, motion)
-    on_sliding_force, on_path, corrected, sides = parts.on_sliding_force, parts.on_path, parts.corrected, parts.sides
+    friction = model.friction
+    on_sliding_force = tuple(item for item in model.effects if effect(item.name).place is Place.LEVEL_FACTOR)
+    on_path = tuple(item for item in model.effects if effect(item.name).place is Place.EFFORT_PATH)
+    periodic = tuple(item for item in model.effects if item.name == PERIODIC_DISTURBANCE)
+    corrected = _corrected_motion(
+        tuple(item for item in model.effects if item not in on_sliding_force + on_path + periodic), friction, motion
+    )
+    sides = (1.0, 1.0)
+    for item in on_sliding_force:
+        if item.name == ASYMMETRIC_COULOMB:
+            forward, backward = (float(asymmetric_coulomb(side, item.values)) for side in (1.0, -1.0))
+            sides = (sides[0] * forward, sides[1] * backward)
     if fixed_friction is None:
 
         def simulated() -> tuple[Floats, Floats]:
             sliding_force = stribeck(friction, corrected.position, motion.period)
-            factor = factor_on_sliding_force(parts, sliding_force, motion)
+            factor = _factor(on_sliding_force, sliding_force, corrected, motion)
             return element_friction(
                 friction,
                 corrected.first,
@@ -265,7 +221,7 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         sliding_force = stribeck(friction, corrected.position, motion.period)
         elements = (
             fixed_friction
-            * factor_on_sliding_force(parts, sliding_force, motion)
+            * _factor(on_sliding_force, sliding_force, corrected, motion)
             * np.where(corrected.velocity > 0.0, *sides)
         )
         stick_indicator = np.zeros(0)
@@ -276,11 +232,11 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         mass * corrected.acceleration + friction.viscous_coefficient * corrected.velocity + elements + corrected.force
     )
     command, phases = needed_command(on_path, needed, motion), []
-    for item in parts.periodic:
+    for item in periodic:
         phases.append(_phase_in(item, on_path, needed, command, motion))
         needed = needed + _periodic_force(item, phases[-1], motion)
         command = needed_command(on_path, needed, motion)
-    return Prediction(motion.effort - command, elements, stick_indicator, needed, tuple(phases))
+    return Prediction(motion.effort - command, elements, stick_indicator, tuple(phases))
 
 
 def with_phases_of(model: Model, motion: Motion) -> Model:
@@ -350,12 +306,26 @@ def needed_command(on_path: Sequence[EffectSettings], needed: Floats, motion: Mo
     return np.asarray(command, dtype=np.float64)
 
 
+@dataclass(frozen=True)
+class _CorrectedMotion:
+    """A motion corrected by the effects outside the contact: true position, added force and added mass."""
+
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    first: Floats
+    second: Floats
+    force: Floats
+    added_mass: float
+    has_position: bool
+
+
 def _corrected_motion(
     others: tuple[EffectSettings, ...], friction: FrictionSettings, motion: Motion
-) -> CorrectedMotion:
+) -> _CorrectedMotion:
     """Return the motion corrected by the effects outside the contact; cached, because many fits need the same one."""
 
-    def computed() -> CorrectedMotion:
+    def computed() -> _CorrectedMotion:
         position, velocity, acceleration = motion.position, motion.velocity, motion.acceleration
         first, second, n = motion.first, motion.second, len(motion.position)
         effects = CompiledEffects(others, motion.period)
@@ -371,7 +341,7 @@ def _corrected_motion(
             position, velocity, moved, motion.time, motion.effort, np.full(n, motion.period),
             stribeck(friction, position, motion.period), state, motion.other_velocity, motion.other_acceleration,
         )  # fmt: skip
-        return CorrectedMotion(
+        return _CorrectedMotion(
             position, velocity, acceleration, first, second, force, effects.added_mass, effects.has_position
         )
 
@@ -386,10 +356,11 @@ def _corrected_motion(
     )
 
 
-def factor_on_sliding_force(parts: Parts, sliding_force: Floats, motion: Motion) -> Floats:
+def _factor(
+    on_sliding_force: tuple[EffectSettings, ...], sliding_force: Floats, corrected: _CorrectedMotion, motion: Motion
+) -> Floats:
     """Return the factor of effects on the sliding force, except the one that depends on the direction."""
-    corrected = parts.corrected
-    symmetric = tuple(item for item in parts.on_sliding_force if item.name != ASYMMETRIC_COULOMB)
+    symmetric = tuple(item for item in on_sliding_force if item.name != ASYMMETRIC_COULOMB)
 
     def computed() -> Floats:
         effects = CompiledEffects(symmetric, motion.period)
@@ -422,14 +393,9 @@ def compensated_for_hold(acceleration: Floats) -> Floats:
     return np.asarray((7.0 * near - far) / 12.0, dtype=np.float64)
 
 
-def step_speed(position: Floats, period: float) -> Floats:
-    """Return the mean velocity of the step before each sample [m/s], shape (n,)."""
-    return np.concatenate(([0.0], np.diff(position))) / period
-
-
 def stribeck(friction: FrictionSettings, position: Floats, period: float) -> Floats:
     """Return the sliding force along a motion [N]."""
-    speed = step_speed(position, period)
+    speed = np.concatenate(([0.0], np.diff(position))) / period
     return np.asarray(stribeck_level(speed, friction.static_force, friction.coulomb_force, friction.stribeck_velocity))
 
 

@@ -129,9 +129,9 @@ class Motion:
         return contact_motion(raw, self.contact_width, self.step, self.period, self.resolution)
 
     def low_pass(self, values: Floats) -> Floats:
-        """Return ``values`` below the band, at the rate of residuals, edges dropped; shape (n,) or (k, n)."""
+        """Return ``values`` below the band, at the rate of residuals, edges dropped."""
         filtered = signal.sosfiltfilt(_band_filter(self.period, self.band), values)
-        return np.asarray(filtered[..., self._residual_samples], dtype=np.float64)
+        return np.asarray(filtered[self._residual_samples], dtype=np.float64)
 
     def thinned(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """Return ``values`` at the samples of ``low_pass``."""
