@@ -164,7 +164,7 @@ def fitted_candidates(
     """Fit the effects that pass the screening, and other hypotheses beside them.
 
     Args:
-        setup: setup of the fits.
+        setup: setup of the fits, each of them in one thread.
         screen: screening of the residual of ``before``.
         before: fit without the hypotheses.
         workers: number of threads.

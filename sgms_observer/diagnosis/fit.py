@@ -86,11 +86,6 @@ class WhitenedData:
         """Return the whitened residual of a model."""
         return self.whitened([predict(model, motion).residual for motion in self.motions])
 
-    @property
-    def count(self) -> int:
-        """Number of whitened residuals."""
-        return len(self.whitened([np.zeros(len(motion.time)) for motion in self.motions]))
-
 
 def data_with_own_noise(motions: Sequence[Motion], model: Model) -> WhitenedData:
     """Return recordings with the noise fitted to the residual of a model."""

@@ -44,7 +44,7 @@ HELD_LAG = 0.5
 """Lag of an effort that is held between samples, in samples."""
 MAX_CACHED = 4
 """Number of cached results per motion and kind: a parameter outside the contact needs no new simulation."""
-_CACHE_LOCK = Lock()
+_CACHE_LOCK = Lock()  # fits in several threads share the motions
 REST_SHARE = 2.0e-3
 """The stage counts as resting below this share of the 99.5 % quantile of the speed."""
 _GAUSSIAN_WIDTH = math.sqrt(math.log(2.0)) / (2.0 * math.pi)
@@ -148,7 +148,7 @@ class Motion:
         """Return the result of ``make``, from the cache if it holds the key.
 
         Args:
-            kind: kind of the result; the cache holds the last ``MAX_CACHED`` of each kind.
+            kind: kind of the result; the cache holds those ``MAX_CACHED`` of each kind that were used last.
             key: everything that the result depends on beside this motion.
             make: function that computes the result.
         """

@@ -102,9 +102,10 @@ class Noise:
         spectrum = spectrum[: len(gain)] * (gain if values.ndim == 1 else gain[:, None])
         return np.concatenate([spectrum.real, spectrum.imag[1:]])
 
-    def count(self, samples: int) -> int:
-        """Return the length of a whitened column of so many samples."""
-        return 2 * len(_unit_gain(self, samples)) - 1
+    def frequencies(self, count: int) -> Floats:
+        """Return the frequencies below the band of the spectrum of ``count`` samples [Hz]."""
+        grid = np.asarray(np.fft.rfftfreq(count, self.period), dtype=np.float64)
+        return grid[grid <= self.band]
 
     def adjoint(self, whitened: Floats, weights: Floats) -> Floats:
         """Return the series whose product with any residual is that of ``whitened`` with the whitened residual.
@@ -113,17 +114,22 @@ class Noise:
             whitened: a whitened column.
             weights: see ``weights``.
         """
-        n, gain = len(weights), _unit_gain(self, len(weights))
-        spectrum = gain * (whitened[: len(gain)] + 1j * np.concatenate([[0.0], whitened[len(gain) :]]))
+        n = len(weights)
+        spectrum = _unit_gain(self, n) * spectrum_of(whitened)
         spectrum[1:] *= 0.5  # the inverse transform counts every bin but the first twice
         return np.asarray(n * np.fft.irfft(spectrum, n) * weights, dtype=np.float64)
+
+
+def spectrum_of(whitened: Floats) -> NDArray[np.complex128]:
+    """Return a whitened column as a spectrum, whose first bin is real."""
+    bins = (len(whitened) + 1) // 2
+    return np.asarray(whitened[:bins] + 1j * np.concatenate([[0.0], whitened[bins:]]))
 
 
 @lru_cache(maxsize=64)
 def _unit_gain(noise: Noise, count: int) -> Floats:
     """Return the gain to unit variance of each bin below the band of the spectrum of ``count`` samples."""
-    frequency = np.asarray(np.fft.rfftfreq(count, noise.period), dtype=np.float64)
-    gain = np.sqrt(2.0 * noise.period / (count * noise.density(frequency[frequency <= noise.band])))
+    gain = np.sqrt(2.0 * noise.period / (count * noise.density(noise.frequencies(count))))
     gain[0] /= np.sqrt(2.0)
     return np.asarray(gain, dtype=np.float64)
 

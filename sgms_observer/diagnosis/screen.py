@@ -14,6 +14,7 @@ from scipy import linalg
 from sgms_observer.diagnosis import search
 from sgms_observer.diagnosis.fit import DERIVATIVE_STEP, Freedom, Refit, WhitenedData, prior_widths
 from sgms_observer.diagnosis.model import PERIODIC_DISTURBANCE, predict, stribeck
+from sgms_observer.diagnosis.noise import spectrum_of
 from sgms_observer.diagnosis.sliding_force import BACKLASH, PARTS_OF_SLIDING_FORCE, share_of_sliding_force
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
@@ -35,8 +36,8 @@ MAX_SHAPES = 8
 SINES_OF_POSITION, PITCH = ("cogging", "position_periodic_friction"), 1
 """Effects that are a sine of the position, and the index of its pitch."""
 MANY_SHAPES, NORM_STEP = 96, 8
-"""Of more pitches than this, only so many are computed in full: those that look best with a norm that is known for
-every ``NORM_STEP``-th one."""
+"""Of more pitches than ``MANY_SHAPES``, only so many are computed in full: twelve times as many as are kept. The norms
+between every ``NORM_STEP``-th one are interpolated. A test compares with the screening of all."""
 
 
 @dataclass(frozen=True)
@@ -201,12 +202,11 @@ class Screen:
             shapes: all its shapes.
             norms: norm after the projection of every ``NORM_STEP``-th of them.
         """
-        waves, place = 1.0 / np.array([shape.bases[0][PITCH] for shape in shapes]), 0
+        waves = 1.0 / np.array([shape.bases[0][PITCH] for shape in shapes])
         sums = np.zeros(len(shapes), dtype=np.complex128)
-        for noise, weights, thin in zip(self.data.noise, self.data.weights, self._thin, strict=True):
-            part = self._left[place : place + noise.count(len(weights))]
-            place += len(part)
-            force = noise.adjoint(part, weights)
+        parts = zip(self.data.noise, self.data.weights, self._thin, self._left_of_recordings(), strict=True)
+        for noise, weights, thin, left in parts:
+            force = noise.adjoint(left, weights)
             if effect(name).place is Place.LEVEL_FACTOR:
                 force = force * thin["friction"]
             sums += search.sums_over_waves(thin["q"], force, waves)
@@ -215,20 +215,24 @@ class Screen:
         order = np.argsort(-np.abs(sums) / np.maximum(norm, 1.0e-3 * norm.max()), kind="stable")
         return [shapes[k] for k in order[:MANY_SHAPES]]
 
+    def _left_of_recordings(self) -> list[Floats]:
+        """Return the residual without the nominal parameters of each recording."""
+        pairs = zip(self.data.noise, self._thin, strict=True)
+        counts = [2 * len(noise.frequencies(len(thin["t"]))) - 1 for noise, thin in pairs]
+        return np.split(self._left, np.cumsum(counts))[:-1]  # behind the last recording: the prior rows
+
     def _strongest_sine(self) -> Screening:
         """Return the screening of sines in time near the largest line of all spectra; every line counts as a trial.
 
         Each recording has a phase of its own, hence a sine and a cosine of its own.
         """
-        trials, place, largest, peak = 0, 0, 0.0, (0.0, 1.0)
-        for motion, noise, thin in zip(self.data.motions, self.data.noise, self._thin, strict=True):
-            grid = np.fft.rfftfreq(len(thin["t"]), noise.period)
-            grid = grid[grid <= noise.band]
-            real, imaginary = self._left[place : place + len(grid)], self._left[place + len(grid) :][: len(grid) - 1]
-            place += 2 * len(grid) - 1
-            duration = float(motion.time[-1])
+        trials, largest, peak = 0, 0.0, (0.0, 1.0)
+        parts = zip(self.data.motions, self.data.noise, self._thin, self._left_of_recordings(), strict=True)
+        for motion, noise, thin, left in parts:
+            grid, duration = noise.frequencies(len(thin["t"])), float(motion.time[-1])
             start = max(1, int(np.searchsorted(grid, MIN_PERIODS / duration)))
-            power = real[start:] ** 2 + imaginary[start - 1 :] ** 2
+            spectrum = spectrum_of(left)[start:]
+            power = spectrum.real**2 + spectrum.imag**2
             trials += len(power)
             if len(power) and power.max() > largest:
                 largest, peak = float(power.max()), (float(grid[start + int(np.argmax(power))]), duration)

@@ -108,7 +108,7 @@ def sums_over_waves(position: Floats, weights: Floats, waves: Floats) -> NDArray
     found = np.zeros(len(waves), dtype=np.complex128)
     turned, turn, last = weights.astype(np.complex128), np.ones(1), 0.0
     for k, step in enumerate(np.diff(waves, prepend=0.0)):
-        if not math.isclose(step, last, rel_tol=1.0e-6):
+        if not math.isclose(step, last, rel_tol=1.0e-6):  # rounded differences of an even grid are equal
             turn, last = np.exp(2.0j * np.pi * step * position), step
         turned *= turn
         found[k] = turned.sum()

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from workflow_case import AXIS, FRICTION, PERIOD, record
 
-from sgms_observer.diagnosis import screen
 from sgms_observer.diagnosis.candidates import Candidate, fitted_candidates
 from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.diagnosis.criteria import Criteria, at_least
@@ -22,7 +21,7 @@ from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, motion_of, play_operator, without_jitter
 from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, fit_noise
 from sgms_observer.diagnosis.replicates import coloured, replicate_of
-from sgms_observer.diagnosis.screen import Screen
+from sgms_observer.diagnosis.screen import MANY_SHAPES, SINES_OF_POSITION, Screen
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.errors import DataError
 from sgms_observer.offline.encoder import position_noise, without_unit_rounding
@@ -155,11 +154,11 @@ def test_a_replicate_has_the_noise_and_nothing_else() -> None:
 def test_the_adjoint_of_the_whitening_gives_the_same_product(count: int) -> None:
     rng = np.random.default_rng(count)
     noise, weights = Noise(0.004, 1e-4, 25.0, 1e-5, 0.0, 100.0), rng.uniform(0.1, 1.0, count)
-    column, series = rng.normal(size=noise.count(count)), rng.normal(size=count)
+    column, series = rng.normal(size=2 * len(noise.frequencies(count)) - 1), rng.normal(size=count)
     assert column @ noise.whitened(series, weights) == pytest.approx(series @ noise.adjoint(column, weights), rel=1e-9)
 
 
-@pytest.mark.parametrize("name", screen.SINES_OF_POSITION)
+@pytest.mark.parametrize("name", SINES_OF_POSITION)
 def test_few_pitches_computed_in_full_give_the_screening_of_all(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     size = 0.2 if name == "cogging" else 0.05
     motion = motion_of(record((EffectSettings(name, (size, 2.3e-3, 1.0, *effect(name).defaults[3:])),)))
@@ -167,9 +166,9 @@ def test_few_pitches_computed_in_full_give_the_screening_of_all(name: str, monke
     data = data_with_own_noise((motion,), model)
     plain = refit(data, model, 0.05, iterations=5)
     few = Screen(data, plain, 0.05, Freedom(), (name,), 1).screenings[name]
-    monkeypatch.setattr(screen, "MANY_SHAPES", few.trials)
+    monkeypatch.setattr("sgms_observer.diagnosis.screen.MANY_SHAPES", few.trials)
     every = Screen(data, plain, 0.05, Freedom(), (name,), 1).screenings[name]
-    assert few.trials == every.trials > 2 * 96
+    assert few.trials == every.trials > 2 * MANY_SHAPES
     assert [found for found, _ in few.best] == [found for found, _ in every.best]
     assert few.independent_share == pytest.approx(every.independent_share, abs=0.02)
 

@@ -55,8 +55,8 @@ def data() -> WhitenedData:
 
 
 def test_a_block_is_predicted_as_by_the_fit_without_it(data: WhitenedData) -> None:
-    rng = np.random.default_rng(3)
-    columns, target = rng.normal(size=(data.count, 4)), rng.normal(size=data.count)
+    rng, count = np.random.default_rng(3), len(data.residual(MODEL))
+    columns, target = rng.normal(size=(count, 4)), rng.normal(size=count)
     prior = 3.0 * np.eye(4)
     rows, wanted = np.vstack([columns, prior]), np.concatenate([target, np.zeros(4)])
     solution = np.linalg.lstsq(rows, wanted)[0]
@@ -123,7 +123,7 @@ def test_a_series_is_cut_into_blocks_of_about_one_length() -> None:
 
 def test_residuals_of_blocks_are_the_recordings_in_their_order(data: WhitenedData) -> None:
     residual = data.residual(MODEL)
-    found = Refit(MODEL, np.zeros(4), (), residual, 0.0, np.zeros((data.count, 4)), np.zeros(0), ())
+    found = Refit(MODEL, np.zeros(4), (), residual, 0.0, np.zeros((len(residual), 4)), np.zeros(0), ())
     whole = np.concatenate([series[:, 0] for series in as_time_series(residual[:, None], data)])
     for blocks in (fit_residuals(found, data, 0.5), held_out_residuals(MODEL, data, 0.5)):
         assert len(blocks) == 18  # 5 s and 4 s
