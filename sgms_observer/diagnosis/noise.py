@@ -107,6 +107,10 @@ class Noise:
         grid = np.asarray(np.fft.rfftfreq(count, self.period), dtype=np.float64)
         return grid[grid <= self.band]
 
+    def length(self, count: int) -> int:
+        """Return the length of a whitened column of ``count`` samples: both parts of its spectrum below the band."""
+        return 2 * len(self.frequencies(count)) - 1
+
     def adjoint(self, whitened: Floats, weights: Floats) -> Floats:
         """Return the series whose product with any residual is that of ``whitened`` with the whitened residual.
 
@@ -121,9 +125,11 @@ class Noise:
 
 
 def spectrum_of(whitened: Floats) -> NDArray[np.complex128]:
-    """Return a whitened column as a spectrum, whose first bin is real."""
+    """Return whitened columns, shape (n,) or (n, k), as spectra, whose first bin is real."""
     bins = (len(whitened) + 1) // 2
-    return np.asarray(whitened[:bins] + 1j * np.concatenate([[0.0], whitened[bins:]]))
+    spectrum = whitened[:bins].astype(np.complex128)
+    spectrum[1:] += 1j * whitened[bins:]
+    return spectrum
 
 
 @lru_cache(maxsize=64)

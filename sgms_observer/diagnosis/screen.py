@@ -218,7 +218,7 @@ class Screen:
     def _left_of_recordings(self) -> list[Floats]:
         """Return the residual without the nominal parameters of each recording."""
         pairs = zip(self.data.noise, self._thin, strict=True)
-        counts = [2 * len(noise.frequencies(len(thin["t"]))) - 1 for noise, thin in pairs]
+        counts = [noise.length(len(thin["t"])) for noise, thin in pairs]
         return np.split(self._left, np.cumsum(counts))[:-1]  # behind the last recording: the prior rows
 
     def _strongest_sine(self) -> Screening:

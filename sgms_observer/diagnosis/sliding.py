@@ -17,7 +17,6 @@ from sgms_observer.diagnosis.evidence import blocks_of
 from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.uncertainty import series_length
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -61,7 +60,7 @@ def sliding_shares(model: Model, evaluation: EvaluationData) -> list[Floats]:
         else:
             shares = [np.asarray(fast, dtype=np.float64) for fast in slides_fast(model, data.motions)]
         for motion, noise, share in zip(data.motions, data.noise, shares, strict=True):
-            count = series_length(motion, noise)
+            count = noise.length(len(motion.thinned(motion.time)))
             at = np.linspace(0.0, len(share) - 1.0, count)
             period = len(motion.time) * motion.period / count
             found += blocks_of(np.interp(at, np.arange(len(share)), share), period, evaluation.criteria.block)

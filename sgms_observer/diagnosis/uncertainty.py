@@ -19,7 +19,7 @@ from scipy import stats
 
 from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_with_own_noise
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.noise import Noise
+from sgms_observer.diagnosis.noise import spectrum_of
 from sgms_observer.effects.catalogue import effect
 
 Floats = NDArray[np.float64]
@@ -117,12 +117,6 @@ class RecordingEstimates:
         return size / deviation if self.errors[0, column] > 0.0 else math.inf
 
 
-def series_length(motion: Motion, noise: Noise) -> int:
-    """Return the number of whitened residuals of a recording: both parts of its spectrum below the band."""
-    frequency = np.fft.rfftfreq(len(motion.thinned(motion.time)), noise.period)
-    return 2 * int(np.sum(frequency <= noise.band)) - 1
-
-
 def as_time_series(whitened: Floats, data: WhitenedData) -> list[Floats]:
     """Return whitened columns as time series, one per recording, with unchanged sums of squares.
 
@@ -132,10 +126,8 @@ def as_time_series(whitened: Floats, data: WhitenedData) -> list[Floats]:
     """
     series, start = [], 0
     for motion, noise in zip(data.motions, data.noise, strict=True):
-        length = series_length(motion, noise)
-        count = (length + 1) // 2
-        spectrum = whitened[start : start + count].astype(np.complex128)
-        spectrum[1:] += 1j * whitened[start + count : start + length]
+        length = noise.length(len(motion.thinned(motion.time)))
+        spectrum = spectrum_of(whitened[start : start + length])
         start += length
         spectrum[1:] /= np.sqrt(2.0)
         series.append(np.asarray(np.fft.irfft(spectrum * np.sqrt(length), length, axis=0), dtype=np.float64))

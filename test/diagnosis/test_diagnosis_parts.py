@@ -154,7 +154,7 @@ def test_a_replicate_has_the_noise_and_nothing_else() -> None:
 def test_the_adjoint_of_the_whitening_gives_the_same_product(count: int) -> None:
     rng = np.random.default_rng(count)
     noise, weights = Noise(0.004, 1e-4, 25.0, 1e-5, 0.0, 100.0), rng.uniform(0.1, 1.0, count)
-    column, series = rng.normal(size=2 * len(noise.frequencies(count)) - 1), rng.normal(size=count)
+    column, series = rng.normal(size=noise.length(count)), rng.normal(size=count)
     assert column @ noise.whitened(series, weights) == pytest.approx(series @ noise.adjoint(column, weights), rel=1e-9)
 
 
