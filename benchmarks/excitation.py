@@ -40,9 +40,10 @@ from identification import START, compare, random_table, record, truth
 
 from sgms_observer.application.commission.learn import LONGEST_RECORD, largest_deflection
 from sgms_observer.application.commission.motion import learning_motion
-from sgms_observer.diagnosis.fit import data_with_own_noise, fixed_parameters, refit
+from sgms_observer.diagnosis.fit import fixed_parameters, refit
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.reference import design_excitation
 from sgms_observer.identification.identify import IdentifyOptions, identify
@@ -55,7 +56,6 @@ Floats = NDArray[np.float64]
 RATE = 1000.0  # Hz
 LIMITS = ExcitationLimits(0.02, 0.05, 1.0)
 TOLERANCE = 0.1  # of the owner's friction values when effects are told from each other
-STEPS = 12  # of a refit
 PAIRS = (
     (("cogging", (0.4, 0.008, 0.5, 0.0, 0.0)), ("position_periodic_friction", (0.1, 0.008, 0.5))),
     (("cogging", (0.4, 0.008, 0.5, 0.0, 0.0)), ("position_dependent_friction", (0.1, 0.0, 0.004))),
@@ -117,7 +117,7 @@ def evidence(acting: EffectSettings, rival: EffectSettings, position: Floats) ->
     judged = data_with_own_noise(motions, Model.of(stage))
     costs = []
     for item in (acting, rival):
-        found = refit(judged, nominal, TOLERANCE, [item], None, fixed_parameters([item]), STEPS)
+        found = refit(judged, nominal, TOLERANCE, [item], None, fixed_parameters([item]))
         costs.append(2.0 * found.cost)
     return costs[1] - costs[0]
 

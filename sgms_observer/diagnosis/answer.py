@@ -14,7 +14,7 @@ from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.decision import Decision
-from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, Diagnosis, Options
+from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 from sgms_observer.diagnosis.disturbance import SlidingResidual, sliding_residual
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps, range_tests
@@ -141,7 +141,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     percent, setup = 100.0 / data.effort, diagnosis.written.setup
 
     def residuals_with(some: Sequence[EffectSettings]) -> tuple[Floats, ...]:
-        return data.residuals(setup.fit(some, final.fit.logs, REFIT_STEPS), setup)
+        return data.residuals(setup.fit(some, final.fit.logs), setup)
 
     def gap_with(some: Sequence[EffectSettings]) -> float:
         return percent * data.rms(residuals_with(some))

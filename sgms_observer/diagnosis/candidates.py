@@ -22,10 +22,8 @@ from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
-FIRST_STEPS = 8
-"""Steps of a first fit, which uses the derivatives of the screening."""
-LAST_STEPS = 12
-"""Steps of the final fit of a candidate, which computes its own derivatives."""
+FIRST_EVALUATIONS = 8
+"""Evaluated models of a first fit, which uses the derivatives of the screening."""
 MAX_FITTED = 9
 """Largest number of effects with a first fit in one round."""
 MAX_COMPARED = 5
@@ -106,20 +104,24 @@ def first_fit(setup: RefitSetup, before: Refit, start: EffectSettings, columns: 
     effects = with_effect(before.effects, start)
     place = [item.name for item in effects].index(start.name)
     fixed = [(place, j) for j in FIXED_SHAPES.get(start.name, ())] + reference_parameters(before.effects)
-    found = setup.fit(effects, start_logs(before.logs, nominal, start), FIRST_STEPS, fixed, columns)
+    found = setup.fit(effects, start_logs(before.logs, nominal, start), fixed, columns, evaluations=FIRST_EVALUATIONS)
     if found.cost > before.cost:  # the start is too strong: start again from a weak effect
         weak = tuple(
             WEAK_START_SHARE * value if parameter.is_strength else value
             for parameter, value in zip(effect(start.name).parameters, start.values, strict=True)
         )
         again = setup.fit(
-            with_effect(before.effects, replace(start, values=weak)), before.logs, FIRST_STEPS, fixed, columns
+            with_effect(before.effects, replace(start, values=weak)),
+            before.logs,
+            fixed,
+            columns,
+            evaluations=FIRST_EVALUATIONS,
         )
         found = again if again.cost < found.cost else found
     if start.name in PARTS_OF_SLIDING_FORCE:  # the elements may have absorbed it: start from those of the file
         file_logs = before.logs.copy()
         file_logs[STRIBECK_VELOCITY + 1 :] = 0.0
-        again = setup.fit(effects, start_logs(file_logs, nominal, start), LAST_STEPS, fixed)
+        again = setup.fit(effects, start_logs(file_logs, nominal, start), fixed)
         found = again if again.cost < found.cost else found
     if start.name == "cogging":
         found = _with_second_harmonic(setup, found, place, columns)
@@ -127,9 +129,12 @@ def first_fit(setup: RefitSetup, before: Refit, start: EffectSettings, columns: 
 
 
 def finish_fit(setup: RefitSetup, found: Refit) -> Refit:
-    """Return the fit continued to convergence, with its own derivatives, which evidence and intervals need."""
-    again = setup.fit(found.effects, found.logs, LAST_STEPS)
-    return again if again.cost <= found.cost else setup.fit(found.effects, found.logs, 1)
+    """Return the fit continued to convergence, with its own derivatives, which evidence and intervals need.
+
+    The cost has several minima where the contact follows another law. Hypotheses are compared by their lowest one, so
+    the fit also starts from the values of the file.
+    """
+    return setup.fit(found.effects, found.logs)
 
 
 def alone(item: Candidate, before: Refit) -> Candidate:
@@ -142,7 +147,7 @@ def alone(item: Candidate, before: Refit) -> Candidate:
         item: the hypothesis, an effect.
         before: fit without it.
     """
-    found = item.setup.fit(item.refit.effects, before.logs, LAST_STEPS, is_nominal_held=True)
+    found = item.setup.fit(item.refit.effects, before.logs, is_nominal_held=True)
     return replace(item, refit=found)
 
 
@@ -152,7 +157,7 @@ def _with_second_harmonic(setup: RefitSetup, found: Refit, place: int, columns: 
         last = found.effects[place]
         start = replace(last, values=(*last.values[:3], 0.1 * abs(last.values[0]), phase))
         effects = with_effect(found.effects, start)
-        other = setup.fit(effects, found.logs, 4, reference_parameters(effects), columns)
+        other = setup.fit(effects, found.logs, reference_parameters(effects), columns, evaluations=FIRST_EVALUATIONS)
         if other.cost < found.cost - MIN_SECOND_HARMONIC_REDUCTION:
             return other
     return found

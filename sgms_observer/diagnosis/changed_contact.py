@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sgms_observer.diagnosis.candidates import LAST_STEPS, Candidate
+from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.contact_start import contact_start
 from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.search import CONTACT_SHARE
@@ -91,4 +91,4 @@ def changed_candidate(setup: RefitSetup, current: Refit, name: str) -> Candidate
     free = freed_setup(setup, name)
     is_same = free.nominal.parameter_names() == setup.nominal.parameter_names() and not free.freedom.elements
     start = current.logs if is_same else contact_start(free, current.effects)
-    return Candidate(name, free, free.fit(current.effects, start, LAST_STEPS), 1)
+    return Candidate(name, free, free.fit(current.effects, start), 1)

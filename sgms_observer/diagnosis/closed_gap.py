@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from sgms_observer.diagnosis.candidates import LAST_STEPS, is_contact_law
-from sgms_observer.diagnosis.diagnosis import REFIT_STEPS, WrittenFits
+from sgms_observer.diagnosis.candidates import is_contact_law
+from sgms_observer.diagnosis.diagnosis import WrittenFits
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import RefitSetup
+from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, RefitSetup
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.settings.axis import EffectSettings
@@ -58,7 +58,9 @@ class ClosedGap:
         """
         after = self.written.after
         others = _without(name, after.effects)
-        found = [self._closed(after.model, self.written.setup.fit(others, after.logs, REFIT_STEPS).model)]
+        found = [
+            self._closed(after.model, self.written.setup.fit(others, after.logs, evaluations=WRITTEN_EVALUATIONS).model)
+        ]
         if len(self.names) == 1:
             found.append(self._closed(after.model, replace(after.model, effects=tuple(others))))
         return max(found, key=lambda one: (one.z_score, one.share))
@@ -91,7 +93,7 @@ class ClosedGap:
 
     def _fitted(self, effects: Sequence[EffectSettings]) -> Model:
         """Return the contact of the file, fitted with effects."""
-        return self.setup.fit(effects, self.written.before.logs, LAST_STEPS).model
+        return self.setup.fit(effects, self.written.before.logs, evaluations=WRITTEN_EVALUATIONS).model
 
     def _closed(self, with_it: Model, others: Model) -> Closed:
         """Return what a model closes of the gap of another one."""

@@ -14,20 +14,17 @@ from sgms_observer.diagnosis.criteria import Criteria, Test
 from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.effort_lag import changes_of_lag, fitted_effort_lags, with_real_changes
 from sgms_observer.diagnosis.evaluation import EvaluationData
-from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_with_noise_of, data_with_own_noise
+from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.gap import WeightedResidual, noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.model import HALF_A_REVERSAL, Model
 from sgms_observer.diagnosis.motion import EffortLag, Motion, motion_of
 from sgms_observer.diagnosis.screen import Screening
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates
+from sgms_observer.diagnosis.whitened import WhitenedData, data_with_noise_of, data_with_own_noise
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 
-FIT_STEPS = 6
-"""Steps of a fit from a start that was not fitted to these recordings."""
-REFIT_STEPS = 4
-"""Steps of a fit after a new fit of the noise."""
 MAX_REFITS, MIN_DECREASE = 8, 0.01
 """Largest number of fits with a new noise each, and the decrease of the rms residual below which they end."""
 
@@ -110,10 +107,10 @@ class FitState:
     least: float = np.inf
     hidden_by_encoder: float = 0.0
 
-    def refitted(self, start: Refit, steps: int) -> FitState:
+    def refitted(self, start: Refit) -> FitState:
         """Return the state refitted from ``start``, with the noise of the residual of ``start``."""
         setup = replace(self.setup, data=data_with_own_noise(self.fit_motions, start.model))
-        return replace(self, setup=setup, current=setup.fit(start.effects, start.logs, steps))
+        return replace(self, setup=setup, current=setup.fit(start.effects, start.logs))
 
     def converged(self) -> FitState:
         """Return the state refitted until neither its noise nor its residual changes any more.
@@ -123,7 +120,7 @@ class FitState:
         state = self
         for _ in range(MAX_REFITS):
             before = state._rms
-            state = state.refitted(state.current, REFIT_STEPS)
+            state = state.refitted(state.current)
             if state._rms > (1.0 - MIN_DECREASE) * before:
                 break
         return state
@@ -159,7 +156,7 @@ class FitState:
 
     def _with_lags(self, lags: Sequence[EffortLag]) -> FitState:
         """Return the state refitted with these lags of the recordings to learn from."""
-        return replace(self, fit_motions=self.recordings.motions(lags)).refitted(self.current, REFIT_STEPS)
+        return replace(self, fit_motions=self.recordings.motions(lags)).refitted(self.current)
 
     def _with_held_out_lags(self, lags: Sequence[EffortLag]) -> FitState:
         """Return the state with these lags of the held-out recordings."""
@@ -174,7 +171,7 @@ class FitState:
         if not self.held_out_motions:
             return ()
         data = self._held_out_data()
-        found = replace(self.setup, data=data).fit(self.current.effects, self.current.logs, 1, is_nominal_held=True)
+        found = replace(self.setup, data=data).fit(self.current.effects, self.current.logs, evaluations=1)
         return fitted_effort_lags(data, found, self.recordings.stated_lag)
 
     def with_changes_of_lag(self, criteria: Criteria) -> FitState:

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.fit import Refit, WhitenedData
+from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.motion import MIN_DURATION, EffortLag, Motion, delayed
+from sgms_observer.diagnosis.whitened import WhitenedData
 
 Floats = NDArray[np.float64]
 

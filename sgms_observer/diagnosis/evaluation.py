@@ -16,11 +16,12 @@ from sgms_observer.diagnosis.evidence import (
     in_blocks,
     left_out_residuals,
 )
-from sgms_observer.diagnosis.fit import Refit, WhitenedData
+from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.whitened import WhitenedData
 
 Floats = NDArray[np.float64]
 

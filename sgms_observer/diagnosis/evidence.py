@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.fit import Refit, WhitenedData
+from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.uncertainty import as_time_series, leave_one_out_shifts
+from sgms_observer.diagnosis.whitened import WhitenedData
 
 Floats = NDArray[np.float64]
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
+from sgms_observer.diagnosis.contact_slopes import contact_parameters
 from sgms_observer.diagnosis.model import (
     COULOMB,
     DAMPING,
@@ -16,15 +18,11 @@ from sgms_observer.diagnosis.model import (
     PHASE,
     STATIC,
     Model,
-    hidden_friction_drop,
-    predict,
-    unknown_initial_friction,
     with_phases_of,
 )
-from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.diagnosis.noise import Noise, fit_noise, largest_noise
 from sgms_observer.diagnosis.ranges import plausible_range, unit_of
 from sgms_observer.diagnosis.sliding_force import PARTS_OF_SLIDING_FORCE, total_force_logs
+from sgms_observer.diagnosis.whitened import WhitenedData
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
@@ -45,91 +43,20 @@ REFERENCE_PARAMETERS = {
     PERIODIC_DISTURBANCE: (PHASE,),
 }  # fmt: skip
 """Parameters that are a reference value or follow from joint or recording. They are never fitted: (effect, indices)."""
-JACOBIAN_REFRESH_STEPS = 3
-"""Number of steps between computations of the derivatives with respect to the nominal parameters."""
 FITTED_BY_LOGARITHM = (
     "attraction_rate", "distance", "memory_distance", "gap", "stop", "time_constant", "dwell_time", "width", "velocity",
     "peak_velocity",
 )  # fmt: skip
 """Parameters that are fitted by their logarithm where they cannot be zero."""
-MIN_NOISE_SHARE = 1.0e-3
-"""Smallest rms noise of a measured force, as a share of the effort."""
-MAX_STEPS = 40
-"""Steps after which a fit that is to converge ends anyway."""
-
-
-@dataclass(frozen=True)
-class WhitenedData:
-    """Recordings with the noise and weights that whiten their residuals.
-
-    Attributes:
-        motions: recordings.
-        noise: noise of each recording.
-        weights: weights of the residuals of each recording.
-        gap_weights: weights of the residuals in the gap: low where the encoder resolution hides the force.
-    """
-
-    motions: tuple[Motion, ...]
-    noise: tuple[Noise, ...]
-    weights: tuple[Floats, ...]
-    gap_weights: tuple[Floats, ...]
-
-    def whitened(self, columns: Sequence[Floats]) -> Floats:
-        """Return one whitened column of all recordings, from a series at the working rate for each."""
-        parts = [
-            noise.whitened(motion.low_pass(column), weights)
-            for motion, noise, weights, column in zip(self.motions, self.noise, self.weights, columns, strict=True)
-        ]
-        return np.concatenate(parts)
-
-    def residual(self, model: Model) -> Floats:
-        """Return the whitened residual of a model."""
-        return self.whitened([predict(model, motion).residual for motion in self.motions])
-
-
-def data_with_own_noise(motions: Sequence[Motion], model: Model) -> WhitenedData:
-    """Return recordings with the noise fitted to the residual of a model."""
-    noises, stick_indicators, hidden = [], [], [_hidden_square(model, motion) for motion in motions]
-    for motion, square in zip(motions, hidden, strict=True):
-        found = predict(model, motion)
-        least = MIN_NOISE_SHARE * float(np.std(motion.effort))
-        residual, stick_indicator = motion.low_pass(found.residual), motion.thinned(found.stick_indicator)
-        noises.append(fit_noise(residual, stick_indicator, motion.residual_period, motion.band, least, square))
-        stick_indicators.append(stick_indicator)
-    return _whitened_data(motions, noises, stick_indicators, hidden)
-
-
-def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Model) -> WhitenedData:
-    """Return recordings with the noise of other recordings.
-
-    Args:
-        motions: recordings; may be empty.
-        data: the other recordings; the largest of their noises is used.
-        model: model that computes where the contact sticks.
-    """
-    noise = largest_noise(data.noise)
-    noises = [replace(noise, period=motion.residual_period) for motion in motions]
-    stick_indicators = [motion.thinned(predict(model, motion).stick_indicator) for motion in motions]
-    return _whitened_data(motions, noises, stick_indicators, [_hidden_square(model, motion) for motion in motions])
-
-
-def _whitened_data(
-    motions: Sequence[Motion], noises: Sequence[Noise], stick_indicators: Sequence[Floats], hidden: Sequence[Floats]
-) -> WhitenedData:
-    """Return recordings with their noise and the weights that follow from it."""
-    weights = [noise.weights(*pair) for noise, *pair in zip(noises, stick_indicators, hidden, strict=True)]
-    gap_weights = [noise.gap_weights(square) for noise, square in zip(noises, hidden, strict=True)]
-    return WhitenedData(tuple(motions), tuple(noises), tuple(weights), tuple(gap_weights))
-
-
-def _hidden_square(model: Model, motion: Motion) -> Floats:
-    """Return the mean square of the friction that the recording does not determine [N^2].
-
-    That is the force hidden by the encoder resolution, uniformly distributed from zero, and that of the unknown state
-    at the start, uniformly distributed around zero.
-    """
-    drop, width = hidden_friction_drop(model.friction, motion), unknown_initial_friction(model.friction, motion)
-    return motion.thinned(drop**2 / 3.0 + width**2 / 12.0)
+COST_TOLERANCE = 1.0e-4
+"""Relative decrease of the cost at which a fit has converged: of thousands of residuals, less than one squared standard
+deviation, which no comparison of hypotheses sees."""
+MAX_EVALUATIONS = 12
+"""Evaluated models of a fit that is compared with others: on another contact law the cost decreases slowly."""
+WRITTEN_EVALUATIONS = 100
+"""Evaluated models of a fit that is written, after which it ends anyway."""
+BOUND_TOLERANCE = 1.0e-6
+"""Distance from a bound, relative where the bound exceeds 1, below which a coordinate counts as at it."""
 
 
 @dataclass(frozen=True)
@@ -229,6 +156,131 @@ class Refit:
         return {self.free[k]: float(error) for k, error in zip(free, errors, strict=True)}
 
 
+class _Problem:
+    """A fit as a bounded least-squares problem.
+
+    Coordinates are the logarithms of the nominal parameters over the given ones, then each free effect parameter in its
+    unit, or the logarithm of that.
+
+    Args:
+        data, nominal, tolerance, effects, fixed, freedom: as in ``refit``.
+    """
+
+    def __init__(
+        self,
+        data: WhitenedData,
+        nominal: Model,
+        tolerance: float,
+        effects: Sequence[EffectSettings],
+        fixed: Sequence[tuple[int, int]],
+        freedom: Freedom,
+    ) -> None:
+        self.data, self.nominal, self.effects = data, nominal, tuple(effects)
+        self.free = tuple((i, j) for i, e in enumerate(effects) for j in range(len(e.values)) if (i, j) not in fixed)
+        self.widths = prior_widths(nominal, tolerance, freedom)
+        self.count = len(self.widths)
+        self.in_contact = contact_parameters(nominal.with_effects(self.effects))
+        catalogue = [effect(item.name) for item in effects]
+        parameters = [catalogue[i].parameters[j] for i, j in self.free]
+        ranges = [
+            plausible_range(effects[i].name, catalogue[i].parameters[j].name, data.motions, nominal)
+            for i, j in self.free
+        ]
+        self._minimum = np.array([max(one.minimum, low) for one, (low, _) in zip(parameters, ranges, strict=True)])
+        self._maximum = np.array([min(one.maximum, high) for one, (_, high) in zip(parameters, ranges, strict=True)])
+        stroke = float(np.ptp(np.concatenate([motion.position for motion in data.motions])))
+        self._scales = np.array([unit_of(effects[i], j, nominal, stroke) for i, j in self.free])
+        self._by_logarithm = np.array(
+            [one.name in FITTED_BY_LOGARITHM and one.minimum > 0.0 for one in parameters], dtype=bool
+        )
+        bound = limits(nominal, tolerance, freedom)
+        self.low = np.concatenate([-bound, self._coordinates(self._minimum)])
+        self.high = np.concatenate([bound, self._coordinates(self._maximum)])
+        if any(item.name in PARTS_OF_SLIDING_FORCE for item in effects):
+            self.low[[COULOMB, STATIC]] = -1.0
+        self._last = (np.zeros(0), np.zeros(0))
+
+    def _coordinates(self, values: Floats) -> Floats:
+        """Return the coordinates of values of the free effect parameters."""
+        shares = values / np.where(self._scales > 0, self._scales, 1.0)
+        logarithms = np.log(np.where(self._by_logarithm, np.maximum(shares, 1e-12), 1.0))
+        return np.where(self._by_logarithm, logarithms, shares)
+
+    def start(self, logs: Floats | None) -> Floats:
+        """Return the coordinates of the effects' values and of these logarithms, zero if None."""
+        values = np.array([self.effects[i].values[j] for i, j in self.free])
+        x = np.concatenate([np.zeros(self.count) if logs is None else logs, self._coordinates(values)])
+        return np.asarray(np.clip(x, self.low, self.high))
+
+    def effects_at(self, x: Floats) -> tuple[EffectSettings, ...]:
+        """Return the effects with the values of these coordinates."""
+        lists = [list(item.values) for item in self.effects]
+        shares = np.where(self._by_logarithm, np.exp(x[self.count :] * self._by_logarithm), x[self.count :])
+        for (i, j), value, low, high in zip(
+            self.free, shares * self._scales, self._minimum, self._maximum, strict=True
+        ):
+            lists[i][j] = float(min(max(value, low), high))
+        return tuple(EffectSettings(item.name, tuple(v)) for item, v in zip(self.effects, lists, strict=True))
+
+    def model_at(self, x: Floats) -> Model:
+        """Return the model of these coordinates."""
+        return self.nominal.shifted(x[: self.count]).with_effects(self.effects_at(x))
+
+    def residual(self, x: Floats) -> Floats:
+        """Return whitened residuals and prior rows."""
+        if not np.array_equal(x, self._last[0]):
+            rows = np.concatenate([self.data.residual(self.model_at(x)), self._prior(x, self.effects_at(x))])
+            self._last = (x.copy(), rows)
+        return self._last[1]
+
+    def _prior(self, x: Floats, effects: Sequence[EffectSettings]) -> Floats:
+        """Return the prior rows."""
+        return total_force_logs(x[: self.count], self.nominal, effects) / self.widths
+
+    def jacobian(self, x: Floats, wanted: NDArray[np.bool_], nominal_columns: Floats | None, pool: Executor) -> Floats:
+        """Return the derivatives of ``residual``, by differences except for the contact.
+
+        Args:
+            x: coordinates.
+            wanted: whether to differentiate with respect to each coordinate; the other columns are zero.
+            nominal_columns: derivatives with respect to the nominal parameters if they are known.
+            pool: computes the differences.
+        """
+        here = self.residual(x)
+        columns = np.zeros((len(here), len(x)))
+        known: Sequence[int] = self.in_contact
+        if nominal_columns is not None:
+            columns[:, : self.count] = np.vstack([nominal_columns, np.diag(1.0 / self.widths)])
+            known = range(self.count)
+        elif known and wanted[known].any():
+            columns[:, known] = self._contact_columns(x)
+
+        def difference(k: int) -> Floats:
+            step = DERIVATIVE_STEP if x[k] + DERIVATIVE_STEP <= self.high[k] else -DERIVATIVE_STEP
+            moved = x.copy()
+            moved[k] += step
+            model = self.model_at(moved)
+            there = np.concatenate([self.data.residual(model), self._prior(moved, self.effects_at(moved))])
+            return np.asarray((there - here) / step)
+
+        others = [k for k in np.flatnonzero(wanted) if k not in known]
+        for k, column in zip(others, pool.map(difference, others), strict=True):
+            columns[:, k] = column
+        return columns
+
+    def _contact_columns(self, x: Floats) -> Floats:
+        """Return the derivatives with respect to the parameters of the contact."""
+        effects = self.effects_at(x)
+        steps = DERIVATIVE_STEP * np.eye(len(x))[self.in_contact]
+        of_prior = [(self._prior(x + step, effects) - self._prior(x, effects)) / DERIVATIVE_STEP for step in steps]
+        slopes = self.data.contact_slopes(self.nominal.with_effects(effects), x[: self.count])
+        return np.vstack([slopes, np.transpose(of_prior)])
+
+    def units(self, x: Floats) -> Floats:
+        """Return the derivative of each free effect parameter with respect to its coordinate."""
+        return np.where(self._by_logarithm, self._scales * np.exp(x[self.count :] * self._by_logarithm), self._scales)
+
+
 def refit(
     data: WhitenedData,
     nominal: Model,
@@ -236,13 +288,16 @@ def refit(
     effects: Sequence[EffectSettings] = (),
     start: Floats | None = None,
     fixed: Sequence[tuple[int, int]] = (),
-    iterations: int = MAX_STEPS,
+    evaluations: int = MAX_EVALUATIONS,
     nominal_columns: Floats | None = None,
     freedom: Freedom = Freedom(),
     workers: int = 1,
     is_nominal_held: bool = False,
 ) -> Refit:
-    """Fit nominal parameters and effects by Levenberg-Marquardt with numerical derivatives.
+    """Fit nominal parameters and effects, each within its bounds.
+
+    The fit goes on until its cost hardly decreases: hypotheses are compared by what they leave, and one that ended
+    early leaves more. The search is the bounded trust region of Branch, Coleman and Li (1999), SIAM J. Sci. Comput. 21.
 
     Args:
         data: recordings.
@@ -251,7 +306,7 @@ def refit(
         effects: effects to add, at their start values.
         start: start of the logarithms; zero if None.
         fixed: (effect, parameter) pairs that keep their value.
-        iterations: largest number of steps.
+        evaluations: largest number of evaluated models; 1 for the derivatives at the start only.
         nominal_columns: derivatives of the whitened residual with respect to the nominal parameters, if they are
             known: they hardly change while an effect is fitted.
         freedom: nominal parameters that may move beyond the tolerance.
@@ -259,97 +314,46 @@ def refit(
         is_nominal_held: whether the nominal parameters keep their start.
 
     Returns:
-        The fit with the smallest cost.
+        The fit.
     """
-    widths = prior_widths(nominal, tolerance, freedom)
-    free = tuple((i, j) for i, e in enumerate(effects) for j in range(len(e.values)) if (i, j) not in fixed)
-    catalogue = [effect(e.name) for e in effects]
-    parameters = [catalogue[i].parameters[j] for i, j in free]
-    minimum = np.array([parameter.minimum for parameter in parameters])
-    maximum = np.array([parameter.maximum for parameter in parameters])
-    for k, (i, j) in enumerate(free):
-        low_limit, high_limit = plausible_range(effects[i].name, catalogue[i].parameters[j].name, data.motions, nominal)
-        minimum[k], maximum[k] = max(minimum[k], low_limit), min(maximum[k], high_limit)
-    values = np.array([effects[i].values[j] for i, j in free])
-    stroke = float(np.ptp(np.concatenate([motion.position for motion in data.motions])))
-    scales = np.array([unit_of(effects[i], j, nominal, stroke) for i, j in free])
-    n = len(widths)
-    ratio = np.array([one.name in FITTED_BY_LOGARITHM and one.minimum > 0.0 for one in parameters], dtype=bool)
-
-    def coordinate(value: Floats) -> Floats:
-        shares = value / np.where(scales > 0, scales, 1.0)
-        return np.where(ratio, np.log(np.where(ratio, np.maximum(shares, 1e-12), 1.0)), shares)
-
-    x = np.concatenate([np.zeros(n) if start is None else start, coordinate(values)])
-    bound = limits(nominal, tolerance, freedom)
-    low, high = np.concatenate([-bound, coordinate(minimum)]), np.concatenate([bound, coordinate(maximum)])
-    if any(item.name in PARTS_OF_SLIDING_FORCE for item in effects):
-        low[[COULOMB, STATIC]] = -1.0
-    x = np.clip(x, low, high)
-    moves = np.ones(len(x), dtype=bool)
-    moves[:n] = not is_nominal_held
-
-    def unpack(z: Floats) -> tuple[Model, tuple[EffectSettings, ...]]:
-        lists = [list(e.values) for e in effects]
-        for (i, j), value, scale in zip(free, np.where(ratio, np.exp(z[n:] * ratio), z[n:]), scales, strict=True):
-            parameter = catalogue[i].parameters[j]
-            lists[i][j] = float(min(max(value * scale, parameter.minimum), parameter.maximum))
-        moved = tuple(EffectSettings(e.name, tuple(v)) for e, v in zip(effects, lists, strict=True))
-        return nominal.shifted(z[:n]).with_effects(moved), moved
-
-    def residual(z: Floats) -> Floats:
-        model, moved = unpack(z)
-        return np.concatenate([data.residual(model), total_force_logs(z[:n], nominal, moved) / widths])
-
-    here = residual(x)
-    cost = 0.5 * float(here @ here)
-    damping = 1.0e-3
-    jacobian = np.zeros((len(here), len(x)))
-    if nominal_columns is not None:
-        jacobian[:, :n] = np.vstack([nominal_columns, np.diag(1.0 / widths)])
-    units = np.concatenate([1.0 / widths, np.ones(len(free))])
-
-    def derivative(k: int) -> Floats:
-        step = DERIVATIVE_STEP if x[k] + DERIVATIVE_STEP <= high[k] else -DERIVATIVE_STEP
-        shifted = x.copy()
-        shifted[k] += step
-        return np.asarray((residual(shifted) - here) / step)
-
-    age, is_small = 0, False
+    problem = _Problem(data, nominal, tolerance, effects, fixed, freedom)
+    x = problem.start(start)
+    moves = problem.low < problem.high
+    moves[: problem.count] &= not is_nominal_held
+    is_converged = True
     with ThreadPoolExecutor(max_workers=workers) as pool:
-        for _ in range(iterations):
-            wanted = range(n if nominal_columns is not None or age > 0 else 0, len(x))
-            for k, column in zip(wanted, pool.map(derivative, wanted), strict=True):
-                jacobian[:, k] = column
-            normal, gradient = jacobian.T @ jacobian, jacobian.T @ here
-            improved = 0.0
-            for _attempt in range(6):
-                lhs = normal + damping * np.diag(np.diag(normal) + 1e-12)
-                candidate = x.copy()
-                candidate[moves] -= np.linalg.solve(lhs[np.ix_(moves, moves)], gradient[moves])
-                candidate = np.clip(candidate, low, high)
-                there = residual(candidate)
-                new_cost = 0.5 * float(there @ there)
-                if np.isfinite(new_cost) and new_cost < cost:
-                    improved = cost - new_cost
-                    moved = (candidate - x) * units
-                    if nominal_columns is None:  # Broyden's update until the next computation of the columns
-                        missed = there - here - jacobian @ (candidate - x)
-                        jacobian += np.outer(missed, moved * units / max(float(moved @ moved), 1e-30))
-                    x, here, cost = candidate, there, new_cost
-                    damping = max(damping / 5.0, 1e-7)
-                    break
-                damping *= 6.0
-            is_small = improved < 1.0e-4 * cost + 0.2
-            if is_small and (age == 0 or nominal_columns is not None):
-                break
-            age = 0 if is_small else (age + 1) % JACOBIAN_REFRESH_STEPS
-    model, moved = unpack(x)
-    if any(effects[i].name == PERIODIC_DISTURBANCE for i, _ in free):
+
+        def with_moved(values: Floats) -> Floats:
+            whole = x.copy()
+            whole[moves] = values
+            return whole
+
+        if evaluations > 1 and np.any(moves):
+            found = least_squares(
+                lambda values: problem.residual(with_moved(values)), x[moves],
+                lambda values: problem.jacobian(with_moved(values), moves, nominal_columns, pool)[:, moves],
+                (problem.low[moves], problem.high[moves]), x_scale="jac", ftol=COST_TOLERANCE, max_nfev=evaluations,
+            )  # fmt: skip
+            x = with_moved(_at_bounds(found.x, problem.low[moves], problem.high[moves]))
+            is_converged, jacobian = found.status > 0, found.jac
+        if evaluations == 1 or not np.all(moves):
+            jacobian = problem.jacobian(x, np.ones(len(x), dtype=bool), nominal_columns, pool)
+    here = problem.residual(x)
+    model, moved = problem.model_at(x), problem.effects_at(x)
+    if any(effects[i].name == PERIODIC_DISTURBANCE for i, _ in problem.free):
         model = with_phases_of(model, data.motions[0])
         moved = model.effects[len(model.effects) - len(moved) :]
-    units = np.where(ratio, scales * np.exp(x[n:] * ratio), scales)
-    return Refit(model, x[:n].copy(), moved, here[: len(here) - n], cost, jacobian, units, free, is_small)
+    n = problem.count
+    return Refit(
+        model, x[:n].copy(), moved, here[: len(here) - n], 0.5 * float(here @ here), jacobian, problem.units(x),
+        problem.free, is_converged,
+    )  # fmt: skip
+
+
+def _at_bounds(x: Floats, low: Floats, high: Floats) -> Floats:
+    """Return coordinates with those next to a bound at it: the search stays inside the bounds."""
+    found = np.where(x - low < BOUND_TOLERANCE * np.maximum(1.0, np.abs(low)), low, x)
+    return np.where(high - x < BOUND_TOLERANCE * np.maximum(1.0, np.abs(high)), high, found)
 
 
 def reference_parameters(effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
@@ -387,21 +391,21 @@ class RefitSetup:
     def fit(
         self,
         effects: Sequence[EffectSettings],
-        start: Floats | None,
-        steps: int,
+        start: Floats | None = None,
         fixed: Sequence[tuple[int, int]] | None = None,
         columns: Floats | None = None,
         is_nominal_held: bool = False,
+        evaluations: int = MAX_EVALUATIONS,
     ) -> Refit:
         """Return the fit with these effects.
 
         Args:
             effects: at their start values.
             start: logarithms of the nominal parameters to start from; zero if None.
-            steps: largest number of steps.
             fixed: parameters that keep their value, see ``refit``; those that are never fitted if None.
             columns: derivatives with respect to the nominal parameters if they are known, see ``refit``.
             is_nominal_held: whether the nominal parameters keep their start.
+            evaluations: largest number of evaluated models; 1 for the derivatives at the start only.
         """
         all_fixed = [*(fixed_parameters(effects) if fixed is None else fixed), *self.fixed_effect_parameters(effects)]
         return refit(
@@ -411,7 +415,7 @@ class RefitSetup:
             effects,
             start,
             all_fixed,
-            steps,
+            evaluations,
             columns,
             self.freedom,
             self.workers,

@@ -12,18 +12,12 @@ from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 from sgms_observer.diagnosis.evidence import Improvement, improvement
-from sgms_observer.diagnosis.fit import (
-    MAX_STEPS,
-    Refit,
-    RefitSetup,
-    WhitenedData,
-    data_with_noise_of,
-    data_with_own_noise,
-)
+from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, Refit, RefitSetup
 from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual, effort_rms, halves, noise_floor, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.whitened import WhitenedData, data_with_noise_of, data_with_own_noise
 
 Floats = NDArray[np.float64]
 
@@ -74,7 +68,7 @@ class GapData:
         parts: list[Floats] = [np.zeros(0)] * len(self.motions)
         for side in (0, 1):
             data = data_with_own_noise(self.motions[side::2], fit.model)
-            again = replace(setup, data=data).fit(fit.effects, fit.logs, MAX_STEPS)
+            again = replace(setup, data=data).fit(fit.effects, fit.logs, evaluations=WRITTEN_EVALUATIONS)
             parts[1 - side :: 2] = residuals(again.model, self.motions[1 - side :: 2])
         return tuple(parts)
 

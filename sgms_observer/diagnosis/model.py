@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from sgms_observer.diagnosis.motion import PLAY_HALF_WIDTH, Motion, second_diffe
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Place
+from sgms_observer.effects.kernels import MINIMUM_LEVEL_FACTOR
 from sgms_observer.formulas import vectorised
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, FrictionSettings
 
@@ -166,13 +168,67 @@ class Prediction:
         friction: simulated element friction [N].
         stick_indicator: 0 where the contact slides, 1 where it sticks or creeps and the encoder resolution matters;
             empty if the contact was not simulated.
+        needed: force that the motion needs [N].
         phases: phase of each periodic disturbance in this recording [rad].
     """
 
     residual: Floats
     friction: Floats
     stick_indicator: Floats
+    needed: Floats
     phases: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class CorrectedMotion:
+    """A motion corrected by the effects outside the contact: true position, added force and added mass."""
+
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    first: Floats
+    second: Floats
+    force: Floats
+    added_mass: float
+    has_position: bool
+
+
+@dataclass(frozen=True)
+class Parts:
+    """A model along a motion, by where its effects act.
+
+    Attributes:
+        on_sliding_force: effects on the sliding force.
+        on_path: effects on the path of the effort.
+        periodic: forces that are periodic in time.
+        corrected: the motion, corrected by the other effects.
+        sides: factors on the sliding force for forward and backward motion.
+    """
+
+    on_sliding_force: tuple[EffectSettings, ...]
+    on_path: tuple[EffectSettings, ...]
+    periodic: tuple[EffectSettings, ...]
+    corrected: CorrectedMotion
+    sides: tuple[float, float]
+
+
+def parts_of(model: Model, motion: Motion) -> Parts:
+    """Return the parts of a model along a motion.
+
+    Args:
+        model: the model.
+        motion: the recording.
+    """
+    on_sliding_force = tuple(item for item in model.effects if effect(item.name).place is Place.LEVEL_FACTOR)
+    on_path = tuple(item for item in model.effects if effect(item.name).place is Place.EFFORT_PATH)
+    periodic = tuple(item for item in model.effects if item.name == PERIODIC_DISTURBANCE)
+    others = tuple(item for item in model.effects if item not in on_sliding_force + on_path + periodic)
+    sides = (1.0, 1.0)
+    for item in on_sliding_force:
+        if item.name == ASYMMETRIC_COULOMB:
+            forward, backward = (float(asymmetric_coulomb(side, item.values)) for side in (1.0, -1.0))
+            sides = (sides[0] * forward, sides[1] * backward)
+    return Parts(on_sliding_force, on_path, periodic, _corrected_motion(others, model.friction, motion), sides)
 
 
 def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) -> Prediction:
@@ -186,23 +242,13 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         fixed_friction: element friction of the model without effects on the sliding force. If given, these effects
             scale it and the contact is not simulated again (for the screening of many effects).
     """
-    friction = model.friction
-    on_sliding_force = tuple(item for item in model.effects if effect(item.name).place is Place.LEVEL_FACTOR)
-    on_path = tuple(item for item in model.effects if effect(item.name).place is Place.EFFORT_PATH)
-    periodic = tuple(item for item in model.effects if item.name == PERIODIC_DISTURBANCE)
-    corrected = _corrected_motion(
-        tuple(item for item in model.effects if item not in on_sliding_force + on_path + periodic), friction, motion
-    )
-    sides = (1.0, 1.0)
-    for item in on_sliding_force:
-        if item.name == ASYMMETRIC_COULOMB:
-            forward, backward = (float(asymmetric_coulomb(side, item.values)) for side in (1.0, -1.0))
-            sides = (sides[0] * forward, sides[1] * backward)
+    friction, parts = model.friction, parts_of(model, motion)
+    on_sliding_force, on_path, corrected, sides = parts.on_sliding_force, parts.on_path, parts.corrected, parts.sides
     if fixed_friction is None:
 
         def simulated() -> tuple[Floats, Floats]:
             sliding_force = stribeck(friction, corrected.position, motion.period)
-            factor = _factor(on_sliding_force, sliding_force, corrected, motion)
+            factor = factor_on_sliding_force(parts, sliding_force, motion)
             return element_friction(
                 friction,
                 corrected.first,
@@ -221,7 +267,7 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         sliding_force = stribeck(friction, corrected.position, motion.period)
         elements = (
             fixed_friction
-            * _factor(on_sliding_force, sliding_force, corrected, motion)
+            * factor_on_sliding_force(parts, sliding_force, motion)
             * np.where(corrected.velocity > 0.0, *sides)
         )
         stick_indicator = np.zeros(0)
@@ -232,11 +278,11 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         mass * corrected.acceleration + friction.viscous_coefficient * corrected.velocity + elements + corrected.force
     )
     command, phases = needed_command(on_path, needed, motion), []
-    for item in periodic:
+    for item in parts.periodic:
         phases.append(_phase_in(item, on_path, needed, command, motion))
         needed = needed + _periodic_force(item, phases[-1], motion)
         command = needed_command(on_path, needed, motion)
-    return Prediction(motion.effort - command, elements, stick_indicator, tuple(phases))
+    return Prediction(motion.effort - command, elements, stick_indicator, needed, tuple(phases))
 
 
 def with_phases_of(model: Model, motion: Motion) -> Model:
@@ -306,30 +352,16 @@ def needed_command(on_path: Sequence[EffectSettings], needed: Floats, motion: Mo
     return np.asarray(command, dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class _CorrectedMotion:
-    """A motion corrected by the effects outside the contact: true position, added force and added mass."""
-
-    position: Floats
-    velocity: Floats
-    acceleration: Floats
-    first: Floats
-    second: Floats
-    force: Floats
-    added_mass: float
-    has_position: bool
-
-
 def _corrected_motion(
     others: tuple[EffectSettings, ...], friction: FrictionSettings, motion: Motion
-) -> _CorrectedMotion:
+) -> CorrectedMotion:
     """Return the motion corrected by the effects outside the contact; cached, because many fits need the same one."""
+    level_values = friction.static_force, friction.coulomb_force, friction.stribeck_velocity
 
-    def computed() -> _CorrectedMotion:
+    def computed() -> CorrectedMotion:
         position, velocity, acceleration = motion.position, motion.velocity, motion.acceleration
         first, second, n = motion.first, motion.second, len(motion.position)
         effects = CompiledEffects(others, motion.period)
-        state = effects.initial_state()
         if effects.has_position:
             raw = effects.corrected_position(motion.raw)
             position = motion.smoothed(raw)
@@ -337,44 +369,55 @@ def _corrected_motion(
             acceleration = second_difference(position, motion.period)
             first, second = motion.contact_motion(raw)
         moved = compensated_for_hold(acceleration) if effects.added_mass != 0.0 else acceleration
-        force, _factor = effects.evaluate(
-            position, velocity, moved, motion.time, motion.effort, np.full(n, motion.period),
-            stribeck(friction, position, motion.period), state, motion.other_velocity, motion.other_acceleration,
-        )  # fmt: skip
-        return _CorrectedMotion(
+        level = stribeck(friction, position, motion.period)
+        force = np.zeros(n)
+
+        def force_of(item: EffectSettings) -> Floats:
+            one = CompiledEffects((item,), motion.period)
+            found, _factor = one.evaluate(
+                position, velocity, moved, motion.time, motion.effort, np.full(n, motion.period), level,
+                one.initial_state(), motion.other_velocity, motion.other_acceleration,
+            )  # fmt: skip
+            return found
+
+        for item in others:
+            sliding = level_values if item.name in NEED_SLIDING_FORCE else ()
+            if effects.has_position or not is_built_in(item.name):
+                force = force + force_of(item)
+            else:
+                key = (item, sliding, effects.added_mass != 0.0)
+                force = force + motion.cached("force", key, partial(force_of, item))
+        return CorrectedMotion(
             position, velocity, acceleration, first, second, force, effects.added_mass, effects.has_position
         )
 
     needs_sliding_force = any(item.name in NEED_SLIDING_FORCE for item in others)
-    sliding_force = (
-        (friction.static_force, friction.coulomb_force, friction.stribeck_velocity) if needs_sliding_force else ()
-    )
     return (
-        motion.cached("corrected motion", (others, sliding_force), computed)
+        motion.cached("corrected motion", (others, level_values if needs_sliding_force else ()), computed)
         if all(is_built_in(item.name) for item in others)
         else computed()
     )
 
 
-def _factor(
-    on_sliding_force: tuple[EffectSettings, ...], sliding_force: Floats, corrected: _CorrectedMotion, motion: Motion
-) -> Floats:
+def factor_on_sliding_force(parts: Parts, sliding_force: Floats, motion: Motion) -> Floats:
     """Return the factor of effects on the sliding force, except the one that depends on the direction."""
-    symmetric = tuple(item for item in on_sliding_force if item.name != ASYMMETRIC_COULOMB)
+    corrected, factor = parts.corrected, np.ones(len(sliding_force))
 
-    def computed() -> Floats:
-        effects = CompiledEffects(symmetric, motion.period)
-        _force, factor = effects.evaluate(
+    def factor_of(item: EffectSettings) -> Floats:
+        effects = CompiledEffects((item,), motion.period)
+        _force, found = effects.evaluate(
             corrected.position, corrected.velocity, corrected.acceleration, motion.time, motion.effort,
             np.full(len(sliding_force), motion.period), sliding_force, effects.initial_state(), motion.other_velocity,
             motion.other_acceleration,
         )  # fmt: skip
-        return factor
+        return found
 
-    is_cacheable = not corrected.has_position and all(
-        is_built_in(item.name) and item.name not in NEED_SLIDING_FORCE for item in symmetric
-    )
-    return motion.cached("factor", symmetric, computed) if is_cacheable else computed()
+    for item in parts.on_sliding_force:
+        if item.name == ASYMMETRIC_COULOMB:
+            continue
+        is_cacheable = not corrected.has_position and is_built_in(item.name) and item.name not in NEED_SLIDING_FORCE
+        factor = factor * (motion.cached("factor", item, partial(factor_of, item)) if is_cacheable else factor_of(item))
+    return np.maximum(factor, MINIMUM_LEVEL_FACTOR)
 
 
 def compensated_for_hold(acceleration: Floats) -> Floats:
@@ -393,9 +436,14 @@ def compensated_for_hold(acceleration: Floats) -> Floats:
     return np.asarray((7.0 * near - far) / 12.0, dtype=np.float64)
 
 
+def step_speed(position: Floats, period: float) -> Floats:
+    """Return the mean velocity of the step before each sample [m/s], shape (n,)."""
+    return np.concatenate(([0.0], np.diff(position))) / period
+
+
 def stribeck(friction: FrictionSettings, position: Floats, period: float) -> Floats:
     """Return the sliding force along a motion [N]."""
-    speed = np.concatenate(([0.0], np.diff(position))) / period
+    speed = step_speed(position, period)
     return np.asarray(stribeck_level(speed, friction.static_force, friction.coulomb_force, friction.stribeck_velocity))
 
 

@@ -42,7 +42,7 @@ CREEP_SPEED = 20.0
 """Speed below which the encoder resolution limits the prediction of the contact, in encoder steps per sample."""
 HELD_LAG = 0.5
 """Lag of an effort that is held between samples, in samples."""
-MAX_CACHED = 4
+MAX_CACHED = 8
 """Number of cached results per motion and kind: a parameter outside the contact needs no new simulation."""
 _CACHE_LOCK = Lock()  # fits in several threads share the motions
 REST_SHARE = 2.0e-3
@@ -129,9 +129,9 @@ class Motion:
         return contact_motion(raw, self.contact_width, self.step, self.period, self.resolution)
 
     def low_pass(self, values: Floats) -> Floats:
-        """Return ``values`` below the band, at the rate of residuals, edges dropped."""
+        """Return ``values`` below the band, at the rate of residuals, edges dropped; shape (n,) or (k, n)."""
         filtered = signal.sosfiltfilt(_band_filter(self.period, self.band), values)
-        return np.asarray(filtered[self._residual_samples], dtype=np.float64)
+        return np.asarray(filtered[..., self._residual_samples], dtype=np.float64)
 
     def thinned(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """Return ``values`` at the samples of ``low_pass``."""

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.candidates import LAST_STEPS, finish_fit, is_contact_law, with_free_effect
+from sgms_observer.diagnosis.candidates import finish_fit, is_contact_law, with_free_effect
 from sgms_observer.diagnosis.closed_gap import Closed, ClosedGap
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least
@@ -21,7 +21,6 @@ from sgms_observer.diagnosis.decision import (
     z_score_between,
 )
 from sgms_observer.diagnosis.diagnosis import (
-    REFIT_STEPS,
     FitState,
     Options,
     Round,
@@ -30,10 +29,11 @@ from sgms_observer.diagnosis.diagnosis import (
 )
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import MAX_STEPS, Refit, RefitSetup, data_with_own_noise
+from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, Refit, RefitSetup
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.sliding import sliding_shares
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
+from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.effects.catalogue import effect
 
 Floats = NDArray[np.float64]
@@ -62,7 +62,7 @@ def without_redundant_effects(
         test = at_least(name, "z-score beside the other effects", gain.z_score, options.criteria.min_z_score)
         rounds = _with_test(rounds, test)
         if not test.passed:
-            state = state.refitted(without, REFIT_STEPS)
+            state = state.refitted(without)
     return state, tuple(rounds)
 
 
@@ -110,7 +110,7 @@ def compared(state: FitState, item: Round, listed: Sequence[str], options: Optio
     rivals = {rival: one for rival, one in rivals.items() if rival not in known}
     if not rivals:
         return state, replace(item, comparisons={})
-    state = state.refitted(state.current, REFIT_STEPS)
+    state = state.refitted(state.current)
     states = {name: replace(state, current=finish_fit(state.setup, state.current))}
     states |= {rival: _with_rival(state, name, one) for rival, one in rivals.items()}
     decisions = {name: item.accepted, **rivals}
@@ -132,7 +132,7 @@ def compared(state: FitState, item: Round, listed: Sequence[str], options: Optio
     best = first.candidate.name
     tests = {key: compare(best, key, z_score(best, key), options.criteria) for key in decisions if key != best}
     if best != name:
-        state = states[best].refitted(states[best].current, REFIT_STEPS)
+        state = states[best].refitted(states[best].current)
     return state, replace(item, accepted=first, comparisons=tests)
 
 
@@ -142,7 +142,7 @@ def _with_rival(state: FitState, name: str, rival: Decision) -> FitState:
     assert start is not None
     setup = with_free_effect(state.setup, start.name)
     effects = tuple(start if one.name == name else one for one in state.current.effects)
-    return replace(state, setup=setup, current=finish_fit(setup, setup.fit(effects, state.current.logs, LAST_STEPS)))
+    return replace(state, setup=setup, current=finish_fit(setup, setup.fit(effects, state.current.logs)))
 
 
 def without_insignificant_effects(
@@ -176,7 +176,7 @@ def without_insignificant_effects(
             return state, tuple(rounds), replace(written, shares_above_noise=shares)
         rounds = _with_test(rounds, weakest)
         nothing_is_left = not any(item.accepted for item in rounds)
-        state = found if nothing_is_left else state.refitted(_fit_without(state, weakest.of), REFIT_STEPS)
+        state = found if nothing_is_left else state.refitted(_fit_without(state, weakest.of))
 
 
 def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> list[Test]:
@@ -255,7 +255,7 @@ def _with_effects(rounds: Sequence[Round]) -> list[Round]:
 def _fit_without(state: FitState, name: str) -> Refit:
     """Return the fit without one effect."""
     effects = tuple(one for one in state.current.effects if one.name != name)
-    return state.setup.fit(effects, state.current.logs, LAST_STEPS)
+    return state.setup.fit(effects, state.current.logs)
 
 
 def _with_test(rounds: Sequence[Round], test: Test) -> tuple[Round, ...]:
@@ -278,7 +278,7 @@ def _as_written(found: FitState, state: FitState, nominal: Model, evaluation: Ev
         evaluation: the recordings.
     """
     first = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
-    before = first.fit(found.current.effects, None, MAX_STEPS)
+    before = first.fit(found.current.effects, evaluations=WRITTEN_EVALUATIONS)
     if state is found:
         return WrittenFits(before, before, first, RecordingEstimates.none(), RecordingEstimates.none())
     fine = state.setup.nominal
@@ -291,12 +291,12 @@ def _as_written(found: FitState, state: FitState, nominal: Model, evaluation: Ev
         starts.append(before.logs)
     if later.parameter_names() == fine.parameter_names():
         starts.append(state.current.logs)
-    tried = [last.fit(state.current.effects, start, MAX_STEPS) for start in starts]
+    tried = [last.fit(state.current.effects, start, evaluations=WRITTEN_EVALUATIONS) for start in starts]
     after = min(tried, key=lambda fit: fit.cost)
     least = evaluation.reported_rms(before.model)
     is_as_free = later == nominal and last.freedom == first.freedom
     if is_as_free and evaluation.reported_rms(after.model) > least:
-        held = last.fit(state.current.effects, before.logs, MAX_STEPS, is_nominal_held=True)
+        held = last.fit(state.current.effects, before.logs, is_nominal_held=True, evaluations=WRITTEN_EVALUATIONS)
         after = held if evaluation.reported_rms(held.model) < least else after
     fresh, of_strengths = (_with_derivatives(last, after, only_strengths) for only_strengths in (False, True))
     estimates = strengths = recording_estimates(last, fresh, state.held_out_motions)
@@ -317,4 +317,4 @@ def _with_derivatives(setup: RefitSetup, found: Refit, only_strengths: bool) -> 
     parameters = [effect(item.name).parameters for item in found.effects]
     free = {(i, j) for i, j in found.free if parameters[i][j].is_strength or not only_strengths}
     fixed = [(i, j) for i, e in enumerate(found.effects) for j in range(len(e.values)) if (i, j) not in free]
-    return setup.fit(found.effects, found.logs, 1, fixed)
+    return setup.fit(found.effects, found.logs, fixed, evaluations=1)

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from sgms_observer.diagnosis import search
-from sgms_observer.diagnosis.fit import DERIVATIVE_STEP, Freedom, Refit, WhitenedData, prior_widths
+from sgms_observer.diagnosis.contact_slopes import contact_parameters
+from sgms_observer.diagnosis.fit import DERIVATIVE_STEP, Freedom, Refit, prior_widths
 from sgms_observer.diagnosis.model import PERIODIC_DISTURBANCE, predict, stribeck
 from sgms_observer.diagnosis.noise import spectrum_of
 from sgms_observer.diagnosis.sliding_force import BACKLASH, PARTS_OF_SLIDING_FORCE, share_of_sliding_force
+from sgms_observer.diagnosis.whitened import WhitenedData
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Effect, Place
@@ -131,14 +133,16 @@ class Screen:
             for motion, friction in zip(data.motions, self._friction, strict=True)
         ]
         widths = prior_widths(model, tolerance, freedom)
-        columns = []
-        for k in range(len(widths)):
+        in_contact = contact_parameters(model)
+        self.nominal_columns = np.empty((len(self.residual), len(widths)))
+        if in_contact:
+            self.nominal_columns[:, in_contact] = data.contact_slopes(model, np.zeros(len(widths)))
+        for k in set(range(len(widths))) - set(in_contact):
             logs = np.zeros(len(widths))
             logs[k] = DERIVATIVE_STEP
-            columns.append((data.residual(model.shifted(logs)) - self.residual) / DERIVATIVE_STEP)
+            self.nominal_columns[:, k] = (data.residual(model.shifted(logs)) - self.residual) / DERIVATIVE_STEP
         self._prior = 1.0 / widths
         self._prior_residual = current.logs / widths
-        self.nominal_columns = np.column_stack(columns)
         stacked = np.vstack([self.nominal_columns, np.diag(self._prior)])
         n = len(widths)
         if current.jacobian.shape[1] > n:

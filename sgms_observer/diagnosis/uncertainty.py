@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_with_own_noise
+from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.noise import spectrum_of
+from sgms_observer.diagnosis.whitened import WhitenedData, data_with_own_noise
 from sgms_observer.effects.catalogue import effect
 
 Floats = NDArray[np.float64]
@@ -30,8 +31,6 @@ STAMP_ERROR = 0.01
 """Standard error between the stamps of position and effort, in samples: the lower limit for that of a delay."""
 DELAY_PARAMETERS = ("delay",)
 """Parameters that depend on the difference of the two stamps."""
-SINGLE_RECORDING_STEPS = 6
-"""Steps of the fit to another recording. The fit starts at the solution."""
 SINGULAR_SHARE = 1.0e-10
 """Relative singular value below which a direction of the normal matrix counts as determined by the block alone."""
 MIN_OTHER_WEIGHT = 1.0e-9
@@ -198,7 +197,7 @@ def recording_estimates(setup: RefitSetup, found: Refit, others: Sequence[Motion
     fixed = [(i, j) for i, e in enumerate(found.effects) for j in range(len(e.values)) if (i, j) not in free]
     for motion in others if free else ():
         alone = replace(setup, data=data_with_own_noise((motion,), found.model))
-        fit = alone.fit(found.effects, found.logs, SINGLE_RECORDING_STEPS, fixed)
+        fit = alone.fit(found.effects, found.logs, fixed)
         values.append([fit.effects[i].values[j] for i, j in fit.free])
         errors.append(standard_errors(fit, alone.data))
     return RecordingEstimates(found.free, np.array(values), np.array(errors))

@@ -20,7 +20,6 @@ from sgms_observer.diagnosis.decision import (
     z_score_between,
 )
 from sgms_observer.diagnosis.diagnosis import (
-    FIT_STEPS,
     Diagnosis,
     FitState,
     Options,
@@ -32,7 +31,7 @@ from sgms_observer.diagnosis.diagnosis import (
 from sgms_observer.diagnosis.effort_lag import MIN_HELD_LAG, notes_on_changes
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise
+from sgms_observer.diagnosis.fit import Freedom, RefitSetup
 from sgms_observer.diagnosis.free_form import ALL
 from sgms_observer.diagnosis.map_fit import MAP_NAMES
 from sgms_observer.diagnosis.model import Model
@@ -44,6 +43,7 @@ from sgms_observer.diagnosis.pruning import (
     without_redundant_effects,
 )
 from sgms_observer.diagnosis.screen import Screen
+from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
 from sgms_observer.errors import DataError
@@ -119,7 +119,7 @@ def fitted_file(
         fixed_effects=frozenset(item.name for item in known_effects), workers=options.workers,
     )  # fmt: skip
     state = FitState(
-        recordings, learn, held, setup, setup.fit(known_effects, None, FIT_STEPS),
+        recordings, learn, held, setup, setup.fit(known_effects),
         hidden_by_encoder=audited.hidden_by_encoder,
     )  # fmt: skip
     state = state.converged().with_changes_of_lag(options.criteria)
@@ -232,7 +232,7 @@ def choose_element_freedom(state: FitState, options: Options) -> FitState:
         options: options of the diagnosis.
     """
     narrow = replace(state, setup=replace(state.setup, freedom=Freedom(has_narrow_elements=True)))
-    narrow = narrow.refitted(narrow.current, FIT_STEPS).converged()
+    narrow = narrow.refitted(narrow.current).converged()
     evaluation = narrow.evaluation(options)
     earlier, later = evidence_of(narrow.current, evaluation), evidence_of(state.current, evaluation)
     pair = (earlier.held_out, later.held_out) if evaluation.has_held_out else (earlier.all, later.all)
@@ -391,7 +391,7 @@ def _with_best(
     item = replace(item, accepted=best, comparisons=comparisons(best, item.decisions, options.criteria))
     setup = replace(best.candidate.setup, data=state.setup.data, workers=options.workers)
     after = replace(state, setup=setup, current=best.candidate.refit)
-    after, item = compared(after.refitted(after.current, FIT_STEPS).with_fitted_lags(), item, listed, options)
+    after, item = compared(after.refitted(after.current).with_fitted_lags(), item, listed, options)
     return found.with_round(state, item, after)
 
 

@@ -59,8 +59,8 @@ class ElementShape:
 
 @njit
 def _simulate(
-    travel: Floats, factor: Floats, period: float, kappa: Floats, level: Floats, shared: Floats, numbers: Floats,
-    out: Floats, slopes: Floats,
+    first: Floats, second: Floats, velocity: Floats, factor: Floats, sides: Floats, period: float, kappa: Floats,
+    level: Floats, shared: Floats, numbers: Floats, out: Floats, slopes: Floats,
 ) -> None:  # fmt: skip
     """Write the summed element force after each step and its derivatives (kappa.., a.., rho, v_s, c)."""
     n_z = kappa.shape[0]
@@ -68,24 +68,28 @@ def _simulate(
     mode = np.zeros(n_z, dtype=np.int64)
     element_slopes = np.zeros((n_z, 2 + 3))  # d force_i / d (kappa_i, a_i, rho, v_s, c)
     rho, v_s, rate = shared[0], shared[1], shared[2]
-    for k in range(travel.shape[0]):
-        velocity = travel[k] / period
-        ratio = velocity / v_s
-        bump = math.exp(-ratio * ratio)
-        bump *= factor[k]
-        curve = factor[k] + (rho - 1.0) * bump
-        curve_v_s = (rho - 1.0) * bump * 2.0 * ratio * ratio / v_s
-        gain = numbers[_GAMMA]
-        gain_v_s = 0.0
-        if numbers[_IS_PAPER] > 0.5:
-            gain = numbers[_GAMMA] * abs(velocity) / v_s
-            gain_v_s = -gain / v_s
-        if velocity != 0.0:
-            direction = 1.0 if velocity > 0.0 else -1.0
+    for k in range(first.shape[0]):
+        ratio = velocity[k] / v_s
+        fading = math.exp(-ratio * ratio)
+        for part in range(2):
+            travel = first[k] if part == 0 else second[k]
+            if travel == 0.0:
+                continue
+            direction = 1.0 if travel > 0.0 else -1.0
+            scale = factor[k] * (sides[0] if travel > 0.0 else sides[1])
+            bump = fading * scale
+            curve = scale + (rho - 1.0) * bump
+            curve_v_s = (rho - 1.0) * bump * 2.0 * ratio * ratio / v_s
+            rate_of_travel = travel / period
+            gain = numbers[_GAMMA]
+            gain_v_s = 0.0
+            if numbers[_IS_PAPER] > 0.5:
+                gain = numbers[_GAMMA] * abs(rate_of_travel) / v_s
+                gain_v_s = -gain / v_s
             for i in range(n_z):
                 if numbers[_IS_GMS] > 0.5:
                     after, mode_after, keep, by_kappa, by_curve = gms_step_with_slopes(
-                        force[i], mode[i], velocity, period, kappa[i], level[i], curve, rate
+                        force[i], mode[i], rate_of_travel, period, kappa[i], level[i], curve, rate
                     )
                     mode[i] = mode_after
                     by_level = 0.0
@@ -98,7 +102,7 @@ def _simulate(
                 else:
                     limit = level[i] * curve
                     after, keep, by_kappa, by_limit, by_gain = sgms_step_with_slopes(
-                        force[i], velocity, period, kappa[i], limit, numbers[_LAMBDA], numbers[_ZETA], gain
+                        force[i], rate_of_travel, period, kappa[i], limit, numbers[_LAMBDA], numbers[_ZETA], gain
                     )
                     by_level = by_limit * curve
                     by_curve = by_limit * level[i]
@@ -162,10 +166,37 @@ def friction_and_slopes(
         shape (n, 2 n_z + 3).
     """
     travel = np.diff(position, prepend=position[:1])
-    out = np.empty(len(position))
-    slopes = np.empty((len(position), 2 * len(kappa) + SHARED))
-    ones = np.ones(len(position)) if factor is None else factor
-    _simulate(travel, ones, period, kappa, level, shared, shape.numbers, out, slopes)
+    return friction_and_slopes_along(
+        np.zeros(len(position)), travel, travel / period, period, kappa, level, shared, shape, factor
+    )
+
+
+def friction_and_slopes_along(
+    first: Floats,
+    second: Floats,
+    velocity: Floats,
+    period: float,
+    kappa: Floats,
+    level: Floats,
+    shared: Floats,
+    shape: ElementShape,
+    factor: Floats | None = None,
+    sides: tuple[float, float] = (1.0, 1.0),
+) -> tuple[Floats, Floats]:
+    """Simulate the elements along a motion whose steps are split at reversals, from rest without force.
+
+    Args:
+        first, second: displacement of each step before and after a reversal in the step [m], shape (n,).
+        velocity: velocity of the Stribeck curve [m/s], shape (n,).
+        period, kappa, level, shared, shape, factor: as for ``friction_and_slopes``.
+        sides: factors on the Stribeck level for forward and backward motion [-].
+
+    Returns:
+        As ``friction_and_slopes``.
+    """
+    out, slopes = np.empty(len(first)), np.empty((len(first), 2 * len(kappa) + SHARED))
+    ones = np.ones(len(first)) if factor is None else factor
+    _simulate(first, second, velocity, ones, np.array(sides), period, kappa, level, shared, shape.numbers, out, slopes)
     return out, slopes
 
 

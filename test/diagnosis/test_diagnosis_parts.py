@@ -15,13 +15,14 @@ from sgms_observer.diagnosis.criteria import Criteria, at_least
 from sgms_observer.diagnosis.decision import Decision, comparisons
 from sgms_observer.diagnosis.evaluation import Evidence
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise, refit
+from sgms_observer.diagnosis.fit import Freedom, RefitSetup, refit
 from sgms_observer.diagnosis.gap import rms
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, motion_of, play_operator, without_jitter
 from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, fit_noise
 from sgms_observer.diagnosis.replicates import coloured, replicate_of
 from sgms_observer.diagnosis.screen import MANY_SHAPES, SINES_OF_POSITION, Screen
+from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.errors import DataError
 from sgms_observer.offline.encoder import position_noise, without_unit_rounding
@@ -104,7 +105,7 @@ def test_refit_finds_parameters_within_tolerance() -> None:
     motion = motion_of(record())
     model = Model(5.0 * 1.04, FRICTION)
     data = data_with_own_noise((motion,), model)
-    found = refit(data, model, 0.05, iterations=5)
+    found = refit(data, model, 0.05)
     assert found.model.mass == pytest.approx(5.0, rel=0.01)
     assert found.model.friction.coulomb_force == pytest.approx(4.0, rel=0.01)
 
@@ -115,13 +116,13 @@ def test_first_look_ranks_the_true_effect_first_and_replicates_do_not_alarm() ->
     model = Model.of(AXIS)
     names = ("spring", "quadratic_drag", "stribeck", "thermal_drift")
     data = data_with_own_noise((motion,), model)
-    found = refit(data, model, 0.05, iterations=4)
+    found = refit(data, model, 0.05)
     screenings = Screen(data, found, 0.05, Freedom(), names, 2).screenings
     assert max(screenings, key=lambda name: screenings[name].chi2_reduction) == "spring"
     data = data_with_own_noise((motion,), model.with_effects([hidden]))
     empty = replicate_of(motion, model, data.noise[0], np.random.default_rng(2))
     data = data_with_own_noise((empty,), model)
-    found = refit(data, model, 0.05, iterations=4)
+    found = refit(data, model, 0.05)
     by_chance = Screen(data, found, 0.05, Freedom(), names, 1).screenings
     assert (
         max(screening.chi2_reduction for screening in by_chance.values()) < 0.05 * screenings["spring"].chi2_reduction
@@ -164,7 +165,7 @@ def test_few_pitches_computed_in_full_give_the_screening_of_all(name: str, monke
     motion = motion_of(record((EffectSettings(name, (size, 2.3e-3, 1.0, *effect(name).defaults[3:])),)))
     model = Model(5.0, FRICTION)
     data = data_with_own_noise((motion,), model)
-    plain = refit(data, model, 0.05, iterations=5)
+    plain = refit(data, model, 0.05)
     few = Screen(data, plain, 0.05, Freedom(), (name,), 1).screenings[name]
     monkeypatch.setattr("sgms_observer.diagnosis.screen.MANY_SHAPES", few.trials)
     every = Screen(data, plain, 0.05, Freedom(), (name,), 1).screenings[name]
@@ -181,7 +182,7 @@ def test_mass_and_gain_are_effects_where_the_tolerance_does_not_reach_them(name:
     motion = motion_of(source)
     model = Model(known, FRICTION)
     data = data_with_own_noise((motion,), model)
-    plain = refit(data, model, 0.05, iterations=5)
+    plain = refit(data, model, 0.05)
     assert plain.model.mass <= 1.05 * known * (1.0 + 1e-9)  # the tolerance is its owner's word
     setup = RefitSetup(data, model, 0.05)
     screen = Screen(data, plain, 0.05, Freedom(), (name,), 1)

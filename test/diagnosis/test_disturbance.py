@@ -1,7 +1,6 @@
 """A force from outside does not repeat: no model predicts it, but the answer tells of it."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,7 +87,6 @@ def test_it_stands_beside_a_name() -> None:
 
 
 def test_where_hardly_anything_slides_nothing_is_told() -> None:
-    made = record(duration=16.0, period=PERIOD)
-    still = replace(made, position=1.0e-3 * made.position)
+    still = record(duration=16.0, period=PERIOD, scale=1.0e-4)
     answer = answer_of(diagnose([still], [still], AXIS, OPTIONS), AXIS, OPTIONS)
     assert answer.verdict == "cannot_tell" and answer.disturbance is None

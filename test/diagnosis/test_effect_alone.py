@@ -38,7 +38,7 @@ def evaluation() -> EvaluationData:
 def test_an_effect_is_fitted_beside_held_values(evaluation: EvaluationData) -> None:
     setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
     start = np.full(len(setup.nominal.parameter_names()), 0.01)
-    free, held = (setup.fit((NOTHING,), start, 8, is_nominal_held=one) for one in (False, True))
+    free, held = (setup.fit((NOTHING,), start, is_nominal_held=one) for one in (False, True))
     assert np.array_equal(held.logs, start) and not np.array_equal(free.logs, start)
     assert held.effects[0].values[0] == pytest.approx(0.4, rel=0.05)
     assert np.all(np.any(held.jacobian != 0.0, axis=0))  # intervals still know that the values of the file may be wrong
@@ -47,8 +47,8 @@ def test_an_effect_is_fitted_beside_held_values(evaluation: EvaluationData) -> N
 def test_where_drift_hides_the_gap_the_effect_counts_alone(evaluation: EvaluationData) -> None:
     """The fit of all values errs where the evidence is blind; the gap as reported is not."""
     setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
-    before = setup.fit((), None, 1)
-    drifted = setup.fit((OFFSET,), None, 1)
+    before = setup.fit(())
+    drifted = setup.fit((OFFSET,))
     grid, force = np.linspace(0.0, 12.0, 25), np.zeros(25)
     force[8:11] = 4.0
     drift = LearntMap.zero(("time",), (tuple(grid.tolist()),), 1.0e-7).filled(force).settings()

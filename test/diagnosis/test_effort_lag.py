@@ -9,7 +9,7 @@ from workflow_case import AXIS, record
 
 from sgms_observer.diagnosis.answer import answer_of
 from sgms_observer.diagnosis.criteria import Criteria
-from sgms_observer.diagnosis.diagnosis import FIT_STEPS, FitState, Options, Recordings
+from sgms_observer.diagnosis.diagnosis import MAX_REFITS, FitState, Options, Recordings
 from sgms_observer.diagnosis.effort_lag import (
     MAX_STAMP_ERROR,
     changes_of_lag,
@@ -17,10 +17,11 @@ from sgms_observer.diagnosis.effort_lag import (
     notes_on_changes,
     with_real_changes,
 )
-from sgms_observer.diagnosis.fit import RefitSetup, data_with_own_noise, refit
+from sgms_observer.diagnosis.fit import RefitSetup, refit
 from sgms_observer.diagnosis.gap import WeightedResidual, halves, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import HELD_LAG, EffortLag, Motion, delayed, motion_of
+from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
@@ -42,9 +43,9 @@ def needs(lag: float, read_with: float, source: Recording | None = None) -> Moti
 
 def lags_of(*motions: Motion, stated: float = HELD_LAG) -> tuple[float, ...]:
     """Return the lags that a diagnosis fits to recordings of a stage that has the model's own values."""
-    for _ in range(2):
+    for _ in range(MAX_REFITS):
         data = data_with_own_noise(motions, MODEL)
-        lags = fitted_effort_lags(data, refit(data, MODEL, 0.05, iterations=3), stated)
+        lags = fitted_effort_lags(data, refit(data, MODEL, 0.05), stated)
         motions = tuple(
             replace(one, effort=delayed(one.effort, lag.at(one.time) - one.lag.at(one.time)), lag=lag)
             for one, lag in zip(motions, lags, strict=True)
@@ -75,7 +76,7 @@ def test_an_effort_before_its_stamp_acts_at_it() -> None:
 
 
 def test_an_effort_taken_for_early_goes_back_to_what_the_settings_say() -> None:
-    assert lags_of(needs(HELD_LAG, 0.0)) == pytest.approx((HELD_LAG,), abs=CLOSE)
+    assert lags_of(needs(HELD_LAG, 0.0)) == pytest.approx((HELD_LAG,), abs=NEAR)
     assert lags_of(needs(HELD_LAG, 0.0), stated=0.0) == (0.0,)  # late, where nobody said held: a delay
 
 
@@ -94,7 +95,7 @@ def test_a_file_with_another_stiffness_does_not_move_the_lag(stiffness: float, l
     recordings = Recordings((source,), (), HELD_LAG, 100.0)
     motions = recordings.motions()
     setup = RefitSetup(data_with_own_noise(motions, file), file, 0.05)
-    state = FitState(recordings, motions, (), setup, setup.fit((), None, FIT_STEPS)).converged().with_fitted_lags()
+    state = FitState(recordings, motions, (), setup, setup.fit(())).converged().with_fitted_lags()
     assert state.lags[0].values == pytest.approx((lag,), abs=CLOSE)
 
 
@@ -106,7 +107,7 @@ def test_beside_a_delay_the_lag_stays() -> None:
     motions = recordings.motions()
     setup = RefitSetup(data_with_own_noise(motions, MODEL), MODEL, 0.05)
     alone, beside = (
-        FitState(recordings, motions, (), setup, setup.fit(effects, None, FIT_STEPS)).converged().with_fitted_lags()
+        FitState(recordings, motions, (), setup, setup.fit(effects)).converged().with_fitted_lags()
         for effects in ((), (EffectSettings("actuator_delay", (1.0e-4,)),))
     )
     assert alone.lags[0].values != (HELD_LAG,)

@@ -30,12 +30,13 @@ from sgms_observer.diagnosis.evidence import (
     left_out_residuals,
     preference,
 )
-from sgms_observer.diagnosis.fit import Refit, RefitSetup, WhitenedData, data_with_own_noise
+from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.free_form import ALL, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import EffortLag, Motion, motion_of
 from sgms_observer.diagnosis.uncertainty import as_time_series
+from sgms_observer.diagnosis.whitened import WhitenedData, data_with_own_noise
 from sgms_observer.settings.axis import EffectSettings
 
 MODEL = Model.of(AXIS)
@@ -191,11 +192,11 @@ def test_a_name_is_earned_where_a_free_form_term_over_its_coordinates_does_no_be
     motion = moved((COGGING,))
     evaluation = evaluation_of((motion,), MODEL.with_effects([COGGING]))
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
-    plain = setup.fit((), None, 6)
+    plain = setup.fit(())
     assert free_form_prediction(("position",), plain.model, evaluation).improvement.share > 0.6
     assert free_form_prediction(("dwell",), plain.model, evaluation).improvement.share < 0.3
     for start, is_earned in ((COGGING, True), (EffectSettings("spring", (10.0, 0.0)), False)):
-        found = setup.fit((start,), None, 8)
+        found = setup.fit((start,))
         item = Candidate(start.name, setup, found, 1)
         closed = improvement(evidence_of(plain, evaluation).force, evidence_of(found, evaluation).force)
         (test,) = free_form_tests(item, plain, closed, evaluation)
@@ -207,8 +208,8 @@ def test_a_hypothesis_that_fails_says_which_test_with_its_value() -> None:
     motion = moved((COGGING,))
     evaluation = evaluation_of((motion,), MODEL.with_effects([COGGING]))
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
-    plain = setup.fit((), None, 6)
-    fast = setup.fit((EffectSettings("periodic_disturbance", (0.01, 11.0, 0.0)),), None, 2)
+    plain = setup.fit(())
+    fast = setup.fit((EffectSettings("periodic_disturbance", (0.01, 11.0, 0.0)),))
     decision = decide(
         Candidate("periodic_disturbance", setup, fast, 50), plain, evidence_of(plain, evaluation), evaluation
     )
@@ -221,7 +222,7 @@ def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
     motion = moved()
     evaluation = evaluation_of((motion,), MODEL)
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
-    plain = setup.fit((), None, 2)
+    plain = setup.fit(())
     rate = motion.step / motion.period
     most = float(np.max(np.abs(motion.effort)))
 
@@ -249,7 +250,7 @@ def test_a_delay_that_a_held_effort_or_inexact_stamps_may_make_fails(lag: float)
     motion = replace(moved(), lag=EffortLag((lag,)))
     evaluation = evaluation_of((motion,), MODEL)
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
-    plain = setup.fit((), None, 2)
+    plain = setup.fit(())
     rate = motion.step / motion.period
 
     def delayed(samples: float, error: float) -> Candidate:
@@ -269,9 +270,9 @@ def test_a_delay_that_a_held_effort_or_inexact_stamps_may_make_fails(lag: float)
 def test_a_mass_beyond_its_tolerance_is_sure_though_the_mass_within_is_not(mass: float, is_beyond: bool) -> None:
     motion = motion_of(record(duration=10.0, mass=mass))
     setup = RefitSetup(data_with_own_noise([motion], MODEL), MODEL, 0.05)
-    before = setup.fit((), None, 6)
+    before = setup.fit(())
     error = EffectSettings("mass_error", (0.1,))
-    item = Candidate("mass_error", setup, setup.fit((error,), before.logs, 6), 1)
+    item = Candidate("mass_error", setup, setup.fit((error,), before.logs), 1)
     assert strength(item) < CRITERIA.min_z_score
     beyond = strength_beyond_tolerance(item, before)
     assert beyond > CRITERIA.min_z_score if is_beyond else beyond == 0.0

@@ -12,11 +12,11 @@ from workflow_case import AXIS, record, rich_position
 from sgms_observer.diagnosis.answer import verdict_of
 from sgms_observer.diagnosis.criteria import at_least, at_most
 from sgms_observer.diagnosis.diagnosis import Options, accepted_candidates
-from sgms_observer.diagnosis.fit import data_with_own_noise
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.model import Model, friction_drop_after_reversal, hidden_by_encoder
 from sgms_observer.diagnosis.motion import Motion, motion_of
+from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings, EncoderSettings, StageSettings

@@ -13,7 +13,7 @@ from sgms_observer.diagnosis.decision import Decision, decide, strength_over_err
 from sgms_observer.diagnosis.diagnosis import FitState, Options, Recordings, Round, WrittenFits
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement, in_blocks
-from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup, data_with_own_noise, refit
+from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup, refit
 from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.model import COULOMB, STATIC, Model, predict
 from sgms_observer.diagnosis.motion import HELD_LAG, Motion, motion_of
@@ -28,6 +28,7 @@ from sgms_observer.diagnosis.uncertainty import (
     leave_one_out_shifts,
     standard_errors,
 )
+from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.effects.catalogue import names
 from sgms_observer.offline.recording import Recording
@@ -46,7 +47,7 @@ def test_the_contact_is_read_off_the_recording_with_what_was_found_in_the_model(
     motion = motion_of(record(effects, is_unsmoothed=is_unsmoothed))
     evaluation = evaluation_of((motion,), MODEL.with_effects(effects))
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
-    found = setup.fit(effects, None, 6)
+    found = setup.fit(effects)
     unsmoothed = changed_candidate(setup, found, CHANGE_HYPOTHESES[2])
     is_better = unsmoothed.refit.cost < found.cost
     assert (
@@ -84,7 +85,7 @@ def test_a_missing_element_starts_with_the_level_as_it_is() -> None:
 def test_a_fit_from_far_too_strong_a_start_does_not_end_worse_than_without_the_effect() -> None:
     motion = motion_of(record(duration=8.0))
     data = data_with_own_noise((motion,), MODEL)
-    before = refit(data, MODEL, 0.05, iterations=4)
+    before = refit(data, MODEL, 0.05)
     columns = Screen(data, before, 0.05, Freedom(), ()).nominal_columns
     far = first_fit(RefitSetup(data, MODEL, 0.05), before, EffectSettings("stribeck", (2.9, 8e-3)), columns)
     assert far.cost < 1.05 * before.cost
@@ -120,9 +121,9 @@ def test_an_effect_that_a_later_one_made_needless_is_taken_out(stiffness: float,
     effects = (EffectSettings("spring", (stiffness or 0.1, 0.0)), OFFSET)
     evaluation = evaluation_of((motion,), MODEL.with_effects(hidden))
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
-    current = finish_fit(setup, setup.fit(effects, None, 6))
-    nothing = setup.fit((), None, 6)
-    first = setup.fit(effects[:1], None, 6)
+    current = finish_fit(setup, setup.fit(effects))
+    nothing = setup.fit(())
+    first = setup.fit(effects[:1])
     rounds = [
         accepted(setup, first, nothing, "spring", evaluation),
         accepted(setup, current, first, "offset", evaluation),
@@ -143,8 +144,8 @@ def test_what_a_contact_law_can_imitate_closes_more_than_it_leaves(gain: float, 
     motion = motion_of(source)
     evaluation = evaluation_of((motion,), MODEL.with_effects(hidden))
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.01)
-    nothing = setup.fit((), None, 6)
-    current = finish_fit(setup, setup.fit(hidden[1:], None, 6))
+    nothing = setup.fit(())
+    current = finish_fit(setup, setup.fit(hidden[1:]))
     found = FitState(Recordings((source,), (), HELD_LAG, 100.0), (motion,), (), setup, nothing)
     state = replace(found, current=current)
     rounds = [accepted(setup, current, nothing, "actuator_gain", evaluation)]
@@ -256,7 +257,7 @@ def test_errors_grow_with_what_comes_back_in_every_block_and_hold_for_plain_nois
         wave = effort * np.sin(2.0 * np.pi * 0.31 * t)  # slow, and no shape of the model
         motion = motion_of(replace(source, effort=source.effort + wave))
         data = data_with_own_noise((motion,), MODEL.with_effects([OFFSET]))
-        found = refit(data, MODEL, 0.05, (OFFSET,), iterations=3)
+        found = refit(data, MODEL, 0.05, (OFFSET,))
         columns = np.column_stack([found.jacobian[: len(found.residual)], found.residual])
         whole = sum(np.sum(part**2, axis=0) for part in as_time_series(columns, data))
         assert whole == pytest.approx(np.sum(columns**2, axis=0), rel=1e-9)
@@ -300,7 +301,7 @@ def test_an_interval_from_three_recordings_that_differ_holds_the_truth() -> None
 def test_what_an_effect_improves_is_the_square_of_its_strength_over_its_error() -> None:
     motion = motion_of(record((OFFSET,), duration=8.0))
     data = data_with_own_noise((motion,), MODEL.with_effects([OFFSET]))
-    found = refit(data, MODEL, 0.05, (OFFSET,), iterations=3)
-    without = refit(data, MODEL, 0.05, (), iterations=6)
+    found = refit(data, MODEL, 0.05, (OFFSET,))
+    without = refit(data, MODEL, 0.05, ())
     power = (found.effects[0].values[0] / found.standard_errors()[0, 0]) ** 2
     assert power == pytest.approx(2.0 * (without.cost - found.cost), rel=0.2)

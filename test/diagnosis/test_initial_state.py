@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from workflow_case import AXIS, record
 
 from sgms_observer.diagnosis.contact import element_friction
-from sgms_observer.diagnosis.fit import data_with_own_noise
 from sgms_observer.diagnosis.model import Model, stribeck, unknown_initial_friction
 from sgms_observer.diagnosis.motion import motion_of, split_at_reversals
+from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.settings.axis import FrictionSettings
 
 MAXWELL_SLIP = replace(FrictionSettings(), model="gms", static_force=4.0, coulomb_force=4.0, attraction_rate=1.0e5)

@@ -9,12 +9,13 @@ from sgms_observer.diagnosis.candidates import Candidate, finish_fit, first_fit
 from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.diagnosis.decision import decide, range_tests
 from sgms_observer.diagnosis.evaluation import evidence_of
-from sgms_observer.diagnosis.fit import Freedom, RefitSetup, data_with_own_noise, refit
+from sgms_observer.diagnosis.fit import Freedom, RefitSetup, refit
 from sgms_observer.diagnosis.model import COULOMB, STATIC, STRIBECK_VELOCITY, Model, compensated_for_hold, predict
 from sgms_observer.diagnosis.motion import fast_length, motion_of
 from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.diagnosis.sliding_force import start_logs, total_force_logs
+from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.formulas.effects import flexible_mode_next
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
@@ -52,7 +53,7 @@ def test_offset_and_asymmetric_coulomb_are_told_apart_after_the_full_refit() -> 
         hidden = EffectSettings(name, (value,))
         motion = motion_of(record((hidden,)))
         data = data_with_own_noise((motion,), MODEL)
-        before = refit(data, MODEL, 0.05, iterations=5)
+        before = refit(data, MODEL, 0.05)
         columns = Screen(data, before, 0.05, Freedom(), ()).nominal_columns
         setup = RefitSetup(data, MODEL, 0.05)
         taken = {}
@@ -68,7 +69,7 @@ def test_a_small_value_of_a_parameter_with_a_wide_range_is_not_at_its_end() -> N
     wear = EffectSettings("wear_step", (0.2, 0.5 * travel, 0.02 * travel))
     motion = motion_of(record((wear,)))
     data = data_with_own_noise((motion,), MODEL)
-    before = refit(data, MODEL, 0.05, iterations=2)
+    before = refit(data, MODEL, 0.05)
     columns = Screen(data, before, 0.05, Freedom(), ()).nominal_columns
     assert 0.02 * travel < 1e-9 * 1e7  # the width lies within a billionth of its range from zero
     setup = RefitSetup(data, MODEL, 0.05)
@@ -114,12 +115,12 @@ def test_a_name_needs_its_share_of_the_gap() -> None:
     truth = MODEL.with_effects([hidden])
     evaluation = evaluation_of((motion,), truth)
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
-    plain = setup.fit((), None, 6)
+    plain = setup.fit(())
     earlier = evidence_of(plain, evaluation)
     shares, outcomes = {}, {}
     for force in (0.6, 0.3, 0.005):
         effects = (EffectSettings("offset", (force,)),)
-        found = setup.fit(effects, None, 2, [(0, 0)])  # it keeps its value
+        found = setup.fit(effects, None, [(0, 0)])  # it keeps its value
         tests = {
             test.name: test for test in decide(Candidate("offset", setup, found, 1), plain, earlier, evaluation).tests
         }
@@ -163,7 +164,7 @@ def test_a_ringing_mass_is_driven_as_by_the_acceleration_itself() -> None:
 def test_a_missing_element_is_found_where_the_others_have_bent_to_stand_in_for_it() -> None:
     fine, motion = MODEL.with_split_elements(), motion_of(record((EffectSettings("presliding", (1.6, 3e-5)),)))
     data = data_with_own_noise((motion,), fine)
-    shifted_fit = refit(data, fine, 0.05, iterations=12)
+    shifted_fit = refit(data, fine, 0.05)
     data = data_with_own_noise((motion,), shifted_fit.model)
     assert np.abs(shifted_fit.logs[STRIBECK_VELOCITY + 1 :]).max() > 0.5
     columns = Screen(data, shifted_fit, 0.05, Freedom(), ()).nominal_columns

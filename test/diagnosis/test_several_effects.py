@@ -143,7 +143,7 @@ def test_a_sample_counts_by_the_share_of_the_contact_that_slides() -> None:
     truth = Model.of(AXIS).with_effects((OFFSET,))
     evaluation = evaluation_of([learn], truth, [judge])
     setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
-    evidence = evidence_of(setup.fit((OFFSET,), None, 2), evaluation)
+    evidence = evidence_of(setup.fit((OFFSET,)), evaluation)
     shares = sliding_shares(truth, evaluation)
     assert [len(share) for share in shares] == [len(block) for block in evidence.all]
     found = evidence.weighted(shares)
@@ -174,7 +174,7 @@ def test_a_dead_zone_that_is_not_there_has_no_width() -> None:
     """Its width may be zero, so it has no logarithm; by its logarithm it stayed above zero with an error of nothing."""
     evaluation = evaluation_of([motion_of(record(seed=seed, duration=12.0)) for seed in (1, 2)], Model.of(AXIS))
     setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
-    found = setup.fit((EffectSettings("actuator_dead_zone", (0.2,)),), None, 12)
+    found = setup.fit((EffectSettings("actuator_dead_zone", (0.2,)),))
     [width], [error] = found.effects[0].values, found.standard_errors().values()
     assert 0.0 <= width < 0.02 and (width == 0.0 or width < 3.0 * error)
 

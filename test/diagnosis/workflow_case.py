@@ -6,10 +6,10 @@ import numpy as np
 
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evaluation import EvaluationData
-from sgms_observer.diagnosis.fit import data_with_noise_of, data_with_own_noise
 from sgms_observer.diagnosis.gap import noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion, motion_of
+from sgms_observer.diagnosis.whitened import data_with_noise_of, data_with_own_noise
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, EncoderSettings, FrictionSettings, StageSettings
 
@@ -45,12 +45,14 @@ def record(
     mass: float = 5.0,
     is_unsmoothed: bool = False,
     period: float = PERIOD,
+    scale: float = 1.0,
 ) -> Recording:
     """Return a recording of a stage with ``effects`` and force noise of 1 % of the Coulomb force.
 
-    A periodic disturbance is added to the effort, because a prediction has the phase of the recording.
+    A periodic disturbance is added to the effort, because a prediction has the phase of the recording. ``scale`` is
+    that of the motion.
     """
-    raw = np.round(rich_position(duration, seed, period) / 1e-8) * 1e-8
+    raw = np.round(scale * rich_position(duration, seed, period) / 1e-8) * 1e-8
     rng = np.random.default_rng([seed, 5])
     white = rng.standard_normal(len(raw))
     noise = np.empty(len(raw))

@@ -32,10 +32,10 @@ from sgms_observer.application.commission.session import Session
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.identify import IdentifyJob, identify_bags
 from sgms_observer.bags.reader import read_joint_states
-from sgms_observer.diagnosis.fit import data_with_own_noise
 from sgms_observer.diagnosis.gap import WeightedResidual, effort_rms, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.errors import ConfigurationError, DataError, RecordingError
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import read_recordings

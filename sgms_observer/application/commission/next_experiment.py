@@ -12,8 +12,8 @@ from sgms_observer.application.commission.learn import Found, diagnose_bags_of, 
 from sgms_observer.application.commission.ledger import DIAGNOSED, EXPERIMENTS, LEARN_BAG
 from sgms_observer.application.commission.motion import Motion, checked
 from sgms_observer.application.commission.session import OutOfTime, Session
-from sgms_observer.diagnosis.fit import MIN_NOISE_SHARE
 from sgms_observer.diagnosis.gap import effort_rms
+from sgms_observer.diagnosis.whitened import MIN_NOISE_SHARE
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.question import NO_REFERENCE_SHOWS, is_possible
 from sgms_observer.excitation.reference import HiddenError, design_excitation

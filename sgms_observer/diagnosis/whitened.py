@@ -1,0 +1,101 @@
+"""Recordings with the noise and weights that whiten their residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.contact_slopes import contact_slopes
+from sgms_observer.diagnosis.model import Model, hidden_friction_drop, predict, unknown_initial_friction
+from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.noise import Noise, fit_noise, largest_noise
+
+Floats = NDArray[np.float64]
+
+MIN_NOISE_SHARE = 1.0e-3
+"""Smallest rms noise of a measured force, as a share of the effort."""
+
+
+@dataclass(frozen=True)
+class WhitenedData:
+    """Recordings with the noise and weights that whiten their residuals.
+
+    Attributes:
+        motions: recordings.
+        noise: noise of each recording.
+        weights: weights of the residuals of each recording.
+        gap_weights: weights of the residuals in the gap: low where the encoder resolution hides the force.
+    """
+
+    motions: tuple[Motion, ...]
+    noise: tuple[Noise, ...]
+    weights: tuple[Floats, ...]
+    gap_weights: tuple[Floats, ...]
+
+    def whitened(self, columns: Sequence[Floats]) -> Floats:
+        """Return one whitened column of all recordings, from a series at the working rate for each."""
+        parts = [
+            noise.whitened(motion.low_pass(column), weights)
+            for motion, noise, weights, column in zip(self.motions, self.noise, self.weights, columns, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    def residual(self, model: Model) -> Floats:
+        """Return the whitened residual of a model."""
+        return self.whitened([predict(model, motion).residual for motion in self.motions])
+
+    def contact_slopes(self, nominal: Model, logs: Floats) -> Floats:
+        """Return the whitened derivatives with respect to the parameters of the contact, see ``contact_slopes``."""
+        parts = [
+            noise.whitened(motion.low_pass(contact_slopes(nominal, logs, motion)).T, weights)
+            for motion, noise, weights in zip(self.motions, self.noise, self.weights, strict=True)
+        ]
+        return np.concatenate(parts)
+
+
+def data_with_own_noise(motions: Sequence[Motion], model: Model) -> WhitenedData:
+    """Return recordings with the noise fitted to the residual of a model."""
+    noises, stick_indicators, hidden = [], [], [_hidden_square(model, motion) for motion in motions]
+    for motion, square in zip(motions, hidden, strict=True):
+        found = predict(model, motion)
+        least = MIN_NOISE_SHARE * float(np.std(motion.effort))
+        residual, stick_indicator = motion.low_pass(found.residual), motion.thinned(found.stick_indicator)
+        noises.append(fit_noise(residual, stick_indicator, motion.residual_period, motion.band, least, square))
+        stick_indicators.append(stick_indicator)
+    return _whitened_data(motions, noises, stick_indicators, hidden)
+
+
+def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Model) -> WhitenedData:
+    """Return recordings with the noise of other recordings.
+
+    Args:
+        motions: recordings; may be empty.
+        data: the other recordings; the largest of their noises is used.
+        model: model that computes where the contact sticks.
+    """
+    noise = largest_noise(data.noise)
+    noises = [replace(noise, period=motion.residual_period) for motion in motions]
+    stick_indicators = [motion.thinned(predict(model, motion).stick_indicator) for motion in motions]
+    return _whitened_data(motions, noises, stick_indicators, [_hidden_square(model, motion) for motion in motions])
+
+
+def _whitened_data(
+    motions: Sequence[Motion], noises: Sequence[Noise], stick_indicators: Sequence[Floats], hidden: Sequence[Floats]
+) -> WhitenedData:
+    """Return recordings with their noise and the weights that follow from it."""
+    weights = [noise.weights(*pair) for noise, *pair in zip(noises, stick_indicators, hidden, strict=True)]
+    gap_weights = [noise.gap_weights(square) for noise, square in zip(noises, hidden, strict=True)]
+    return WhitenedData(tuple(motions), tuple(noises), tuple(weights), tuple(gap_weights))
+
+
+def _hidden_square(model: Model, motion: Motion) -> Floats:
+    """Return the mean square of the friction that the recording does not determine [N^2].
+
+    That is the force hidden by the encoder resolution, uniformly distributed from zero, and that of the unknown state
+    at the start, uniformly distributed around zero.
+    """
+    drop, width = hidden_friction_drop(model.friction, motion), unknown_initial_friction(model.friction, motion)
+    return motion.thinned(drop**2 / 3.0 + width**2 / 12.0)

@@ -1,0 +1,59 @@
+"""Fits: where they end does not hang on where they start, and bounds are reached."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from workflow_case import AXIS, record
+
+from sgms_observer.diagnosis.fit import RefitSetup, limits
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.diagnosis.whitened import data_with_own_noise
+from sgms_observer.settings.axis import EffectSettings
+
+MODEL = Model.of(AXIS)
+TOLERANCE = 0.05
+COGGING = EffectSettings("cogging", (0.8, 0.004, 1.0, 0.0, 0.0))
+PHASE = [(0, 2), (0, 3), (0, 4)]
+
+
+def setup_for(*effects: EffectSettings, mass: float = 5.0) -> RefitSetup:
+    """Return the setup of a fit to a stage with these effects and this mass."""
+    motion = motion_of(record(effects, mass=mass))
+    return RefitSetup(data_with_own_noise((motion,), MODEL), MODEL, TOLERANCE)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_fit_ends_at_the_same_cost_wherever_it_starts(seed: int) -> None:
+    setup = setup_for(COGGING)
+    rng = np.random.default_rng(seed)
+    start = 0.5 * limits(MODEL, TOLERANCE) * rng.uniform(-1.0, 1.0, len(MODEL.parameter_names()))
+    weak = replace(COGGING, values=(0.4, 0.00402, 1.0, 0.0, 0.0))
+    one, other = setup.fit((COGGING,), None, PHASE), setup.fit((weak,), start, PHASE)
+    assert one.is_converged and other.is_converged
+    assert other.cost == pytest.approx(one.cost, rel=1.0e-3)
+    assert other.effects[0].values == pytest.approx(one.effects[0].values, rel=0.01)
+
+
+def test_what_lies_beyond_its_tolerance_ends_exactly_at_it() -> None:
+    found = setup_for(mass=5.5).fit(())
+    assert found.is_converged
+    assert found.logs[0] == np.log1p(TOLERANCE)
+
+
+def test_one_evaluation_gives_derivatives_and_moves_nothing() -> None:
+    setup = setup_for(COGGING)
+    start = 0.01 * np.ones(len(MODEL.parameter_names()))
+    found = setup.fit((COGGING,), start, PHASE, evaluations=1)
+    assert np.array_equal(found.logs, start) and found.effects == (COGGING,)
+    assert np.all(np.any(found.jacobian != 0.0, axis=0))
+
+
+def test_held_values_stay_and_have_derivatives() -> None:
+    setup = setup_for(COGGING)
+    weak = replace(COGGING, values=(0.4, 0.004, 1.0, 0.0, 0.0))
+    found = setup.fit((weak,), None, PHASE, is_nominal_held=True)
+    assert not found.logs.any()
+    assert found.effects[0].values[0] == pytest.approx(0.8, rel=0.02)
+    assert np.all(np.any(found.jacobian != 0.0, axis=0))
