@@ -177,20 +177,33 @@ class FitState:
     def with_changes_of_lag(self, criteria: Criteria) -> FitState:
         """Return the state with fitted lags of the effort, which change in a recording where that surely fits.
 
+        A wrong lag moves the parameters, and moved parameters move the changes of the lag: both are fitted in turn.
+
         Args:
             criteria: thresholds.
         """
-        stated = self.recordings.stated_lag
-        lags, held_out_lags = (
-            tuple(
-                _divided(motion.lag, changes_of_lag(rest, place, stated, criteria))
-                for place, motion in enumerate(rest.motions)
-            )
+        state, before = self, None
+        for _ in range(MAX_REFITS):
+            changes = state._changes_of_lag(criteria)
+            if changes == before:
+                break
+            state, before = state._with_changes(changes).with_fitted_lags(), changes
+        return state
+
+    def _changes_of_lag(self, criteria: Criteria) -> tuple[tuple[float, ...], ...]:
+        """Return the times at which the lag of the effort changes in each recording, held-out ones last [s]."""
+        return tuple(
+            changes_of_lag(rest, place, self.recordings.stated_lag, criteria)
             for rest in (self._rest(self.setup.data), self._rest(self._held_out_data()))
+            for place in range(len(rest.motions))
         )
-        if not any(lag.changes for lag in (*lags, *held_out_lags)):
-            return self.with_fitted_lags()
-        return self._with_lags(lags)._with_held_out_lags(held_out_lags).with_fitted_lags()
+
+    def _with_changes(self, changes: Sequence[tuple[float, ...]]) -> FitState:
+        """Return the state refitted with a lag that may change at these times in each recording [s]."""
+        motions = (*self.fit_motions, *self.held_out_motions)
+        lags = [motion.lag.divided(one) for motion, one in zip(motions, changes, strict=True)]
+        learnt = len(self.fit_motions)
+        return self._with_lags(lags[:learnt])._with_held_out_lags(lags[learnt:])
 
     def _rest(self, data: WhitenedData) -> WeightedResidual:
         """Return what the fit leaves of recordings."""
@@ -225,11 +238,6 @@ class FitState:
     def bounded(self, evaluation: EvaluationData) -> EvaluationData:
         """Return evaluation data whose noise is at most what the hypotheses so far leave."""
         return replace(evaluation, floor=min(evaluation.floor, self.least))
-
-
-def _divided(lag: EffortLag, changes: tuple[float, ...]) -> EffortLag:
-    """Return a constant lag as one that may change at these times [s]."""
-    return EffortLag(lag.values * (len(changes) + 1), changes)
 
 
 @dataclass(frozen=True)

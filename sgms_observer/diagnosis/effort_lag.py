@@ -30,7 +30,9 @@ MIN_HELD_LAG = 0.25
 MAX_STAMP_ERROR = 0.12
 """Largest lag that counts as an error of the stamps, in samples; a larger lag is an actuator delay."""
 MIN_CHI2_REDUCTION = 20.0
-"""Smallest decrease of the whitened squared residual for which a lag is changed."""
+"""Smallest decrease of the whitened squared residual for which a lag leaves that of the settings."""
+MIN_STEP_REDUCTION = 1.0
+"""Smallest decrease for which a lag that differs from that of the settings goes on: a standard error."""
 _STEP = 0.1  # samples, of the derivative
 
 
@@ -58,7 +60,8 @@ def fitted_effort_lags(data: WhitenedData, found: Refit, stated_lag: float) -> t
     left = columns - basis @ (basis.T @ columns)
     normal = left.T @ left
     late = -np.linalg.pinv(normal) @ (left.T @ np.concatenate([found.residual, prior]))
-    is_sure = late**2 * np.diag(normal) >= MIN_CHI2_REDUCTION
+    has_left = np.array([lag != stated_lag for motion in data.motions for lag in motion.lag.values])
+    is_sure = late**2 * np.diag(normal) >= np.where(has_left, MIN_STEP_REDUCTION, MIN_CHI2_REDUCTION)
     steps = iter(np.where(is_sure, late, 0.0).tolist())
     return tuple(
         replace(motion.lag, values=tuple(_lag_after(lag, next(steps), stated_lag) for lag in motion.lag.values))
@@ -90,7 +93,8 @@ def changes_of_lag(rest: WeightedResidual, place: int, stated_lag: float, criter
     column = motion.low_pass(_late_effort(motion)) * weight
     size = max(1, round(criteria.block / motion.residual_period))
     count = len(column) // size
-    parts = (column * column, -column * rest.weighted[place])
+    lag = motion.lag.at(motion.thinned(motion.time))
+    parts = (column * column, column * (column * lag - rest.weighted[place]))
     information, score = (part[: count * size].reshape(count, size).sum(axis=1) for part in parts)
     shares = np.minimum(1.0, information.mean() / np.maximum(information, 1e-300))
     information, score = shares * information, shares * score

@@ -73,6 +73,10 @@ class EffortLag:
         """Return the lag at each time from the start of the recording [s], in samples."""
         return np.array(self.values)[self.part(time)]
 
+    def divided(self, changes: tuple[float, ...]) -> EffortLag:
+        """Return a lag that may change at these times [s]; each part has the value that this one has at its begin."""
+        return EffortLag(tuple(self.at(np.array([0.0, *changes])).tolist()), changes)
+
 
 @dataclass(frozen=True)
 class Motion:
