@@ -14,11 +14,11 @@ from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR
 from sgms_observer.diagnosis.evaluation import EvaluationData, Evidence, evidence_of
 from sgms_observer.diagnosis.evidence import Improvement, improvement, preference
-from sgms_observer.diagnosis.fit import Refit, limits
+from sgms_observer.diagnosis.fit import Refit, RefitSetup, limits
 from sgms_observer.diagnosis.free_form import ALL, FreeForm, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
-from sgms_observer.diagnosis.model import HALF_A_REVERSAL, Model
-from sgms_observer.diagnosis.motion import HELD_LAG, Motion
+from sgms_observer.diagnosis.model import HALF_A_REVERSAL, STRIBECK_VELOCITY, VISCOUS, Model
+from sgms_observer.diagnosis.motion import HELD_LAG
 from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.effect import Place
@@ -100,7 +100,7 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
         tests.append(at_least(item.name, HELD_OUT_GAP, z_score, criteria.interval_z_score))
     share = evaluation.closed_share(gap)
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
-    tests += range_tests(item, evaluation)
+    tests += range_tests(item)
     if item.settings is None or needs_visible_contact(item.name):
         title = "friction that reverses within one encoder step, over the static force"
         tests.append(at_most(item.name, title, evaluation.hidden_by_encoder, HALF_A_REVERSAL))
@@ -148,29 +148,33 @@ def needs_visible_contact(name: str) -> bool:
     return is_confusable_with_contact(name) or effect(name).place is Place.EFFORT_PATH
 
 
-def range_tests(item: Candidate, evaluation: EvaluationData) -> list[Test]:
+def range_tests(item: Candidate) -> list[Test]:
     """Return the test that no parameter of an effect is at the end of its physical or plausible range."""
-    settings = item.settings
-    if settings is None:
-        return []
-    return [within_range(settings, evaluation.fit_motions, item.setup.nominal)]
+    return [] if item.settings is None else [within_range(item.settings, item.refit, item.setup)]
 
 
-def within_range(settings: EffectSettings, motions: Sequence[Motion], nominal: Model) -> Test:
+def within_range(settings: EffectSettings, fit: Refit, setup: RefitSetup) -> Test:
     """Return the test that no parameter of an effect is at the end of its physical or plausible range.
+
+    An effect that another contact law can imitate shares its coordinates with the friction of the file. Where a freed
+    friction value lies at the end of its range, the fit would take more of it in exchange for the effect, so these
+    values count too.
 
     Args:
         settings: the effect.
-        motions: recordings to learn from.
-        nominal: the given model.
+        fit: fit with the effect.
+        setup: setup of this fit.
     """
     at_end = 0
     for parameter, value in zip(effect(settings.name).parameters, settings.values, strict=True):
         if parameter.may_end or parameter.unit == "rad" or value == parameter.default:
             continue
-        limits = plausible_range(settings.name, parameter.name, motions, nominal)
-        ends = [end for end in (parameter.minimum, parameter.maximum, *limits) if math.isfinite(end)]
+        limits_of_value = plausible_range(settings.name, parameter.name, setup.data.motions, setup.nominal)
+        ends = [end for end in (parameter.minimum, parameter.maximum, *limits_of_value) if math.isfinite(end)]
         at_end += any(abs(value - end) <= RANGE_END_TOLERANCE * abs(end) for end in ends)
+    if setup.freedom.friction and is_confusable_with_contact(settings.name):
+        friction = range(VISCOUS, STRIBECK_VELOCITY + 1)
+        at_end += len([number for number in values_at_end(fit, setup) if number in friction])
     return at_most(settings.name, "parameters at the end of their range", at_end, 0.0)
 
 
@@ -242,10 +246,14 @@ def strength_beyond_tolerance(item: Candidate, before: Refit) -> float:
     Returns:
         0 if no value lies at the end of its tolerance.
     """
-    setup = item.setup
-    bound = limits(setup.nominal, setup.tolerance, setup.freedom)
-    at_end = frozenset(np.flatnonzero(np.abs(before.logs) >= (1.0 - RANGE_END_TOLERANCE) * bound).tolist())
+    at_end = values_at_end(before, item.setup)
     return strength(alone(item, before), at_end) if at_end else 0.0
+
+
+def values_at_end(fit: Refit, setup: RefitSetup) -> frozenset[int]:
+    """Return the numbers of the file's values that a fit moved to the end of their tolerance or freedom."""
+    bound = limits(setup.nominal, setup.tolerance, setup.freedom)
+    return frozenset(np.flatnonzero(np.abs(fit.logs) >= (1.0 - RANGE_END_TOLERANCE) * bound).tolist())
 
 
 def strength_over_error(settings: EffectSettings, errors: Mapping[int, float]) -> float:

@@ -159,8 +159,8 @@ def _formula(
 
 def range_tests(data: GapData, final: FinalModel) -> list[Test]:
     """Return for each named effect the test that the final fit did not move it to an end of its range."""
-    motions, nominal = data.diagnosis.final_state.fit_motions, data.diagnosis.nominal
-    return [within_range(item, motions, nominal) for item in final.fit.effects if item.name in final.names]
+    setup = data.diagnosis.written.setup
+    return [within_range(item, final.fit, setup) for item in final.fit.effects if item.name in final.names]
 
 
 def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Test]:

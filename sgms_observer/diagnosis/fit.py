@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,7 +164,7 @@ class _Problem:
     unit, or the logarithm of that.
 
     Args:
-        data, nominal, tolerance, effects, fixed, freedom: as in ``refit``.
+        data, nominal, tolerance, effects, fixed, freedom, workers: as in ``refit``.
     """
 
     def __init__(
@@ -174,8 +175,9 @@ class _Problem:
         effects: Sequence[EffectSettings],
         fixed: Sequence[tuple[int, int]],
         freedom: Freedom,
+        workers: int,
     ) -> None:
-        self.data, self.nominal, self.effects = data, nominal, tuple(effects)
+        self.data, self.nominal, self.effects, self._workers = data, nominal, tuple(effects), workers
         self.free = tuple((i, j) for i, e in enumerate(effects) for j in range(len(e.values)) if (i, j) not in fixed)
         self.widths = prior_widths(nominal, tolerance, freedom)
         self.count = len(self.widths)
@@ -237,14 +239,13 @@ class _Problem:
         """Return the prior rows."""
         return total_force_logs(x[: self.count], self.nominal, effects) / self.widths
 
-    def jacobian(self, x: Floats, wanted: NDArray[np.bool_], nominal_columns: Floats | None, pool: Executor) -> Floats:
+    def jacobian(self, x: Floats, wanted: NDArray[np.bool_], nominal_columns: Floats | None) -> Floats:
         """Return the derivatives of ``residual``, by differences except for the contact.
 
         Args:
             x: coordinates.
             wanted: whether to differentiate with respect to each coordinate; the other columns are zero.
             nominal_columns: derivatives with respect to the nominal parameters if they are known.
-            pool: computes the differences.
         """
         here = self.residual(x)
         columns = np.zeros((len(here), len(x)))
@@ -255,18 +256,20 @@ class _Problem:
         elif known and wanted[known].any():
             columns[:, known] = self._contact_columns(x)
 
-        def difference(k: int) -> Floats:
-            step = DERIVATIVE_STEP if x[k] + DERIVATIVE_STEP <= self.high[k] else -DERIVATIVE_STEP
-            moved = x.copy()
-            moved[k] += step
-            model = self.model_at(moved)
-            there = np.concatenate([self.data.residual(model), self._prior(moved, self.effects_at(moved))])
-            return np.asarray((there - here) / step)
-
         others = [k for k in np.flatnonzero(wanted) if k not in known]
-        for k, column in zip(others, pool.map(difference, others), strict=True):
-            columns[:, k] = column
+        shares = [share for share in np.array_split(others, self._workers) if len(share)]
+        with ThreadPoolExecutor(max_workers=self._workers) as pool:
+            for share, found in zip(shares, pool.map(partial(self._differences, x), shares), strict=True):
+                columns[:, share] = found
         return columns
+
+    def _differences(self, x: Floats, numbers: NDArray[np.intp]) -> Floats:
+        """Return the derivatives with respect to some coordinates by differences."""
+        steps = np.where(x[numbers] + DERIVATIVE_STEP <= self.high[numbers], DERIVATIVE_STEP, -DERIVATIVE_STEP)
+        moved = x + steps[:, None] * np.eye(len(x))[numbers]
+        residuals = self.data.residuals([self.model_at(one) for one in moved])
+        priors = np.transpose([self._prior(one, self.effects_at(one)) for one in moved])
+        return np.asarray((np.vstack([residuals, priors]) - self.residual(x)[:, None]) / steps)
 
     def _contact_columns(self, x: Floats) -> Floats:
         """Return the derivatives with respect to the parameters of the contact."""
@@ -316,28 +319,27 @@ def refit(
     Returns:
         The fit.
     """
-    problem = _Problem(data, nominal, tolerance, effects, fixed, freedom)
+    problem = _Problem(data, nominal, tolerance, effects, fixed, freedom, workers)
     x = problem.start(start)
     moves = problem.low < problem.high
     moves[: problem.count] &= not is_nominal_held
     is_converged = True
-    with ThreadPoolExecutor(max_workers=workers) as pool:
 
-        def with_moved(values: Floats) -> Floats:
-            whole = x.copy()
-            whole[moves] = values
-            return whole
+    def with_moved(values: Floats) -> Floats:
+        whole = x.copy()
+        whole[moves] = values
+        return whole
 
-        if evaluations > 1 and np.any(moves):
-            found = least_squares(
-                lambda values: problem.residual(with_moved(values)), x[moves],
-                lambda values: problem.jacobian(with_moved(values), moves, nominal_columns, pool)[:, moves],
-                (problem.low[moves], problem.high[moves]), x_scale="jac", ftol=COST_TOLERANCE, max_nfev=evaluations,
-            )  # fmt: skip
-            x = with_moved(_at_bounds(found.x, problem.low[moves], problem.high[moves]))
-            is_converged, jacobian = found.status > 0, found.jac
-        if evaluations == 1 or not np.all(moves):
-            jacobian = problem.jacobian(x, np.ones(len(x), dtype=bool), nominal_columns, pool)
+    if evaluations > 1 and np.any(moves):
+        found = least_squares(
+            lambda values: problem.residual(with_moved(values)), x[moves],
+            lambda values: problem.jacobian(with_moved(values), moves, nominal_columns)[:, moves],
+            (problem.low[moves], problem.high[moves]), x_scale="jac", ftol=COST_TOLERANCE, max_nfev=evaluations,
+        )  # fmt: skip
+        x = with_moved(_at_bounds(found.x, problem.low[moves], problem.high[moves]))
+        is_converged, jacobian = found.status > 0, found.jac
+    if evaluations == 1 or not np.all(moves):
+        jacobian = problem.jacobian(x, np.ones(len(x), dtype=bool), nominal_columns)
     here = problem.residual(x)
     model, moved = problem.model_at(x), problem.effects_at(x)
     if any(effects[i].name == PERIODIC_DISTURBANCE for i, _ in problem.free):

@@ -47,11 +47,21 @@ class WhitenedData:
         """Return the whitened residual of a model."""
         return self.whitened([predict(model, motion).residual for motion in self.motions])
 
+    def residuals(self, models: Sequence[Model]) -> Floats:
+        """Return the whitened residual of each model, shape (n, models), with one pass of the filters for all."""
+        return self._whitened_rows([
+            np.array([predict(model, motion).residual for model in models]) for motion in self.motions
+        ])  # fmt: skip
+
     def contact_slopes(self, nominal: Model, logs: Floats) -> Floats:
         """Return the whitened derivatives with respect to the parameters of the contact, see ``contact_slopes``."""
+        return self._whitened_rows([contact_slopes(nominal, logs, motion) for motion in self.motions])
+
+    def _whitened_rows(self, rows: Sequence[Floats]) -> Floats:
+        """Return whitened columns of all recordings, from rows at the working rate for each, shape (columns, n)."""
         parts = [
-            noise.whitened(motion.low_pass(contact_slopes(nominal, logs, motion)).T, weights)
-            for motion, noise, weights in zip(self.motions, self.noise, self.weights, strict=True)
+            noise.whitened(motion.low_pass(some).T, weights)
+            for motion, noise, weights, some in zip(self.motions, self.noise, self.weights, rows, strict=True)
         ]
         return np.concatenate(parts)
 

@@ -30,10 +30,10 @@ from sgms_observer.diagnosis.evidence import (
     left_out_residuals,
     preference,
 )
-from sgms_observer.diagnosis.fit import Refit, RefitSetup
+from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup, limits
 from sgms_observer.diagnosis.free_form import ALL, free_form
 from sgms_observer.diagnosis.gap import WeightedResidual
-from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.model import VISCOUS, Model
 from sgms_observer.diagnosis.motion import EffortLag, Motion, motion_of
 from sgms_observer.diagnosis.uncertainty import as_time_series
 from sgms_observer.diagnosis.whitened import WhitenedData, data_with_own_noise
@@ -235,14 +235,33 @@ def test_an_effect_at_a_bound_or_beyond_the_recordings_fails() -> None:
     assert not all(test.passed for test in physical_tests(fast, math.inf, evaluation))
     low = item("actuator_saturation", 1e-3 * most)
     assert not all(test.passed for test in physical_tests(low, math.inf, evaluation))
-    assert not all(test.passed for test in range_tests(item("actuator_saturation", most), evaluation))
-    assert not all(
-        test.passed for test in range_tests(item("mass_error", -0.9 * MODEL.mass), evaluation)
-    )  # nothing is left
-    assert all(test.passed for test in range_tests(item("mass_error", -0.5 * MODEL.mass), evaluation))
+    assert not all(test.passed for test in range_tests(item("actuator_saturation", most)))
+    assert not all(test.passed for test in range_tests(item("mass_error", -0.9 * MODEL.mass)))  # nothing is left
+    assert all(test.passed for test in range_tests(item("mass_error", -0.5 * MODEL.mass)))
     stroke = float(np.ptp(motion.position))
-    assert not all(test.passed for test in range_tests(item("cogging", 0.5, 0.7 * stroke, 0.1, 0.0, 0.0), evaluation))
-    assert all(test.passed for test in range_tests(item("cogging", 0.5, 0.2 * stroke, 0.1, 0.0, 0.0), evaluation))
+    assert not all(test.passed for test in range_tests(item("cogging", 0.5, 0.7 * stroke, 0.1, 0.0, 0.0)))
+    assert all(test.passed for test in range_tests(item("cogging", 0.5, 0.2 * stroke, 0.1, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "freedom", "passes"),
+    [
+        ("quadratic_drag", (5.0,), Freedom(friction=True), False),
+        ("quadratic_drag", (5.0,), Freedom(), True),
+        ("offset", (0.5,), Freedom(friction=True), True),
+    ],
+)
+def test_beside_freed_friction_at_its_end_no_effect_that_a_contact_can_imitate_passes(
+    name: str, values: tuple[float, ...], freedom: Freedom, passes: bool
+) -> None:
+    """The fit would exchange more of the viscous friction for the drag, if its range were wider."""
+    evaluation = evaluation_of((moved(),), MODEL)
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05, freedom)
+    logs = np.zeros(len(MODEL.parameter_names()))
+    logs[VISCOUS] = -limits(MODEL, 0.05, freedom)[VISCOUS]
+    fit = replace(setup.fit((), evaluations=1), effects=(EffectSettings(name, values),), logs=logs)
+    (test,) = range_tests(Candidate(name, setup, fit, 1))
+    assert test.passed == passes
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.5])
