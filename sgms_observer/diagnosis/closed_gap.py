@@ -57,12 +57,10 @@ class ClosedGap:
             name: the effect.
         """
         after = self.written.after
-        others = _without(name, after.effects)
-        found = [
-            self._closed(after.model, self.written.setup.fit(others, after.logs, evaluations=WRITTEN_EVALUATIONS).model)
-        ]
+        setup, others = self.written.setup.without(name, after.effects)
+        found = [self._closed(after.model, setup.fit(others, after.logs, evaluations=WRITTEN_EVALUATIONS).model)]
         if len(self.names) == 1:
-            found.append(self._closed(after.model, replace(after.model, effects=tuple(others))))
+            found.append(self._closed(after.model, replace(after.model, effects=others)))
         return max(found, key=lambda one: (one.z_score, one.share))
 
     def closed_by_instead_of_contact_law(self, name: str) -> Closed:
@@ -73,7 +71,8 @@ class ClosedGap:
         Args:
             name: the effect.
         """
-        return self._closed(self._with_file_contact, self._fitted(_without(name, self._machine_effects)))
+        setup, others = self.setup.without(name, self._machine_effects)
+        return self._closed(self._with_file_contact, self._fitted(setup, others))
 
     @property
     def has_other_contact_law(self) -> bool:
@@ -89,11 +88,11 @@ class ClosedGap:
     @cached_property
     def _with_file_contact(self) -> Model:
         """The contact of the file with these effects."""
-        return self._fitted(self._machine_effects)
+        return self._fitted(self.setup, self._machine_effects)
 
-    def _fitted(self, effects: Sequence[EffectSettings]) -> Model:
+    def _fitted(self, setup: RefitSetup, effects: Sequence[EffectSettings]) -> Model:
         """Return the contact of the file, fitted with effects."""
-        return self.setup.fit(effects, self.written.before.logs, evaluations=WRITTEN_EVALUATIONS).model
+        return setup.fit(effects, self.written.before.logs, evaluations=WRITTEN_EVALUATIONS).model
 
     def _closed(self, with_it: Model, others: Model) -> Closed:
         """Return what a model closes of the gap of another one."""
@@ -104,8 +103,3 @@ class ClosedGap:
         gap, reported = (improvement(*(rest.blocks(block) for rest in pair)) for pair in (left, as_reported))
         without = replace(evaluation, gap=evaluation.rms(others))
         return Closed(reported.z_score, without.closed_share(gap), without.closed_share_above_floor(gap))
-
-
-def _without(name: str, effects: Sequence[EffectSettings]) -> list[EffectSettings]:
-    """Return the effects without one."""
-    return [one for one in effects if one.name != name]

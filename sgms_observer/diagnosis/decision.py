@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -111,7 +111,8 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
         tests += physical_tests(item, found, evaluation)
         if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
             tests += free_form_tests(item, before, gap, evaluation)
-    return Decision(item, later, gain, gap, reported, tuple(tests))
+    kept = replace(item, refit=item.refit.without_jacobian())
+    return Decision(kept, later, gain, gap, reported, tuple(tests))
 
 
 def _prediction_test(

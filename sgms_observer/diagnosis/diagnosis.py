@@ -112,6 +112,11 @@ class FitState:
         setup = replace(self.setup, data=data_with_own_noise(self.fit_motions, start.model))
         return replace(self, setup=setup, current=setup.fit(start.effects, start.logs))
 
+    def without(self, name: str) -> FitState:
+        """Return the state fitted without an effect; one of the file has the file's values again."""
+        setup, effects = self.setup.without(name, self.current.effects)
+        return replace(self, setup=setup, current=setup.fit(effects, self.current.logs))
+
     def converged(self) -> FitState:
         """Return the state refitted until neither its noise nor its residual changes any more.
 

@@ -185,8 +185,10 @@ def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Tes
         over = [key for key in COORDINATES if set(key) <= coordinates | {"direction"} and set(key) & coordinates]
         if not over or one.is_contact_law:
             continue
-        others = replace(fit.model, effects=tuple(item for item in fit.model.effects if item.name != one.name))
-        closed = max(data.reduction(residuals(others, data.motions), final.after).decrease, 0.0)
+        _setup, others = data.diagnosis.written.setup.without(one.name, fit.model.effects)
+        closed = max(
+            data.reduction(residuals(replace(fit.model, effects=others), data.motions), final.after).decrease, 0.0
+        )
         found = fit_map(known, rest if data.has_held_out else known, MAP_NAMES[0], units, criteria, over)
         left = found.improvement.decrease if found else 0.0
         if is_confusable:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -139,6 +139,10 @@ class Refit:
     free: tuple[tuple[int, int], ...]
     is_converged: bool = True
 
+    def without_jacobian(self) -> Refit:
+        """Return the fit to keep: its jacobian takes megabytes, and a search keeps every fit that it compared."""
+        return replace(self, jacobian=np.zeros((0, self.jacobian.shape[1])))
+
     def standard_errors(
         self, held: Set[tuple[int, int]] = frozenset(), held_nominal: Set[int] = frozenset()
     ) -> dict[tuple[int, int], float]:
@@ -258,9 +262,11 @@ class _Problem:
 
         others = [k for k in np.flatnonzero(wanted) if k not in known]
         shares = [share for share in np.array_split(others, self._workers) if len(share)]
-        with ThreadPoolExecutor(max_workers=self._workers) as pool:
-            for share, found in zip(shares, pool.map(partial(self._differences, x), shares), strict=True):
-                columns[:, share] = found
+        if len(shares) == 1:  # every new thread would keep memory of its own
+            columns[:, others] = self._differences(x, shares[0])
+        elif shares:
+            with ThreadPoolExecutor(max_workers=self._workers) as pool:
+                columns[:, others] = np.hstack(list(pool.map(partial(self._differences, x), shares)))
         return columns
 
     def _differences(self, x: Floats, numbers: NDArray[np.intp]) -> Floats:
@@ -380,6 +386,7 @@ class RefitSetup:
         tolerance: tolerance of its parameters.
         freedom: nominal parameters that may move beyond the tolerance.
         fixed_effects: effects of the file that keep their values.
+        file_effects: all effects of the file, with its values.
         workers: number of threads for the derivatives of one fit.
     """
 
@@ -388,6 +395,7 @@ class RefitSetup:
     tolerance: float
     freedom: Freedom = Freedom()
     fixed_effects: frozenset[str] = frozenset()
+    file_effects: tuple[EffectSettings, ...] = ()
     workers: int = 1
 
     def fit(
@@ -423,6 +431,14 @@ class RefitSetup:
             self.workers,
             is_nominal_held,
         )
+
+    def without(self, name: str, effects: Sequence[EffectSettings]) -> tuple[RefitSetup, tuple[EffectSettings, ...]]:
+        """Return setup and effects without one effect. An effect of the file stays, with the file's values."""
+        given = {item.name: item for item in self.file_effects}
+        if name not in given:
+            return self, tuple(item for item in effects if item.name != name)
+        kept = tuple(given[name] if item.name == name else item for item in effects)
+        return replace(self, fixed_effects=self.fixed_effects | {name}), kept
 
     def fixed_effect_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
         """Return the parameters of ``fixed_effects``, (effect, parameter)."""

@@ -82,12 +82,14 @@ def homing_warnings(models: Sequence[Model], evaluation: EvaluationData, units: 
     warnings = []
     for motion, weights in zip(evaluation.motions, evaluation.weights, strict=True):
         here = weights * motion.low_pass(predict(model, motion).residual)
+        closable = float(here @ here) - evaluation.floor**2 * len(here)
+        if closable <= 0.0:
+            continue
         offset = position_offset(model, motion)
         shifted = with_position_offset(motion, offset)
         after = weights * shifted.low_pass(predict(model, shifted).residual)
         gain = improvement(*(in_blocks([part], [motion], criteria.block) for part in (here, after)))
-        closable = gain.before - evaluation.floor**2 * len(here)
-        if gain.z_score > criteria.z_score_of(OFFSETS_PER_PITCH) and gain.decrease > MIN_CLOSED_SHARE * closable > 0.0:
+        if gain.z_score > criteria.z_score_of(OFFSETS_PER_PITCH) and gain.decrease > MIN_CLOSED_SHARE * closable:
             warnings.append(
                 f"the position of {motion.name} is shifted by {units.readable(offset)}. Home the axis before each"
                 f" recording; position-dependent effects cannot be judged on {motion.name}"

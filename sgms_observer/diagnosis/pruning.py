@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.candidates import finish_fit, is_contact_law, with_free_effect
+from sgms_observer.diagnosis.candidates import finish_fit, is_contact_law, with_effect, with_free_effect
 from sgms_observer.diagnosis.closed_gap import Closed, ClosedGap
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least
@@ -57,12 +57,12 @@ def without_redundant_effects(
         name = item.accepted.candidate.name
         evaluation = state.evaluation(options)
         full = evidence_of(finish_fit(state.setup, state.current), evaluation)
-        without = _fit_without(state, name)
-        gain = improvement(evidence_of(without, evaluation).all, full.all)
+        without = state.without(name)
+        gain = improvement(evidence_of(without.current, evaluation).all, full.all)
         test = at_least(name, "z-score beside the other effects", gain.z_score, options.criteria.min_z_score)
         rounds = _with_test(rounds, test)
         if not test.passed:
-            state = state.refitted(without)
+            state = without.refitted(without.current)
     return state, tuple(rounds)
 
 
@@ -140,9 +140,10 @@ def _with_rival(state: FitState, name: str, rival: Decision) -> FitState:
     """Return the state with another effect in the place of one."""
     start = rival.candidate.settings
     assert start is not None
-    setup = with_free_effect(state.setup, start.name)
-    effects = tuple(start if one.name == name else one for one in state.current.effects)
-    return replace(state, setup=setup, current=finish_fit(setup, setup.fit(effects, state.current.logs)))
+    setup, effects = state.setup.without(name, state.current.effects)
+    setup = with_free_effect(setup, start.name)
+    found = setup.fit(with_effect(effects, start), state.current.logs)
+    return replace(state, setup=setup, current=finish_fit(setup, found))
 
 
 def without_insignificant_effects(
@@ -175,8 +176,11 @@ def without_insignificant_effects(
             shares = {name: one.share_above_floor for name, one in closed.items()}
             return state, tuple(rounds), replace(written, shares_above_noise=shares)
         rounds = _with_test(rounds, weakest)
-        nothing_is_left = not any(item.accepted for item in rounds)
-        state = found if nothing_is_left else state.refitted(_fit_without(state, weakest.of))
+        if any(item.accepted for item in rounds):
+            state = state.without(weakest.of)
+            state = state.refitted(state.current)
+        else:
+            state = found
 
 
 def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> list[Test]:
@@ -250,12 +254,6 @@ def _size_beyond_tolerance(name: str, closed_gap: ClosedGap) -> float:
 def _with_effects(rounds: Sequence[Round]) -> list[Round]:
     """Return the rounds that added an effect."""
     return [item for item in rounds if item.accepted and item.accepted.candidate.settings is not None]
-
-
-def _fit_without(state: FitState, name: str) -> Refit:
-    """Return the fit without one effect."""
-    effects = tuple(one for one in state.current.effects if one.name != name)
-    return state.setup.fit(effects, state.current.logs)
 
 
 def _with_test(rounds: Sequence[Round], test: Test) -> tuple[Round, ...]:

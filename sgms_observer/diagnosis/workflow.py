@@ -116,7 +116,8 @@ def fitted_file(
     fine = _without_effects(axis).with_split_elements()
     setup = RefitSetup(
         data_with_own_noise(learn, fine.with_effects(known_effects)), fine, options.tolerance,
-        fixed_effects=frozenset(item.name for item in known_effects), workers=options.workers,
+        fixed_effects=frozenset(item.name for item in known_effects), file_effects=known_effects,
+        workers=options.workers,
     )  # fmt: skip
     state = FitState(
         recordings, learn, held, setup, setup.fit(known_effects),

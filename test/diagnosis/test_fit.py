@@ -57,3 +57,14 @@ def test_held_values_stay_and_have_derivatives() -> None:
     assert not found.logs.any()
     assert found.effects[0].values[0] == pytest.approx(0.8, rel=0.02)
     assert np.all(np.any(found.jacobian != 0.0, axis=0))
+
+
+def test_without_an_effect_of_the_file_the_file_keeps_its_value() -> None:
+    """A changed value that does not last goes back to the file's; an added effect goes away."""
+    given, changed = EffectSettings("offset", (0.5,)), EffectSettings("offset", (0.8,))
+    setup = replace(setup_for(COGGING), file_effects=(given,))
+    kept, effects = setup.without("offset", (changed, COGGING))
+    assert effects == (given, COGGING) and kept.fixed_effects == {"offset"}
+    assert kept.fit(effects, None, PHASE).effects[0] == given
+    kept, effects = setup.without("cogging", (changed, COGGING))
+    assert effects == (changed,) and kept is setup
