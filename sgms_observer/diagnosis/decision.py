@@ -111,8 +111,8 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
         tests += physical_tests(item, found, evaluation)
         if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
             tests += free_form_tests(item, before, gap, evaluation)
-    kept = replace(item, refit=item.refit.without_jacobian())
-    return Decision(kept, later, gain, gap, reported, tuple(tests))
+    candidate = replace(item, refit=item.refit.without_jacobian())
+    return Decision(candidate, later, gain, gap, reported, tuple(tests))
 
 
 def _prediction_test(

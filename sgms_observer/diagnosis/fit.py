@@ -437,8 +437,8 @@ class RefitSetup:
         given = {item.name: item for item in self.file_effects}
         if name not in given:
             return self, tuple(item for item in effects if item.name != name)
-        kept = tuple(given[name] if item.name == name else item for item in effects)
-        return replace(self, fixed_effects=self.fixed_effects | {name}), kept
+        setup = replace(self, fixed_effects=self.fixed_effects | {name})
+        return setup, tuple(given[name] if item.name == name else item for item in effects)
 
     def fixed_effect_parameters(self, effects: Sequence[EffectSettings]) -> list[tuple[int, int]]:
         """Return the parameters of ``fixed_effects``, (effect, parameter)."""

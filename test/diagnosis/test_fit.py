@@ -63,8 +63,8 @@ def test_without_an_effect_of_the_file_the_file_keeps_its_value() -> None:
     """A changed value that does not last goes back to the file's; an added effect goes away."""
     given, changed = EffectSettings("offset", (0.5,)), EffectSettings("offset", (0.8,))
     setup = replace(setup_for(COGGING), file_effects=(given,))
-    kept, effects = setup.without("offset", (changed, COGGING))
-    assert effects == (given, COGGING) and kept.fixed_effects == {"offset"}
-    assert kept.fit(effects, None, PHASE).effects[0] == given
-    kept, effects = setup.without("cogging", (changed, COGGING))
-    assert effects == (changed,) and kept is setup
+    alone, effects = setup.without("offset", (changed, COGGING))
+    assert effects == (given, COGGING) and alone.fixed_effects == {"offset"}
+    assert alone.fit(effects, None, PHASE).effects[0] == given
+    alone, effects = setup.without("cogging", (changed, COGGING))
+    assert effects == (changed,) and alone is setup
