@@ -33,6 +33,8 @@ DELAY_PARAMETERS = ("delay",)
 """Parameters that depend on the difference of the two stamps."""
 SINGULAR_SHARE = 1.0e-10
 """Relative singular value below which a direction of the normal matrix counts as determined by the block alone."""
+MIN_INFORMATION = 1.0e-15
+"""Smallest information on a determined parameter, as a share of the largest: what the inverse takes for zero."""
 MIN_OTHER_WEIGHT = 1.0e-9
 """Smallest share of the weight of all other recordings for which a variance between recordings is computed."""
 
@@ -141,7 +143,8 @@ def standard_errors(found: Refit, data: WhitenedData) -> Floats:
         data: recordings that it was fitted to.
 
     Returns:
-        The larger of the error from the noise and the error from the jackknife over blocks.
+        The larger of the error from the noise and the error from the jackknife over blocks; 0 where the residual hardly
+        depends on the parameter, as on a gap that lies between two steps of the encoder.
 
     Source: Efron and Stein 1981, Annals of Statistics 9(3); Bell and McCaffrey 2002, Survey Methodology 28(2), for few
     blocks, whose plain scatter (White 1980, Econometrica 48(4)) is too small, because each block was fitted.
@@ -161,7 +164,8 @@ def standard_errors(found: Refit, data: WhitenedData) -> Floats:
     moved = leave_one_out_shifts(parts, normal)
     scatter = (1.0 - 1.0 / len(parts)) * moved.T @ moved + inverse @ prior.T @ prior @ inverse
     variance = np.maximum(np.diag(scatter), np.diag(inverse))[-count:]
-    errors = np.sqrt(np.maximum(variance, 0.0)) * found.scales
+    is_determined = np.diag(normal)[-count:] > MIN_INFORMATION * np.max(np.diag(normal))
+    errors = np.where(is_determined, np.sqrt(np.maximum(variance, 0.0)), 0.0) * found.scales
     for k, (i, j) in enumerate(found.free):
         if effect(found.effects[i].name).parameters[j].name in DELAY_PARAMETERS:
             errors[k] = np.hypot(errors[k], STAMP_ERROR * data.motions[0].period / data.motions[0].step)

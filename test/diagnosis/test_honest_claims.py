@@ -266,6 +266,18 @@ def test_errors_grow_with_what_comes_back_in_every_block_and_hold_for_plain_nois
     assert sizes[1] > 2.0 * sizes[0]
 
 
+def test_what_the_residual_does_not_depend_on_has_no_standard_error() -> None:
+    """The inverse of the normal matrix would take no information for no error."""
+    data = data_with_own_noise((motion_of(record(duration=8.0)),), MODEL)
+    found = refit(data, MODEL, 0.05, (EffectSettings("position_dependent_friction", (0.2, 0.0, 0.003)),), evaluations=1)
+    strength, place, width = standard_errors(found, data)
+    assert min(strength, place, width) > 0.0
+    jacobian = found.jacobian.copy()
+    jacobian[:, -1] *= 1.0e-9
+    blind = standard_errors(replace(found, jacobian=jacobian), data)
+    assert blind[:2] == pytest.approx((strength, place), rel=0.5) and blind[2] == 0.0
+
+
 def test_what_recordings_differ_by_belongs_to_the_error() -> None:
     errors = np.array([0.1, 0.1, 0.1])
     assert between_variance(np.array([1.0, 1.05, 0.97]), errors) == 0.0
