@@ -129,11 +129,7 @@ def first_fit(setup: RefitSetup, before: Refit, start: EffectSettings, columns: 
 
 
 def finish_fit(setup: RefitSetup, found: Refit) -> Refit:
-    """Return the fit continued to convergence, with its own derivatives, which evidence and intervals need.
-
-    The cost has several minima where the contact follows another law. Hypotheses are compared by their lowest one, so
-    the fit also starts from the values of the file.
-    """
+    """Return the fit continued to convergence, with its own derivatives, which evidence and intervals need."""
     return setup.fit(found.effects, found.logs)
 
 
