@@ -174,8 +174,7 @@ def within_range(settings: EffectSettings, fit: Refit, setup: RefitSetup) -> Tes
         ends = [end for end in (parameter.minimum, parameter.maximum, *limits_of_value) if math.isfinite(end)]
         at_end += any(abs(value - end) <= RANGE_END_TOLERANCE * abs(end) for end in ends)
     if setup.freedom.friction and is_confusable_with_contact(settings.name):
-        friction = range(VISCOUS, STRIBECK_VELOCITY + 1)
-        at_end += len([number for number in values_at_end(fit, setup) if number in friction])
+        at_end += len(values_at_end(fit, setup) & {*range(VISCOUS, STRIBECK_VELOCITY + 1)})
     return at_most(settings.name, "parameters at the end of their range", at_end, 0.0)
 
 

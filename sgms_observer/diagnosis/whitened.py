@@ -35,11 +35,18 @@ class WhitenedData:
     weights: tuple[Floats, ...]
     gap_weights: tuple[Floats, ...]
 
-    def whitened(self, columns: Sequence[Floats]) -> Floats:
-        """Return one whitened column of all recordings, from a series at the working rate for each."""
+    def whitened(self, series: Sequence[Floats]) -> Floats:
+        """Return whitened columns of all recordings.
+
+        Args:
+            series: for each recording a series at the working rate, shape (n,), or several, shape (columns, n).
+
+        Returns:
+            Shape (residuals,) or (residuals, columns).
+        """
         parts = [
-            noise.whitened(motion.low_pass(column), weights)
-            for motion, noise, weights, column in zip(self.motions, self.noise, self.weights, columns, strict=True)
+            noise.whitened(motion.low_pass(values).T, weights)
+            for motion, noise, weights, values in zip(self.motions, self.noise, self.weights, series, strict=True)
         ]
         return np.concatenate(parts)
 
@@ -49,21 +56,13 @@ class WhitenedData:
 
     def residuals(self, models: Sequence[Model]) -> Floats:
         """Return the whitened residual of each model, shape (n, models), with one pass of the filters for all."""
-        return self._whitened_rows([
+        return self.whitened([
             np.array([predict(model, motion).residual for model in models]) for motion in self.motions
         ])  # fmt: skip
 
     def contact_slopes(self, nominal: Model, logs: Floats) -> Floats:
         """Return the whitened derivatives with respect to the parameters of the contact, see ``contact_slopes``."""
-        return self._whitened_rows([contact_slopes(nominal, logs, motion) for motion in self.motions])
-
-    def _whitened_rows(self, rows: Sequence[Floats]) -> Floats:
-        """Return whitened columns of all recordings, from rows at the working rate for each, shape (columns, n)."""
-        parts = [
-            noise.whitened(motion.low_pass(some).T, weights)
-            for motion, noise, weights, some in zip(self.motions, self.noise, self.weights, rows, strict=True)
-        ]
-        return np.concatenate(parts)
+        return self.whitened([contact_slopes(nominal, logs, motion) for motion in self.motions])
 
 
 def data_with_own_noise(motions: Sequence[Motion], model: Model) -> WhitenedData:
