@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import threading
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from sgms_observer.cli.options import (
@@ -67,6 +69,7 @@ def run(args: argparse.Namespace) -> Outcome:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     prepare_transport()
+    let_others_first()
     try:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()
@@ -104,6 +107,17 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(
         result={"schema": 1, "bag": args.out, "messages": dict(counts), "warnings": [*map(str, writer.warnings)]}
     )
+
+
+def let_others_first() -> None:
+    """Never interrupt another process for a message that arrives; threads that start later do not either.
+
+    The share of the processor stays the same. Messages wait a few milliseconds and are taken together, instead of
+    one by one for a change of process each, which nodes on the same cores would pay for.
+    """
+    if hasattr(os, "SCHED_BATCH"):
+        with suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
 
 
 def _drain(executor: Executor, node: RecorderNode, writer: BagWriter) -> None:

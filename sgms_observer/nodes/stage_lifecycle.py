@@ -31,7 +31,7 @@ from sim_plant.table import SimulatedTable
 POSITION, EFFORT, REFERENCE, TRUTH = "position", "control_effort", "reference", "friction_true"
 
 _SHORTEST_TURN = 5.0e-4
-"""Time from one turn of the stepping thread to the next [s]; a longer sample period sets the pace itself."""
+"""Time from one turn of the stepping thread to the next [s]; a longer sample period or ``gather_time`` counts."""
 
 _LONGEST_TURN = 2.0e-3
 """A turn that took longer than this [s] is made up for bit by bit, so that nobody is asked about a time long past."""
@@ -216,7 +216,7 @@ class StageNode(ManagedNode):
 
     def _run(self) -> None:
         """Step and publish until told to stop."""
-        turn = max(self.settings.sample_period, _SHORTEST_TURN)
+        turn = max(self.settings.sample_period, self.settings.gather_time, _SHORTEST_TURN)
         clock = self.get_clock()
         has_follower = any(stage.followed is not None for stage in self._working_table().stages)
         longest = MAX_LAG_OF_FOLLOWER if has_follower else MAX_CATCH_UP
@@ -259,7 +259,7 @@ class StageNode(ManagedNode):
         reference = {field: _columns(given, f"reference_{field}") for field in fields_of}
         truth = {"position": "position", "velocity": "velocity", "effort": "friction"}
         if unfollowed:
-            effort = np.stack([forces[i] for i in unfollowed], axis=1)
+            effort = np.array([forces[i] for i in unfollowed]).T
             own_names = tuple(names[i] for i in unfollowed)
             self._topics.publish(OutgoingBlock(REFERENCE, own_names, stamps, {**reference, "effort": effort}))
         for topic, values in (
@@ -272,4 +272,4 @@ class StageNode(ManagedNode):
 
 def _columns(blocks: Sequence[Samples | StageRecord], field: str) -> NDArray[np.float64]:
     """Return one field of all axes side by side, shape (n, axes)."""
-    return np.stack([getattr(block, field) for block in blocks], axis=1)
+    return np.array([getattr(block, field) for block in blocks]).T

@@ -293,8 +293,8 @@ class Settings:
     )
     gather_time: float = setting(
         0.0,
-        "time for which observer_node gathers samples that come faster than this, to estimate over them together; "
-        "0 takes each at once",
+        "time for which observer_node gathers samples that come faster than this, to estimate over them together, and "
+        "for which stage_node does before it publishes them; well below look_ahead; 0 takes each at once",
         "s",
         minimum=0.0,
         maximum=0.1,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import time
@@ -78,6 +79,7 @@ def test_what_is_played_is_recorded_byte_for_byte(tmp_path: Path, number: signal
         assert recorder.stdout is not None
         if not switches:
             assert "recording into" in recorder.stdout.readline()
+            assert os.sched_getscheduler(recorder.pid) == os.SCHED_BATCH, "it would interrupt the nodes"
         assert f"played {3 * COUNT} messages" in play(source)
         wait_recorded(tmp_path / "copy.partial", {"/position": COUNT, "/control_effort": COUNT})
         recorder.send_signal(number)

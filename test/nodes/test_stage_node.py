@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
+import pytest
 from ros_graph import ONE_AXIS, TWO_AXES, Graph, Start, decode_joint_state, wait_until
+from sensor_msgs.msg import JointState
 
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.nodes.pace import MAX_CATCH_UP
+from sgms_observer.nodes.topics import SAMPLE_QOS
 from sgms_observer.settings.load import settings_from_tree
 from sgms_observer.settings.yaml_text import parse
 from sim_plant.table import SimulatedTable
@@ -14,10 +19,15 @@ from sim_plant.table import SimulatedTable
 MILLISECOND = 1_000_000
 
 
-def test_samples_are_the_simulation_whatever_the_timer_does(graph: Graph, start: Start) -> None:
+@pytest.mark.parametrize("gather_time", [0.0, 5.0e-2])
+def test_samples_are_the_simulation_whatever_the_timer_does(gather_time: float, graph: Graph, start: Start) -> None:
     topics = ("position", "control_effort", "reference", "friction_true")
     graph.listen(*topics)
-    start("stage_node", TWO_AXES)
+    arrivals: list[float] = []
+    graph.node.create_subscription(
+        JointState, "position", lambda _: arrivals.append(time.monotonic()), SAMPLE_QOS, raw=True
+    )
+    start("stage_node", TWO_AXES.replace("    x: ", f"    gather_time: {gather_time}\n    x: ", 1))
     decoded = {topic: [decode_joint_state(data) for data in list(graph.wait_messages(topic, 1000))] for topic in topics}
     stamps = [message[0] for message in decoded["position"]]
     steps = np.diff(stamps)
@@ -34,6 +44,9 @@ def test_samples_are_the_simulation_whatever_the_timer_does(graph: Graph, start:
     efforts = {message[0]: message[4] for message in decoded["control_effort"]}
     row = stamps[500]
     assert efforts[row] == tuple(record.control_effort[first + 500] for record in records)
+    if gather_time:  # fifty come at once, then none for a while
+        pauses = np.count_nonzero(np.diff(arrivals[:1000]) > 0.3 * gather_time)
+        assert pauses > 0.5 * (arrivals[999] - arrivals[0]) / gather_time
 
 
 def test_compensation_is_taken_in_and_times_out(graph: Graph, start: Start) -> None:
