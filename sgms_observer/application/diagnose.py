@@ -20,7 +20,7 @@ from sgms_observer.diagnosis.compensation_check import SKIPPED, CompensationChec
 from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.motion import EDGE_TIME, motion_of
+from sgms_observer.diagnosis.motion import EDGE_TIME, long_enough, motion_of
 from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
 from sgms_observer.diagnosis.result import write_augmented, write_result
@@ -191,7 +191,7 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
     def read(bags: Sequence[str]) -> list[Recording]:
         found = []
         for bag in bags:
-            pieces = read_recordings(bag, axis, other, topics=request.topics)
+            pieces = long_enough(read_recordings(bag, axis, other, topics=request.topics))
             notes.extend(pieces.notes)
             found += list(pieces)
         return found

@@ -344,7 +344,7 @@ def _warnings(
         )
     if verdict == "cannot_tell" and whole.passed and not (diagnosis.is_poor or diagnosis.is_contact_hidden):
         warnings.append(
-            f"the gap is {over_noise:.0f} times the noise, and the fitted recordings do not contain its cause. Fit"
+            f"the gap is {over_noise:.2g} times the noise, and the fitted recordings do not contain its cause. Fit"
             " recordings with the same motion as the held-out ones"
         )
     return tuple(warnings)

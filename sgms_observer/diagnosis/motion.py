@@ -20,7 +20,7 @@ from scipy import ndimage, signal
 
 from sgms_observer.errors import DataError
 from sgms_observer.jit import njit
-from sgms_observer.offline.recording import Recording
+from sgms_observer.offline.recording import Recording, Recordings
 
 Floats = NDArray[np.float64]
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -221,6 +221,33 @@ def _band_filter(period: float, band: float) -> Floats:
     return np.asarray(signal.butter(4, min(2.0 * band * period * 1.1, 0.8), output="sos"), dtype=np.float64)
 
 
+def long_enough(pieces: Recordings) -> Recordings:
+    """Return the pieces of a recording that a diagnosis can use, with a note about the others.
+
+    Args:
+        pieces: all of one recording.
+
+    Raises:
+        DataError: no piece is long enough.
+    """
+    long = tuple(piece for piece in pieces if piece.duration >= MIN_DURATION)
+    if not long:
+        longest = max(pieces, key=lambda piece: piece.duration)
+        where = "" if len(pieces) == 1 else f" in the longest of {len(pieces)} pieces between pauses"
+        raise DataError(
+            f"{longest.name} lasts {longest.duration:.2g} s{where}; record at least {MIN_DURATION:g} s without a pause"
+        )
+    if len(long) == len(pieces):
+        return pieces
+    short = [piece for piece in pieces if piece.duration < MIN_DURATION]
+    lost = sum(piece.duration for piece in short)
+    note = (
+        f"{short[0].name}: left out, because shorter than {MIN_DURATION:g} s: {len(short)} of {len(pieces)} pieces"
+        f" between pauses ({lost:.3g} s)"
+    )
+    return Recordings(long, (*pieces.notes, note))
+
+
 def motion_of(record: Recording, lag: EffortLag = EffortLag(), band: float = BAND) -> Motion:
     """Return a recording filtered and decimated to the working rate.
 
@@ -234,7 +261,9 @@ def motion_of(record: Recording, lag: EffortLag = EffortLag(), band: float = BAN
     """
     rate = 1.0 / record.period
     if record.duration < MIN_DURATION:
-        raise DataError(f"{record.name} lasts {record.duration:.2g} s; record at least {MIN_DURATION:g} s")
+        raise DataError(
+            f"{record.name} lasts {record.duration:.2g} s; record at least {MIN_DURATION:g} s without a pause"
+        )
     band = min(band, MAX_BAND_SHARE * rate)
     step = max(1, round(rate / (WORKING_RATE * band)))
     period = record.period * step

@@ -18,15 +18,16 @@ from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, refit
 from sgms_observer.diagnosis.gap import rms
 from sgms_observer.diagnosis.model import Model, predict
-from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, motion_of, play_operator, without_jitter
+from sgms_observer.diagnosis.motion import MAX_BAND_SHARE, long_enough, motion_of, play_operator, without_jitter
 from sgms_observer.diagnosis.noise import LOWEST_CORNER, Noise, fit_noise
 from sgms_observer.diagnosis.replicates import coloured, replicate_of
 from sgms_observer.diagnosis.screen import MANY_SHAPES, SINES_OF_POSITION, Screen
 from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.errors import DataError
+from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.encoder import position_noise, without_unit_rounding
-from sgms_observer.offline.recording import Recording
+from sgms_observer.offline.recording import Recording, Recordings, recordings_from_samples
 from sgms_observer.settings.axis import EffectSettings
 
 
@@ -79,6 +80,22 @@ def test_a_short_record_is_one_sentence_and_a_slow_one_is_judged_below_its_own_r
         motion_of(Recording("tiny", PERIOD, np.zeros(1000), np.zeros(1000)))
     slow = motion_of(Recording("slow", 0.05, 1e-3 * np.sin(np.arange(1000) * 0.1), np.zeros(1000)))
     assert slow.band == pytest.approx(MAX_BAND_SHARE / 0.05)
+
+
+def test_a_piece_too_short_is_left_out_with_a_note() -> None:
+    """A recorder on a busy machine loses samples: one short piece between two pauses refused the whole bag."""
+    seconds = 0.005 * np.concatenate([np.arange(1000), 1200 + np.arange(250), 1600 + np.arange(800)])
+
+    def read(first: int) -> Recordings:
+        signals = [1e-3 * np.sin(seconds[first:]) for _ in range(4)]
+        return recordings_from_samples(Samples(np.rint(seconds[first:] * 1e9).astype(np.int64), *signals), "bag")
+
+    pieces = long_enough(read(0))
+    assert [len(piece) for piece in pieces] == [1000, 800]
+    assert pieces.notes == ("bag: left out, because shorter than 3 s: 1 of 3 pieces between pauses (1.25 s)",)
+    seconds = seconds[:1650]
+    with pytest.raises(DataError, match="bag lasts 2 s in the longest of 2 pieces between pauses; record at least 3 s"):
+        long_enough(read(1000))
 
 
 def test_element_friction_slides_at_its_level() -> None:

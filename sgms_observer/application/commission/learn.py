@@ -34,9 +34,9 @@ from sgms_observer.application.identify import IdentifyJob, identify_bags
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.diagnosis.gap import WeightedResidual, effort_rms, residuals
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.diagnosis.motion import long_enough, motion_of
 from sgms_observer.diagnosis.whitened import data_with_own_noise
-from sgms_observer.errors import ConfigurationError, DataError, RecordingError
+from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import read_recordings
 from sgms_observer.settings.axis import AxisSettings, FrictionSettings
@@ -219,9 +219,7 @@ def diagnose_bags_of(session: Session, bags: Sequence[str], out: str) -> Found:
 
 def residual_of(bag: str, axis: AxisSettings) -> WeightedResidual:
     """Return the residual of a model in a recording, as the gap counts it."""
-    pieces = list(read_recordings(bag, axis))
-    if not pieces:
-        raise DataError(f"{bag} holds no usable recording of axis {axis.name}; record again")
+    pieces = long_enough(read_recordings(bag, axis))
     band = choose_band(pieces, axis).corner
     motions = [motion_of(piece, band=band) for piece in pieces]
     model = Model.of(axis)
