@@ -191,7 +191,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         ),
         doubtful=tuple(test for test in by_name if not test.passed),
         usable=whole.passed and not diagnosis.is_poor,
-        warnings=_warnings(diagnosis, effects, gap, verdict, whole, over_noise, disturbance, axis.units),
+        warnings=_warnings(diagnosis, effects, gap, verdict, whole, trust[0], disturbance, axis.units),
         model=model,
         diagnosis=diagnosis,
         motions=data.motions,
@@ -320,7 +320,7 @@ def _warnings(
     gap: Gap,
     verdict: str,
     whole: Test,
-    over_noise: float,
+    over_noise: Test,
     disturbance: SlidingResidual | None,
     units: Units,
 ) -> tuple[str, ...]:
@@ -342,10 +342,16 @@ def _warnings(
             "look for what moves the stage from outside (cables, compressed air, supply, floor):"
             f" {disturbance.sentence(units)}. The observer follows such a force; no model can predict it"
         )
-    if verdict == "cannot_tell" and whole.passed and not (diagnosis.is_poor or diagnosis.is_contact_hidden):
+    is_judged = whole.passed and not (diagnosis.is_poor or diagnosis.is_contact_hidden)
+    if verdict == "cannot_tell" and is_judged and not over_noise.passed:
+        fit_what = (
+            "Fit recordings with the same motion as the held-out ones"
+            if gap.held_out == "held-out"
+            else "Record the same motion several times: what repeats can be learnt"
+        )
         warnings.append(
-            f"the gap is {over_noise:.2g} times the noise, and the fitted recordings do not contain its cause. Fit"
-            " recordings with the same motion as the held-out ones"
+            f"the gap is {over_noise.value:.2g} times the noise, and the fitted recordings do not contain its cause."
+            f" {fit_what}"
         )
     return tuple(warnings)
 

@@ -22,6 +22,10 @@ SMOOTHNESS = (1.0e-3, 1.0e-2, 1.0e-1, 1.0, 10.0)
 FOLDS, FOLD_TIME = 5, 2.0
 """Number of folds of the cross-validation, and length of the pieces assigned to them in turn [s]."""
 
+_LEAST_DATA = 1.0e-3
+"""Weight of the data of a grid point, relative to the mean, below which the smoothness alone gives its value. It would
+go on in a straight line there: in the corner of a grid over velocity and load ten times as far as anywhere else."""
+
 
 @dataclass(frozen=True)
 class MapColumns:
@@ -124,7 +128,9 @@ def _penalty(empty: LearntMap) -> Floats:
 
 
 def _solve(rows: Floats, target: Floats, penalty: Floats) -> Floats:
-    """Return the values of the penalised least-squares fit."""
+    """Return the values of the penalised least-squares fit; those that no data determine stay between the others."""
     normal = rows.T @ rows
     scale = float(np.trace(normal)) / len(normal)
-    return np.asarray(np.linalg.solve(normal + max(scale, 1e-300) * penalty, rows.T @ target))
+    values = np.linalg.solve(normal + max(scale, 1e-300) * penalty, rows.T @ target)
+    reached = values[np.diag(normal) > _LEAST_DATA * scale]
+    return np.asarray(np.clip(values, reached.min(), reached.max()) if len(reached) else values)

@@ -14,7 +14,7 @@ from sgms_observer.diagnosis.map_columns import path_of
 from sgms_observer.diagnosis.map_fit import fit_map
 from sgms_observer.diagnosis.map_formula import Formula, formula_of
 from sgms_observer.diagnosis.motion import Motion, motion_of
-from sgms_observer.effects.learnt_map import LearntMap
+from sgms_observer.effects.learnt_map import LearntMap, learnt_coordinates
 
 PERIOD = 1.0 / 250.0
 LENGTH = 0.045
@@ -97,3 +97,21 @@ def test_a_parabola_is_found_with_its_coefficients(seed: int) -> None:
     first, second = re.search(r"\+ (\S+) position \+ (\S+) position\^2", found.text).groups()  # type: ignore[union-attr]
     assert float(first) == pytest.approx(slope, rel=0.05)
     assert float(second) == pytest.approx(bend, rel=0.05)
+
+
+def test_a_map_keeps_to_the_forces_it_has_seen_where_no_data_are() -> None:
+    """High speed and high load never come together here: the smoothness alone would go on in a straight line."""
+    over = ("velocity", "load")
+    rests = []
+    for seed in (1, 2):
+        motion = measured(seed)
+        load = learnt_coordinates(over, path_of(motion))[:, 1]
+        force = (0.2 + 0.05 * load) * np.tanh(motion.velocity / 0.02)
+        left = motion.low_pass(force + 0.05 * np.random.default_rng(seed).standard_normal(len(force)))
+        rests.append(WeightedResidual([motion], [left], [np.ones_like(left)]))
+    found = fit_map(*rests, "learnt_map", AXIS.units, Criteria(), [over])
+    assert found is not None and found.share > 0.9
+    values = np.array(found.map.values)
+    weight = found.map.basis(path_of(measured(1))).toarray().sum(axis=0)
+    reached, unseen = values[weight > 0.0], values[weight == 0.0]
+    assert len(unseen) and reached.min() <= unseen.min() and unseen.max() <= reached.max()
