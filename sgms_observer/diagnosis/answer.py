@@ -146,7 +146,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     def gap_with(some: Sequence[EffectSettings]) -> float:
         return percent * data.rms(residuals_with(some))
 
-    contact_tests = _contact_law_tests(data, final, residuals_with, predictable_share)
+    contact_tests = _contact_law_tests(data, final, residuals_with, predictable_share, learnt)
     failed = [test for test in contact_tests if not test.passed]
     if failed:
         return answer_of(replace(diagnosis, refused_contact_effects=failed[0]), axis, options, contradiction)
@@ -207,17 +207,20 @@ def _contact_law_tests(
     final: FinalModel,
     residuals_with: Callable[[Sequence[EffectSettings]], tuple[Floats, ...]],
     predictable_share: float,
+    learnt: Sequence[FittedMap],
 ) -> list[Test]:
     """Return the tests that named effects which another contact law can imitate explain most of what is left of it.
 
-    Where they do not, they describe a part of the difference between the contact laws. Effects that close no less while
-    the contact slides fast than elsewhere are judged there, where all contact laws agree.
+    Where they do not, they describe a part of the difference between the contact laws. The same holds where another
+    effect or a learnt map describes another part of it. Effects that close no less while the contact slides fast than
+    elsewhere are judged there, where all contact laws agree.
 
     Args:
         data: recordings of the gap.
         final: models without and with the named effects.
         residuals_with: function that returns the residuals with some of the effects, everything else fitted again [N].
         predictable_share: share of the squared residual that surely is predictable.
+        learnt: learnt maps of the residual.
     """
     named = [item.accepted for item in final.accepted if item.accepted and item.accepted.candidate.is_contact_law]
     if not named:
@@ -225,6 +228,7 @@ def _contact_law_tests(
     names, criteria = {one.candidate.name for one in named}, data.options.criteria
     after = data.rms(final.after) ** 2
     others = residuals_with([one for one in final.fit.effects if one.name not in names])
+    parts = len(data.diagnosis.unnamed_contact_effects) + sum(item.is_of_contact for item in learnt)
     closed = max(data.rms(others) ** 2 - after, 1.0e-300)
     left, predicted = max(after - final.noise**2, 0.0), predictable_share * after
     without, with_all = (
@@ -234,7 +238,7 @@ def _contact_law_tests(
         left_there = rms([with_all]) ** 2
         closed_there = rms([without]) ** 2 - left_there
         if closed_there >= closed:
-            closed, left = closed_there, max(left_there - final.noise**2, 0.0)
+            closed, left, parts = closed_there, max(left_there - final.noise**2, 0.0), 0
             predicted = min(predicted, left)
     of = ", ".join(sorted(names))
     return [
@@ -253,6 +257,7 @@ def _contact_law_tests(
             of, "predictable residual / (predictable + closed residual)", predicted / (predicted + closed),
             criteria.min_predictable_share,
         ),
+        at_most(of, "other parts of another contact law", parts, 0.0),
     ]  # fmt: skip
 
 

@@ -404,8 +404,8 @@ class Diagnosis:
         """Return the rounds that added a named effect.
 
         An effect that only describes another contact law is named if it closes more of the gap than it leaves, if
-        little of the rest is predictable, and if no other one of them came before. Otherwise it counts as a changed
-        value of the file.
+        little of the rest is predictable, and if nothing else describes a part of that law. Otherwise it counts as a
+        changed value of the file.
         """
         added = [(item, item.accepted.candidate) for item in self.rounds if item.accepted]
         return [
