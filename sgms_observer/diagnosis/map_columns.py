@@ -24,7 +24,7 @@ FOLDS, FOLD_TIME = 5, 2.0
 
 _LEAST_DATA = 1.0e-3
 """Weight of the data of a grid point, relative to the mean, below which the smoothness alone gives its value. It would
-go on in a straight line there: in the corner of a grid over velocity and load ten times as far as anywhere else."""
+go on in a straight line there, as far as the corner of a grid over velocity and load that no recording reaches."""
 
 
 @dataclass(frozen=True)
