@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> Outcome:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     prepare_transport()
-    let_others_first()
+    _let_others_first()
     try:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()
@@ -109,11 +109,11 @@ def run(args: argparse.Namespace) -> Outcome:
     )
 
 
-def let_others_first() -> None:
-    """Never interrupt another process for a message that arrives; threads that start later do not either.
+def _let_others_first() -> None:
+    """Have this process interrupt no other one for a message that arrives, nor its threads, which start later.
 
-    The share of the processor stays the same. Messages wait a few milliseconds and are taken together, instead of
-    one by one for a change of process each, which nodes on the same cores would pay for.
+    Its share of the processor stays the same. Messages wait until it is its turn and are taken together: one by one,
+    each would cost the nodes on the same cores a change of process.
     """
     if hasattr(os, "SCHED_BATCH"):
         with suppress(OSError):

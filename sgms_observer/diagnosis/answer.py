@@ -128,8 +128,9 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     unnamed_rest = at_most(
         "model", "surely predictable share of the residual", predictable_share, criteria.min_predictable_share
     )
+    noise_test = at_most("model", "gap over noise, where nothing predicts it", over_noise, criteria.max_gap_over_noise)
     trust = [
-        at_most("model", "gap over noise, where nothing predicts it", over_noise, criteria.max_gap_over_noise),
+        noise_test,
         at_most(
             "model", "share of the squared gap that the refit adds",
             _share_added_by_refit(data.rest(final.before), given, criteria), criteria.min_predictable_share,
@@ -191,7 +192,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         ),
         doubtful=tuple(test for test in by_name if not test.passed),
         usable=whole.passed and not diagnosis.is_poor,
-        warnings=_warnings(diagnosis, effects, gap, verdict, whole, trust[0], disturbance, axis.units),
+        warnings=_warnings(diagnosis, effects, gap, verdict, whole, noise_test, disturbance, axis.units),
         model=model,
         diagnosis=diagnosis,
         motions=data.motions,
@@ -355,7 +356,7 @@ def _warnings(
             else "Record the same motion several times: what repeats can be learnt"
         )
         warnings.append(
-            f"the gap is {over_noise.value:.2g} times the noise, and the fitted recordings do not contain its cause."
+            f"the gap is {over_noise.value:.0f} times the noise, and the fitted recordings do not contain its cause."
             f" {fit_what}"
         )
     return tuple(warnings)

@@ -22,9 +22,10 @@ SMOOTHNESS = (1.0e-3, 1.0e-2, 1.0e-1, 1.0, 10.0)
 FOLDS, FOLD_TIME = 5, 2.0
 """Number of folds of the cross-validation, and length of the pieces assigned to them in turn [s]."""
 
-_LEAST_DATA = 1.0e-3
-"""Weight of the data of a grid point, relative to the mean, below which the smoothness alone gives its value. It would
-go on in a straight line there, as far as the corner of a grid over velocity and load that no recording reaches."""
+_RIDGE = 1.0e-3
+"""Weight that draws every value to zero, relative to that of the smoothness. Where the data of a grid point weigh less
+than this share of the mean, they do not determine its value: the smoothness would go on in a straight line there, as
+far as the corner of a grid over velocity and load that no recording reaches."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ def _penalty(empty: LearntMap) -> Floats:
         for part in parts[1:]:
             whole = np.asarray(np.kron(whole, part), dtype=np.float64)
         total += whole
-    return total + 1.0e-3 * np.eye(len(total))
+    return total + _RIDGE * np.eye(len(total))
 
 
 def _solve(rows: Floats, target: Floats, penalty: Floats) -> Floats:
@@ -132,5 +133,5 @@ def _solve(rows: Floats, target: Floats, penalty: Floats) -> Floats:
     normal = rows.T @ rows
     scale = float(np.trace(normal)) / len(normal)
     values = np.linalg.solve(normal + max(scale, 1e-300) * penalty, rows.T @ target)
-    reached = values[np.diag(normal) > _LEAST_DATA * scale]
+    reached = values[np.diag(normal) > _RIDGE * scale]
     return np.asarray(np.clip(values, reached.min(), reached.max()) if len(reached) else values)

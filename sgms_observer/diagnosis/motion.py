@@ -230,22 +230,26 @@ def long_enough(pieces: Recordings) -> Recordings:
     Raises:
         DataError: no piece is long enough.
     """
+    short = [piece for piece in pieces if piece.duration < MIN_DURATION]
+    if not short:
+        return pieces
     long = tuple(piece for piece in pieces if piece.duration >= MIN_DURATION)
     if not long:
-        longest = max(pieces, key=lambda piece: piece.duration)
         where = "" if len(pieces) == 1 else f" in the longest of {len(pieces)} pieces between pauses"
-        raise DataError(
-            f"{longest.name} lasts {longest.duration:.2g} s{where}; record at least {MIN_DURATION:g} s without a pause"
-        )
-    if len(long) == len(pieces):
-        return pieces
-    short = [piece for piece in pieces if piece.duration < MIN_DURATION]
+        raise _too_short(max(pieces, key=lambda piece: piece.duration), where)
     lost = sum(piece.duration for piece in short)
     note = (
         f"{short[0].name}: left out, because shorter than {MIN_DURATION:g} s: {len(short)} of {len(pieces)} pieces"
         f" between pauses ({lost:.3g} s)"
     )
     return Recordings(long, (*pieces.notes, note))
+
+
+def _too_short(record: Recording, where: str = "") -> DataError:
+    """Return the error about a recording that is too short; ``where`` follows its duration."""
+    return DataError(
+        f"{record.name} lasts {record.duration:.2g} s{where}; record at least {MIN_DURATION:g} s without a pause"
+    )
 
 
 def motion_of(record: Recording, lag: EffortLag = EffortLag(), band: float = BAND) -> Motion:
@@ -261,9 +265,7 @@ def motion_of(record: Recording, lag: EffortLag = EffortLag(), band: float = BAN
     """
     rate = 1.0 / record.period
     if record.duration < MIN_DURATION:
-        raise DataError(
-            f"{record.name} lasts {record.duration:.2g} s; record at least {MIN_DURATION:g} s without a pause"
-        )
+        raise _too_short(record)
     band = min(band, MAX_BAND_SHARE * rate)
     step = max(1, round(rate / (WORKING_RATE * band)))
     period = record.period * step

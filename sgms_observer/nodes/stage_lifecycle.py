@@ -31,7 +31,7 @@ from sim_plant.table import SimulatedTable
 POSITION, EFFORT, REFERENCE, TRUTH = "position", "control_effort", "reference", "friction_true"
 
 _SHORTEST_TURN = 5.0e-4
-"""Time from one turn of the stepping thread to the next [s]; a longer sample period or ``gather_time`` counts."""
+"""Time from one turn of the stepping thread to the next [s]; a longer sample period or ``gather_time`` replaces it."""
 
 _LONGEST_TURN = 2.0e-3
 """A turn that took longer than this [s] is made up for bit by bit, so that nobody is asked about a time long past."""

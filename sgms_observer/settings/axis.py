@@ -294,7 +294,7 @@ class Settings:
     gather_time: float = setting(
         0.0,
         "time for which observer_node gathers samples that come faster than this, to estimate over them together, and "
-        "for which stage_node does before it publishes them; well below look_ahead; 0 takes each at once",
+        "stage_node, to publish them together; keep it well below look_ahead; 0 takes each at once",
         "s",
         minimum=0.0,
         maximum=0.1,

@@ -95,9 +95,7 @@ def test_an_effect_that_closes_less_than_it_leaves_is_a_changed_value(
     assert any(test.name == LAW_TEST and test.of == "stribeck" and not test.passed for test in answer.tests)
 
 
-def test_of_two_of_them_the_second_is_a_part_of_the_contact_law_of_the_first_which_has_no_name_then(
-    explained: Answer,
-) -> None:
+def test_beside_a_second_one_neither_has_a_name(explained: Answer) -> None:
     found = explained.diagnosis
     first = next(item for item in found.rounds if item.accepted)
     assert first.accepted is not None
@@ -230,7 +228,7 @@ def test_an_effect_that_leaves_more_than_another_hypothesis_does_not_end_the_sea
 def test_of_several_none_has_a_name(fall: float) -> None:
     """The drag is small beside the deep fall of the friction, and as large as the shallow one.
 
-    Two of them together describe the friction over the velocity of many another contact law, in which neither is.
+    Two of them together can describe the friction curve of another contact law that contains neither.
     """
     top = float(np.max(np.abs(np.gradient(made((), 1).position, PERIOD))))
     drag = EffectSettings("quadratic_drag", (1.5 / top**2,))
