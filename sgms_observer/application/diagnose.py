@@ -268,9 +268,9 @@ def _diagnosed(
 ) -> tuple[Answer, AxisSettings, CompensationCheck]:
     """Return an answer whose feedforward leaves no more than that of the given file; the axis with it; what it leaves.
 
-    An effect that leaves a part of what its own coordinates predict is not tried again, nor one that the final fit
-    moves to an end of its range, nor one whose feedforward does harm; where no effect is at fault, neither are changes
-    of the file's values. Where those are not at fault either, nothing is named or learnt.
+    An effect that leaves a part of what its own coordinates predict is not tried again, nor one whose feedforward does
+    harm; where no effect is at fault, neither are changes of the file's values. Where those are not at fault either,
+    nothing is named or learnt.
     """
     options, axis, refused = step.options, step.axis, list[Test]()
     done = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 from sgms_observer.diagnosis.disturbance import SlidingResidual, sliding_residual
 from sgms_observer.diagnosis.evidence import improvement
-from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps, range_tests
+from sgms_observer.diagnosis.final_model import FinalModel, coordinate_tests, final_model, learnt_maps
 from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import Gap, WeightedResidual, interval, residuals, rms
 from sgms_observer.diagnosis.gap_data import GapData, ratio_to_noise
@@ -27,7 +27,7 @@ from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.model import PERIODIC_DISTURBANCE, Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.named import Named, measured_quantisation, named_effects
-from sgms_observer.diagnosis.sliding import fast_sliding_residual
+from sgms_observer.diagnosis.sliding import fast_sliding_residual, preference_to_logarithmic_friction
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.units import Units
 
@@ -57,7 +57,7 @@ class Answer:
         detectable: smallest detectable size of each effect, as a share of the Coulomb force.
         next_experiment: one sentence, or None.
         tests: every test of every hypothesis and of the model.
-        doubtful: failed tests of named effects that leave what their own coordinates predict, or end at a range.
+        doubtful: failed tests of named effects that leave what their own coordinates predict.
         usable: whether the model may be used as it is.
         warnings: sentences for the user.
         model: the model that augmented.yaml holds.
@@ -109,7 +109,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     rest = data.rest(final.after)
     learnt: list[FittedMap] = []
     free = data.predictable(data.evidence(final.after), final.fit.model)
-    by_name = [*range_tests(data, final), *coordinate_tests(data, final, axis.units)]
+    by_coordinates = coordinate_tests(data, final, axis.units)
     unnamed = _best_unnamed(diagnosis, criteria)
     if not diagnosis.is_poor and contradiction is None:
         learnt = learnt_maps(data, final, axis.units)
@@ -141,13 +141,10 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         trust.append(at_most("model", title, over_noise, criteria.min_gap_over_floor))
     percent, setup = 100.0 / data.effort, diagnosis.written.setup
 
-    def residuals_with(some: Sequence[EffectSettings]) -> tuple[Floats, ...]:
-        return data.residuals(setup.fit(some, final.fit.logs), setup)
-
     def gap_with(some: Sequence[EffectSettings]) -> float:
-        return percent * data.rms(residuals_with(some))
+        return percent * data.rms(data.residuals(setup.fit(some, final.fit.logs), setup))
 
-    contact_tests = _contact_law_tests(data, final, residuals_with, predictable_share, learnt)
+    contact_tests = _contact_law_tests(data, final, predictable_share, learnt)
     failed = [test for test in contact_tests if not test.passed]
     if failed:
         return answer_of(replace(diagnosis, refused_contact_effects=failed[0]), axis, options, contradiction)
@@ -186,11 +183,11 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         ),
         tests=(
             *(test for item in diagnosis.rounds for test in item.tests),
-            *final.tests, *by_name, *contact_tests, whole, unnamed_rest, *beyond_contact, *trust,
+            *final.tests, *by_coordinates, *contact_tests, whole, unnamed_rest, *beyond_contact, *trust,
             *(sliding.tests if sliding else ()),
             *(test for test in (diagnosis.refused_contact_effects, contradiction) if test is not None),
         ),
-        doubtful=tuple(test for test in by_name if not test.passed),
+        doubtful=tuple(test for test in by_coordinates if not test.passed),
         usable=whole.passed and not diagnosis.is_poor,
         warnings=_warnings(diagnosis, effects, gap, verdict, whole, noise_test, disturbance, axis.units),
         model=model,
@@ -204,22 +201,17 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
 
 
 def _contact_law_tests(
-    data: GapData,
-    final: FinalModel,
-    residuals_with: Callable[[Sequence[EffectSettings]], tuple[Floats, ...]],
-    predictable_share: float,
-    learnt: Sequence[FittedMap],
+    data: GapData, final: FinalModel, predictable_share: float, learnt: Sequence[FittedMap]
 ) -> list[Test]:
     """Return the tests that named effects which another contact law can imitate explain most of what is left of it.
 
     Where they do not, they describe a part of the difference between the contact laws. The same holds where another
     effect or a learnt map describes another part of it. Effects that close no less while the contact slides fast than
-    elsewhere are judged there, where all contact laws agree.
+    elsewhere are judged there, where contact laws differ by a logarithmic friction at most.
 
     Args:
         data: recordings of the gap.
         final: models without and with the named effects.
-        residuals_with: function that returns the residuals with some of the effects, everything else fitted again [N].
         predictable_share: share of the squared residual that surely is predictable.
         learnt: learnt maps of the residual.
     """
@@ -227,21 +219,27 @@ def _contact_law_tests(
     if not named:
         return []
     names, criteria = {one.candidate.name for one in named}, data.options.criteria
-    after = data.rms(final.after) ** 2
-    others = residuals_with([one for one in final.fit.effects if one.name not in names])
+    of, after = ", ".join(sorted(names)), data.rms(final.after) ** 2
+    setup = data.diagnosis.written.setup
+    refitted = setup.fit([one for one in final.fit.effects if one.name not in names], final.fit.logs)
+    others = data.residuals(refitted, setup)
     parts = len(data.diagnosis.unnamed_contact_effects) + sum(item.is_of_contact for item in learnt)
     closed = max(data.rms(others) ** 2 - after, 1.0e-300)
     left, predicted = max(after - final.noise**2, 0.0), predictable_share * after
     without, with_all = (
         fast_sliding_residual(data.rest(one), final.fit.model, criteria) for one in (others, final.after)
     )
+    of_sliding = []
     if without is not None and with_all is not None:
         left_there = rms([with_all]) ** 2
         closed_there = rms([without]) ** 2 - left_there
         if closed_there >= closed:
             closed, left, parts = closed_there, max(left_there - final.noise**2, 0.0), 0
             predicted = min(predicted, left)
-    of = ", ".join(sorted(names))
+            title = "z-score of a better prediction than logarithmic friction, where the contact slides fast"
+            known, judged = data.fitted_gap(refitted.model), (data.rest(final.after), data.rest(others))
+            z_score = preference_to_logarithmic_friction(final.fit.model, known, *judged, criteria)
+            of_sliding.append(at_least(of, title, z_score, 0.0))
     return [
         *(
             at_least(
@@ -259,6 +257,7 @@ def _contact_law_tests(
             criteria.min_predictable_share,
         ),
         at_most(of, "other parts of another contact law", parts, 0.0),
+        *of_sliding,
     ]  # fmt: skip
 
 

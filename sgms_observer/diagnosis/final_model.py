@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least, at_most
-from sgms_observer.diagnosis.decision import within_range
 from sgms_observer.diagnosis.diagnosis import Round, accepted_candidates
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Refit
@@ -155,12 +154,6 @@ def _formula(
     left = residuals(model, data.motions)
     residual = _to_learn_and_judge(data, model, left, item.coordinates in AT_REST)
     return formula_of(item.map, *residual, units, data.options.criteria)
-
-
-def range_tests(data: GapData, final: FinalModel) -> list[Test]:
-    """Return for each named effect the test that the final fit did not move it to an end of its range."""
-    setup = data.diagnosis.written.setup
-    return [within_range(item, final.fit, setup) for item in final.fit.effects if item.name in final.names]
 
 
 def coordinate_tests(data: GapData, final: FinalModel, units: Units) -> list[Test]:

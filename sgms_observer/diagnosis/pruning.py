@@ -18,6 +18,7 @@ from sgms_observer.diagnosis.decision import (
     compare,
     needs_visible_contact,
     preferred,
+    within_range,
     z_score_between,
 )
 from sgms_observer.diagnosis.diagnosis import (
@@ -152,7 +153,8 @@ def without_insignificant_effects(
     """Remove each effect that held-out recordings do not show or that hardly closes the reported gap, weakest first.
 
     An effect of the machine appears in all recordings: estimated from the held-out ones alone, its strength has the
-    same sign and differs significantly from zero.
+    same sign and differs significantly from zero. A fit at an end of its range is no estimate, so that effects that end
+    there are removed before others are judged beside them.
 
     Args:
         found: state after the refit within the tolerance.
@@ -165,22 +167,31 @@ def without_insignificant_effects(
         evaluation = state.evaluation(options)
         written = _as_written(found, state, nominal, evaluation)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
-        file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
-        closed_gap = ClosedGap(names, written, file_contact, evaluation)
-        closed = {name: closed_gap.closed_by(name) for name in names}
-        tests = _reported_tests(closed_gap, closed)
-        weakest = min(tests, key=lambda test: test.value / test.threshold, default=None)
-        if weakest is None or weakest.passed:
+        tests = [within_range(one, written.after, written.setup) for one in written.after.effects if one.name in names]
+        failed = max((test for test in tests if not test.passed), key=lambda test: test.value, default=None)
+        closed: dict[str, Closed] = {}
+        if failed is None:
+            file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
+            closed_gap = ClosedGap(names, written, file_contact, evaluation)
+            closed = {name: closed_gap.closed_by(name) for name in names}
+            tests += _reported_tests(closed_gap, closed)
+            failed = min((test for test in tests if not test.passed), key=_strength, default=None)
+        if failed is None:
             for test in tests:
                 rounds = _with_test(rounds, test)
             shares = {name: one.share_above_floor for name, one in closed.items()}
             return state, tuple(rounds), replace(written, shares_above_noise=shares)
-        rounds = _with_test(rounds, weakest)
+        rounds = _with_test(rounds, failed)
         if any(item.accepted for item in rounds):
-            state = state.without(weakest.of)
+            state = state.without(failed.of)
             state = state.refitted(state.current)
         else:
             state = found
+
+
+def _strength(test: Test) -> float:
+    """Return the value of a failed test over what it should reach."""
+    return test.value / test.threshold
 
 
 def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> list[Test]:

@@ -7,13 +7,14 @@ law is seen in the faster half of the sliding samples.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evaluation import EvaluationData
-from sgms_observer.diagnosis.evidence import blocks_of
+from sgms_observer.diagnosis.evidence import blocks_of, preference
 from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
@@ -85,3 +86,36 @@ def fast_sliding_residual(rest: WeightedResidual, model: Model, criteria: Criter
     values = np.concatenate([residual[at] for residual, at in zip(rest.residual, fast, strict=True)])
     is_enough = len(values) * rest.motions[0].residual_period >= 2.0 * criteria.block
     return np.asarray(values, dtype=np.float64) if is_enough else None
+
+
+def preference_to_logarithmic_friction(
+    model: Model, known: WeightedResidual, left: WeightedResidual, others: WeightedResidual, criteria: Criteria
+) -> float:
+    """Return the z-score by which a model predicts better than a logarithmic friction while the contact slides fast.
+
+    Laws of dry contacts do not all agree there: in those with rate and state the force changes with the logarithm of
+    the velocity (Dieterich 1979, J. Geophys. Res. 84(B5), eq. 4). Such a force, beside other Coulomb and viscous
+    friction, is fitted to what is left without the effects in question.
+
+    Args:
+        model: simulates the contact.
+        known: residual without the effects in question, in the fitted recordings.
+        left: residual with them, in the evaluated recordings.
+        others: residual without them, in the evaluated recordings.
+        criteria: length of a block.
+    """
+    learnt = slides_fast(model, known.motions)
+    columns = [_logarithmic_friction(motion)[at] for motion, at in zip(known.motions, learnt, strict=True)]
+    forces = [part[at] for part, at in zip(known.residual, learnt, strict=True)]
+    strengths, *_ = np.linalg.lstsq(np.vstack(columns), np.concatenate(forces), rcond=None)
+    rival = others.minus([_logarithmic_friction(motion) @ strengths for motion in others.motions])
+    judged = [at.astype(np.float64) for at in slides_fast(model, left.motions)]
+    ours, theirs = (replace(one, weights=judged).blocks(criteria.block) for one in (left, rival))
+    return preference(ours, theirs)
+
+
+def _logarithmic_friction(motion: Motion) -> Floats:
+    """Return Coulomb, viscous and logarithmic friction along a motion, shape (n, 3); at rest there is none."""
+    velocity = motion.thinned(motion.velocity)
+    direction, speed = np.sign(velocity), np.abs(velocity)
+    return np.column_stack([direction, velocity, direction * np.log(np.where(speed > 0.0, speed, 1.0))])

@@ -14,7 +14,7 @@ from start_file import WINDOW, start_file
 from sgms_observer.application.commission.motion import representative_motion
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.simulate import Simulation, simulate
-from sgms_observer.diagnosis import final_model, workflow
+from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.criteria import Test
 from sgms_observer.excitation.limits import limits_of
 from sgms_observer.settings.axis import EffectSettings
@@ -76,7 +76,7 @@ def test_an_effect_that_ends_at_its_range_takes_no_other_with_it(
 ) -> None:
     """The final fit may move one effect to an end of its range: it is left out, the others stay."""
     monkeypatch.setattr(workflow, "catalogue_names", lambda: ("spring", "periodic_disturbance"))
-    within_range = final_model.within_range
+    within_range = pruning.within_range
 
     def with_an_end(settings: EffectSettings, *others: Any) -> Test:
         test = within_range(settings, *others)
@@ -88,7 +88,7 @@ def test_an_effect_that_ends_at_its_range_takes_no_other_with_it(
     )
     record(hidden, tmp_path)
     assert {one["name"] for one in diagnosed(tmp_path)["effects"]} == {"spring", "periodic_disturbance"}
-    monkeypatch.setattr(final_model, "within_range", with_an_end)
+    monkeypatch.setattr(pruning, "within_range", with_an_end)
     result = diagnosed(tmp_path, "again")
     assert [one["name"] for one in result["effects"]] == ["spring"]
     (asked,) = [one for one in result["tests"] if one["of"] == "periodic_disturbance" and one["value"] == 1.0]

@@ -21,6 +21,7 @@ from sgms_observer.diagnosis.gap_data import GapData
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.catalogue import names as catalogue_names
+from sgms_observer.effects.learnt_map import LearntMap
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 
@@ -67,6 +68,23 @@ def test_law_effects_are_of_the_catalogue() -> None:
 def test_a_law_effect_that_explains_all_is_a_name(explained: Answer) -> None:
     assert [item.settings.name for item in explained.effects] == ["stribeck"]
     assert not any(item.name.startswith("effects.stribeck") for item in explained.changed)
+
+
+@pytest.mark.parametrize("is_brake", [True, False])
+def test_a_drag_predicts_better_than_the_logarithmic_friction_of_a_contact(
+    is_brake: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Friction that grows with the logarithm of the velocity looks like the broad peak of an eddy-current brake."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("eddy_current",))
+    speeds = np.geomspace(1.0e-4, 0.2, 40)
+    logarithmic = 0.15 * np.log(speeds / speeds[0])
+    over_velocity = tuple(np.concatenate((-speeds[::-1], speeds))), tuple(np.concatenate((-logarithmic[::-1], logarithmic)))
+    brake = EffectSettings("eddy_current", (1.0, 0.02, 0.0))
+    friction = LearntMap(("velocity",), over_velocity[:1], over_velocity[1]).settings()
+    answer = answered(brake if is_brake else friction)
+    assert [item.settings.name for item in answer.effects] == ["eddy_current"] * is_brake
+    (test,) = [one for one in answer.tests if "than logarithmic friction" in one.name]
+    assert (test.of, test.passed) == ("eddy_current", is_brake)
 
 
 LAW_TEST = "residual above noise / closed residual"

@@ -35,6 +35,7 @@ NATURAL = {
     "shortest likely lag of the effort over sample period": 0.62,
     "parameters at the end of their range": 0.0,
     "other parts of another contact law": 0.0,
+    "z-score of a better prediction than logarithmic friction, where the contact slides fast": 0.0,
     "gap as reported, as a share of the effort": 1.0,
     "residual predictable over the coordinates of a contact / closed residual": 1.0,
     "friction that reverses within one encoder step, over the static force": 1.0,
