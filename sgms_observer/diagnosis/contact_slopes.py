@@ -37,14 +37,17 @@ PATH_STEP = 1.0e-4
 def contact_parameters(model: Model) -> list[int]:
     """Return the numbers of the parameters of ``Model.shifted`` whose derivatives ``contact_slopes`` gives.
 
-    None if an effect depends on the sliding force in its own way, or if a periodic disturbance has a phase to fit.
+    None if a periodic disturbance has a phase to fit, or with an effect of the user. Where an effect depends on the
+    sliding force in its own way, only those that do not change the sliding force of the file.
     """
     names, n_z = model.parameter_names(), len(model.friction.element_stiffness)
-    for item in model.effects:
-        if item.name in (*NEED_SLIDING_FORCE, PERIODIC_DISTURBANCE) or not is_built_in(item.name):
-            return []
+    if any(item.name == PERIODIC_DISTURBANCE or not is_built_in(item.name) for item in model.effects):
+        return []
     rate = [len(SCALAR_PARAMETERS)] if model.friction.model == "gms" else []
-    return [COULOMB, STATIC, STRIBECK_VELOCITY, *rate, *range(len(names) - 2 * n_z, len(names))]
+    of_elements = [*rate, *range(len(names) - 2 * n_z, len(names))]
+    if any(item.name in NEED_SLIDING_FORCE for item in model.effects):
+        return of_elements
+    return [COULOMB, STATIC, STRIBECK_VELOCITY, *of_elements]
 
 
 def contact_slopes(nominal: Model, logs: Floats, motion: Motion) -> Floats:
@@ -71,7 +74,8 @@ def contact_slopes(nominal: Model, logs: Floats, motion: Motion) -> Floats:
         corrected.first, corrected.second, speed, motion.period, np.array(friction.element_stiffness), level, shared,
         shape, factor, parts.sides,
     )  # fmt: skip
-    columns = np.ascontiguousarray((slopes @ _by_logs(nominal, logs, model, shared)).T)
+    by_logs = _by_logs(nominal, logs, model, shared)[:, -len(contact_parameters(nominal)) :]
+    columns = np.ascontiguousarray((slopes @ by_logs).T)
     if model.relaxation > 0.0:
         columns += model.relaxation * np.gradient(columns, motion.period, axis=1)
     if not parts.on_path:

@@ -77,11 +77,10 @@ def test_a_drag_predicts_better_than_the_logarithmic_friction_of_a_contact(
     """Friction that grows with the logarithm of the velocity looks like the broad peak of an eddy-current brake."""
     monkeypatch.setattr(workflow, "catalogue_names", lambda: ("eddy_current",))
     speeds = np.geomspace(1.0e-4, 0.2, 40)
-    logarithmic = 0.15 * np.log(speeds / speeds[0])
-    over_velocity = tuple(np.concatenate((-speeds[::-1], speeds))), tuple(np.concatenate((-logarithmic[::-1], logarithmic)))
-    brake = EffectSettings("eddy_current", (1.0, 0.02, 0.0))
-    friction = LearntMap(("velocity",), over_velocity[:1], over_velocity[1]).settings()
-    answer = answered(brake if is_brake else friction)
+    forces = 0.15 * np.log(speeds / speeds[0])
+    grid, values = (tuple(np.concatenate((-side[::-1], side))) for side in (speeds, forces))
+    friction = LearntMap(("velocity",), (grid,), values).settings()
+    answer = answered(EffectSettings("eddy_current", (1.0, 0.02, 0.0)) if is_brake else friction)
     assert [item.settings.name for item in answer.effects] == ["eddy_current"] * is_brake
     (test,) = [one for one in answer.tests if "than logarithmic friction" in one.name]
     assert (test.of, test.passed) == ("eddy_current", is_brake)

@@ -19,6 +19,8 @@ ON_FRICTION = (
     EffectSettings("position_dependent_friction", (0.2, 0.0, 0.01)), EffectSettings("asymmetric_coulomb", (0.1,)),
 )  # fmt: skip
 ON_PATH = (EffectSettings("actuator_dead_zone", (0.3,)), EffectSettings("actuator_gain", (1.1,)))
+LAG = EffectSettings("frictional_lag", (50.0, 1.0e-5))
+BACKLASH = EffectSettings("backlash", (1.0e-5, 0.1, 1.0e-6))
 MODELS = {
     "S-GMS": SGMS,
     "reset of the paper": replace(SGMS, friction=replace(FRICTION, reset="paper")),
@@ -28,6 +30,8 @@ MODELS = {
     "static force below the Coulomb force": replace(SGMS, friction=replace(FRICTION, static_force=3.9)),
     "effects on the sliding force": replace(SGMS, effects=ON_FRICTION),
     "effects on the path of the effort": replace(SGMS, effects=ON_PATH),
+    "frictional lag": replace(SGMS, effects=(LAG,)),
+    "backlash, GMS": replace(SGMS, friction=replace(FRICTION, model="gms"), effects=(BACKLASH,)),
     "unknown elements": SGMS.with_log_spaced_elements(1.0e-7, 1.0e-3),
 }
 
@@ -45,13 +49,17 @@ def test_the_derivatives_are_those_of_the_prediction(name: str) -> None:
         assert np.linalg.norm(column - change / (2.0 * STEP)) < 0.01 * scale, model.parameter_names()[number]
 
 
-@pytest.mark.parametrize("name", ["frictional_lag", "backlash", "periodic_disturbance"])
-def test_effects_that_act_on_more_than_the_contact_are_differentiated_numerically(name: str) -> None:
-    values = {
-        "frictional_lag": (50.0, 1.0e-5),
-        "backlash": (1.0e-5, 0.1, 1.0e-6),
-        "periodic_disturbance": (0.1, 5.0, 0.0),
-    }
-    model = replace(SGMS, effects=(EffectSettings(name, values[name]),))
+@pytest.mark.parametrize("item", [LAG, BACKLASH])
+def test_an_effect_with_a_sliding_force_of_its_own_leaves_the_elements(item: EffectSettings) -> None:
+    names = SGMS.parameter_names()
+    alone, beside = (
+        [names[number] for number in contact_parameters(model)] for model in (SGMS, replace(SGMS, effects=(item,)))
+    )
+    assert beside == [one for one in names if one.startswith("element")]
+    assert alone == ["coulomb_force", "static_force", "stribeck_velocity", *beside]
+
+
+def test_a_phase_that_is_fitted_is_differentiated_numerically() -> None:
+    model = replace(SGMS, effects=(EffectSettings("periodic_disturbance", (0.1, 5.0, 0.0)),))
     assert np.isfinite(predict(model, MOTION).residual).all()
     assert contact_parameters(model) == []
