@@ -163,9 +163,10 @@ def without_insignificant_effects(
         nominal: the given model.
         options: options of the diagnosis.
     """
+    before = _before(found, nominal)
     while True:
         evaluation = state.evaluation(options)
-        written = _as_written(found, state, nominal, evaluation)
+        written = _as_written(before, found, state, nominal, evaluation)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
         tests = [within_range(one, written.after, written.setup) for one in written.after.effects if one.name in names]
         failed = max((test for test in tests if not test.passed), key=lambda test: test.value, default=None)
@@ -274,22 +275,36 @@ def _with_test(rounds: Sequence[Round], test: Test) -> tuple[Round, ...]:
     )
 
 
-def _as_written(found: FitState, state: FitState, nominal: Model, evaluation: EvaluationData) -> WrittenFits:
+def _before(found: FitState, nominal: Model) -> WrittenFits:
+    """Return the fit with the elements of the file, without anything that was accepted.
+
+    Args:
+        found: state after the refit within the tolerance.
+        nominal: the given model.
+    """
+    setup = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
+    fit = setup.fit(found.current.effects, evaluations=WRITTEN_EVALUATIONS)
+    return WrittenFits(fit, fit, setup, RecordingEstimates.none(), RecordingEstimates.none())
+
+
+def _as_written(
+    before: WrittenFits, found: FitState, state: FitState, nominal: Model, evaluation: EvaluationData
+) -> WrittenFits:
     """Return the fits with the elements of the file, without and with everything that was accepted.
 
     Where the gap as reported grows, because the fit of the nominal parameters drifts (see ``candidates.alone``), and
     shrinks if they stay as they are without the effects, they stay so.
 
     Args:
+        before: without it.
         found: state after the refit within the tolerance.
         state: state with everything that was accepted.
         nominal: the given model.
         evaluation: the recordings.
     """
-    first = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
-    before = first.fit(found.current.effects, evaluations=WRITTEN_EVALUATIONS)
     if state is found:
-        return WrittenFits(before, before, first, RecordingEstimates.none(), RecordingEstimates.none())
+        return before
+    first, logs = before.setup, before.after.logs
     fine = state.setup.nominal
     later = replace(nominal, is_unsmoothed=fine.is_unsmoothed, relaxation=fine.relaxation)
     if state.setup.freedom.elements:
@@ -297,21 +312,21 @@ def _as_written(found: FitState, state: FitState, nominal: Model, evaluation: Ev
     last = replace(state.setup, nominal=later)
     starts: list[Floats | None] = [None]
     if later.parameter_names() == nominal.parameter_names():
-        starts.append(before.logs)
+        starts.append(logs)
     if later.parameter_names() == fine.parameter_names():
         starts.append(state.current.logs)
     tried = [last.fit(state.current.effects, start, evaluations=WRITTEN_EVALUATIONS) for start in starts]
     after = min(tried, key=lambda fit: fit.cost)
-    least = evaluation.reported_rms(before.model)
+    least = evaluation.reported_rms(before.after.model)
     is_as_free = later == nominal and last.freedom == first.freedom
     if is_as_free and evaluation.reported_rms(after.model) > least:
-        held = last.fit(state.current.effects, before.logs, is_nominal_held=True, evaluations=WRITTEN_EVALUATIONS)
+        held = last.fit(state.current.effects, logs, is_nominal_held=True, evaluations=WRITTEN_EVALUATIONS)
         after = held if evaluation.reported_rms(held.model) < least else after
     fresh, of_strengths = (_with_derivatives(last, after, only_strengths) for only_strengths in (False, True))
     estimates = strengths = recording_estimates(last, fresh, state.held_out_motions)
     if of_strengths.free != fresh.free:
         strengths = recording_estimates(last, of_strengths, state.held_out_motions)
-    return WrittenFits(before, after, last, estimates, strengths)
+    return WrittenFits(before.after, after, last, estimates, strengths)
 
 
 def _with_derivatives(setup: RefitSetup, found: Refit, only_strengths: bool) -> Refit:
