@@ -237,8 +237,9 @@ def _contact_law_tests(
             closed, left, parts = closed_there, max(left_there - final.noise**2, 0.0), 0
             predicted = min(predicted, left)
             title = "z-score of a better prediction than logarithmic friction, where the contact slides fast"
-            known, judged = data.fitted_gap(refitted.model), (data.rest(final.after), data.rest(others))
-            z_score = preference_to_logarithmic_friction(final.fit.model, known, *judged, criteria)
+            z_score = preference_to_logarithmic_friction(
+                final.fit.model, data.fitted_gap(refitted.model), data.rest(final.after), data.rest(others), criteria
+            )
             of_sliding.append(at_least(of, title, z_score, 0.0))
     return [
         *(

@@ -57,6 +57,12 @@ class MapColumns:
             folds.append((motion.thinned(motion.time) / FOLD_TIME).astype(np.int64) % FOLDS)
         return cls(np.vstack(rows), np.concatenate(rest.weighted), np.concatenate(folds))
 
+    @property
+    def data_shares(self) -> Floats:
+        """Return the weight of the data of each value, relative to the largest, shape (k,)."""
+        weights = np.sum(self.rows**2, axis=0)
+        return np.asarray(weights / max(float(weights.max()), 1e-300))
+
     def predicted(self, solve: Solve, others: MapColumns | None = None) -> Floats:
         """Return the prediction of the weighted residual of other recordings, or of each fold by the other folds.
 

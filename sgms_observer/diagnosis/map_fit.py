@@ -46,6 +46,7 @@ class FittedMap:
         improvement: improvement on the evaluated recordings [N^2].
         share: closed share of the squared gap there.
         sentence: description of the map.
+        data_shares: weight of the data of each value of the map, relative to the largest.
         formula: short formula that predicts as well, or None.
     """
 
@@ -54,6 +55,7 @@ class FittedMap:
     improvement: Improvement
     share: float
     sentence: str
+    data_shares: Floats
     formula: Formula | None = None
 
     @property
@@ -95,7 +97,8 @@ def fit_map(
         after = blocks_left(evaluated, columns.predicted(solve, others), criteria.block)
         gain = improvement(evaluated.blocks(criteria.block), after)
         if gain.z_score >= criteria.z_score_of(tried) and gain.share >= criteria.min_closed_share:
-            found.append((FittedMap(filled, coordinates, gain, gain.share, sentence(filled, units)), after))
+            text, shares = sentence(filled, units), columns.data_shares
+            found.append((FittedMap(filled, coordinates, gain, gain.share, text, shares), after))
     if not found:
         return None
     best = max(found, key=lambda pair: pair[0].improvement.decrease)
@@ -120,7 +123,7 @@ def with_map(maps: Sequence[FittedMap], another: FittedMap, units: Units) -> lis
     values = np.add(same.map.values, another.map.values)
     gain = replace(same.improvement, decrease=same.improvement.decrease + another.improvement.decrease)
     total = replace(same.map, values=tuple(values.tolist()))
-    both = FittedMap(total, same.coordinates, gain, gain.share, sentence(total, units))
+    both = FittedMap(total, same.coordinates, gain, gain.share, sentence(total, units), same.data_shares)
     return [both if item is same else item for item in maps]
 
 

@@ -153,8 +153,8 @@ def without_insignificant_effects(
     """Remove each effect that held-out recordings do not show or that hardly closes the reported gap, weakest first.
 
     An effect of the machine appears in all recordings: estimated from the held-out ones alone, its strength has the
-    same sign and differs significantly from zero. A fit at an end of its range is no estimate, so that effects that end
-    there are removed before others are judged beside them.
+    same sign and differs significantly from zero. A fit at an end of its range is no estimate: where everything else
+    holds, an effect that ends there is removed too.
 
     Args:
         found: state after the refit within the tolerance.
@@ -168,15 +168,15 @@ def without_insignificant_effects(
         evaluation = state.evaluation(options)
         written = _as_written(before, found, state, nominal, evaluation)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
-        tests = [within_range(one, written.after, written.setup) for one in written.after.effects if one.name in names]
-        failed = max((test for test in tests if not test.passed), key=lambda test: test.value, default=None)
-        closed: dict[str, Closed] = {}
+        file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
+        closed_gap = ClosedGap(names, written, file_contact, evaluation)
+        closed = {name: closed_gap.closed_by(name) for name in names}
+        tests = _reported_tests(closed_gap, closed)
+        failed = min(_failed(tests), key=lambda test: test.value / test.threshold, default=None)
         if failed is None:
-            file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
-            closed_gap = ClosedGap(names, written, file_contact, evaluation)
-            closed = {name: closed_gap.closed_by(name) for name in names}
-            tests += _reported_tests(closed_gap, closed)
-            failed = min((test for test in tests if not test.passed), key=_strength, default=None)
+            effects = [item for item in written.after.effects if item.name in names]
+            tests += [within_range(item, written.after, written.setup) for item in effects]
+            failed = max(_failed(tests), key=lambda test: test.value, default=None)
         if failed is None:
             for test in tests:
                 rounds = _with_test(rounds, test)
@@ -190,9 +190,9 @@ def without_insignificant_effects(
             state = found
 
 
-def _strength(test: Test) -> float:
-    """Return the value of a failed test over what it should reach."""
-    return test.value / test.threshold
+def _failed(tests: Sequence[Test]) -> list[Test]:
+    """Return the tests that failed."""
+    return [test for test in tests if not test.passed]
 
 
 def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> list[Test]:

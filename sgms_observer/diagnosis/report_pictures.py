@@ -40,6 +40,7 @@ from sgms_observer.settings.units import Units
 Floats = NDArray[np.float64]
 
 _MAX_LOCATED = 6
+_LARGEST_POINT = 36.0  # area of the point of a learnt map with most data [points^2]
 _GRID_COLOURS = (FORWARD, BACKWARD, MEASURED, ESTIMATE, REFERENCE)
 
 
@@ -185,16 +186,16 @@ def tracking_plot(tracking: PredictedTracking, units: Units) -> Plot:
 
 
 def map_picture(learnt: FittedMap, units: Units) -> Picture:
-    """Draw a learnt map."""
+    """Draw a learnt map. A formula may part from it where it was learnt from few data, so points show how many."""
     table = learnt.map.table()
     both = zip(learnt.map.coordinates, learnt.map.grids, strict=True)
     gridded = [(key, grid) for key, grid in both if key != "direction"]
     key, grid = gridded[0]
     listed = {item.name: item.unit for item in effect(learnt.map.name).lists}
     factor, unit = units.prefixed(float(np.max(np.abs(grid))), units.of(listed[key]))
-    with sheet(learnt.map.name, f"Learnt map: {learnt.sentence}.") as drawn:
+    with sheet(learnt.map.name, f"Learnt map: {learnt.sentence}. Larger points: more data.") as drawn:
         axes = drawn.axes[0]
-        columns = table.reshape(len(grid), -1)
+        columns, shares = (values.reshape(len(grid), -1) for values in (table, learnt.data_shares))
         colours: Sequence[str] = _GRID_COLOURS
         if "direction" in learnt.map.coordinates:
             labels, colours = ["backward", "forward"], (BACKWARD, FORWARD)
@@ -202,9 +203,10 @@ def map_picture(learnt: FittedMap, units: Units) -> Picture:
             labels = ["both directions"]
         else:
             labels = [f"{gridded[1][0]} {value:.3g}" for value in gridded[1][1]]
-        for number, (column, label) in enumerate(zip(columns.T, labels, strict=True)):
-            colour = colours[number % len(colours)]
-            axes.plot(factor * np.asarray(grid), column, "o-", ms=3, label=label, color=colour)
+        for number, (column, share, label) in enumerate(zip(columns.T, shares.T, labels, strict=True)):
+            colour, places = colours[number % len(colours)], factor * np.asarray(grid)
+            axes.plot(places, column, label=label, color=colour)
+            axes.scatter(places, column, _LARGEST_POINT * share, color=colour)
         if learnt.formula:
             for number, column in enumerate(learnt.formula.map.table().reshape(len(grid), -1).T):
                 axes.plot(factor * np.asarray(grid), column, "--", color=TRUTH, label=None if number else "formula")

@@ -94,7 +94,7 @@ def preference_to_logarithmic_friction(
     """Return the z-score by which a model predicts better than a logarithmic friction while the contact slides fast.
 
     Laws of dry contacts do not all agree there: in those with rate and state the force changes with the logarithm of
-    the velocity (Dieterich 1979, J. Geophys. Res. 84(B5), eq. 4). Such a force, beside other Coulomb and viscous
+    the velocity (Dieterich 1979, J. Geophys. Res. 84(B5)). Such a force, beside other Coulomb and viscous
     friction, is fitted to what is left without the effects in question.
 
     Args:
@@ -109,8 +109,8 @@ def preference_to_logarithmic_friction(
     forces = [part[at] for part, at in zip(known.residual, learnt, strict=True)]
     strengths, *_ = np.linalg.lstsq(np.vstack(columns), np.concatenate(forces), rcond=None)
     rival = others.minus([_logarithmic_friction(motion) @ strengths for motion in others.motions])
-    judged = [at.astype(np.float64) for at in slides_fast(model, left.motions)]
-    ours, theirs = (replace(one, weights=judged).blocks(criteria.block) for one in (left, rival))
+    fast = [at.astype(np.float64) for at in slides_fast(model, left.motions)]
+    ours, theirs = (replace(one, weights=fast).blocks(criteria.block) for one in (left, rival))
     return preference(ours, theirs)
 
 

@@ -118,7 +118,7 @@ def test_a_rest_that_another_contact_law_may_make_is_no_unknown_effect() -> None
 
 def test_a_map_over_the_coordinates_of_a_contact_may_be_the_hidden_contact() -> None:
     def is_of_contact(*coordinates: str) -> bool:
-        return FittedMap(Mock(), coordinates, Mock(), 0.2, "a force").is_of_contact
+        return FittedMap(Mock(), coordinates, Mock(), 0.2, "a force", Mock()).is_of_contact
 
     assert is_of_contact("load", "direction") and is_of_contact("velocity") and is_of_contact("rest", "direction")
     assert not is_of_contact("position", "direction") and not is_of_contact("time", "direction")

@@ -52,7 +52,7 @@ def full_answer() -> Any:
     gap = Gap(5.0, 4.0, 2.0, 1.0, 0.5, (3.9, 4.1), (1.9, 2.1), "held-out", 100.0, 1.1)
     named = Named(EffectSettings("offset", (0.6,)), (0.01,), 0.9, ("cogging",), 4.0, 2.0)
     table = LearntMap(("position",), ((0.0, 1.0),), (0.0, 1.0))
-    learnt = FittedMap(table, ("position",), Improvement(1.0, 4.0, 2.0), 0.5, "a force")
+    learnt = FittedMap(table, ("position",), Improvement(1.0, 4.0, 2.0), 0.5, "a force", np.ones(len(table.values)))
     return SimpleNamespace(
         verdict="effect_found", usable=True, warnings=(), gap=gap, effects=(named,), learnt=(learnt,),
         changed=(Changed("friction.coulomb_force", 4.0, 5.0, 0.1, 0.5),), remainder="none",
