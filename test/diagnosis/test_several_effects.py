@@ -113,7 +113,7 @@ def test_a_rival_that_predicts_better_beside_the_later_effects_takes_the_place(
 def test_a_diagnosis_goes_on_with_the_rival_that_took_the_place(monkeypatch: pytest.MonkeyPatch) -> None:
     """The rivals are compared once: what takes the place stays to the end.
 
-    This rival explains less, and moves the spring's rest position to the end of its range; that counts for nothing here.
+    This rival explains less, and moves the spring's rest position to the end of its range, which does not count here.
     """
     calls: list[tuple[FitState, tuple[Round, ...]]] = []
 
