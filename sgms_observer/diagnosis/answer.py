@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.advice import detectable, next_experiment
+from sgms_observer.diagnosis.candidates import is_drag
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
@@ -207,7 +208,8 @@ def _contact_law_tests(
 
     Where they do not, they describe a part of the difference between the contact laws. The same holds where another
     effect or a learnt map describes another part of it. Effects that close no less while the contact slides fast than
-    elsewhere are judged there, where contact laws differ by a logarithmic friction at most.
+    elsewhere are judged there, where contact laws differ by a logarithmic friction at most. A drag acts there too, so
+    it has to predict no worse than such a friction even if it closes more elsewhere.
 
     Args:
         data: recordings of the gap.
@@ -233,9 +235,11 @@ def _contact_law_tests(
     if without is not None and with_all is not None:
         left_there = rms([with_all]) ** 2
         closed_there = rms([without]) ** 2 - left_there
-        if closed_there >= closed:
+        is_judged_there = closed_there >= closed
+        if is_judged_there:
             closed, left, parts = closed_there, max(left_there - final.noise**2, 0.0), 0
             predicted = min(predicted, left)
+        if is_judged_there or any(is_drag(name) for name in names):
             title = "z-score of a better prediction than logarithmic friction, where the contact slides fast"
             z_score = preference_to_logarithmic_friction(
                 final.fit.model, data.fitted_gap(refitted.model), data.rest(final.after), data.rest(others), criteria

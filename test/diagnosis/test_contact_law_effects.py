@@ -11,6 +11,7 @@ from workflow_case import AXIS, record
 
 from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
+from sgms_observer.diagnosis.candidates import is_contact_law, is_drag
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.decision import Decision, comparisons, z_score_between
 from sgms_observer.diagnosis.diagnosis import Options
@@ -68,6 +69,11 @@ def test_law_effects_are_of_the_catalogue() -> None:
 def test_a_law_effect_that_explains_all_is_a_name(explained: Answer) -> None:
     assert [item.settings.name for item in explained.effects] == ["stribeck"]
     assert not any(item.name.startswith("effects.stribeck") for item in explained.changed)
+
+
+def test_drags_are_forces_beside_the_contact() -> None:
+    laws = [name for name in catalogue_names() if is_contact_law(name)]
+    assert {name for name in laws if is_drag(name)} == {"eddy_current", "nonlinear_viscous", "quadratic_drag"}
 
 
 @pytest.mark.parametrize("is_brake", [True, False])
