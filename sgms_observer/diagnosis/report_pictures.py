@@ -186,7 +186,11 @@ def tracking_plot(tracking: PredictedTracking, units: Units) -> Plot:
 
 
 def map_picture(learnt: FittedMap, units: Units) -> Picture:
-    """Draw a learnt map. A formula may part from it where it was learnt from few data, so points show how many."""
+    """Draw a learnt map.
+
+    A formula may part from it where it was learnt from few data. So the area of a point is inverse to the standard
+    error that its own data would leave.
+    """
     table = learnt.map.table()
     both = zip(learnt.map.coordinates, learnt.map.grids, strict=True)
     gridded = [(key, grid) for key, grid in both if key != "direction"]
@@ -206,7 +210,7 @@ def map_picture(learnt: FittedMap, units: Units) -> Picture:
         for number, (column, share, label) in enumerate(zip(columns.T, shares.T, labels, strict=True)):
             colour, places = colours[number % len(colours)], factor * np.asarray(grid)
             axes.plot(places, column, label=label, color=colour)
-            axes.scatter(places, column, _LARGEST_POINT * share, color=colour)
+            axes.scatter(places, column, _LARGEST_POINT * np.sqrt(share), color=colour)
         if learnt.formula:
             for number, column in enumerate(learnt.formula.map.table().reshape(len(grid), -1).T):
                 axes.plot(factor * np.asarray(grid), column, "--", color=TRUTH, label=None if number else "formula")
