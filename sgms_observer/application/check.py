@@ -68,7 +68,20 @@ def check(config: str, axes: Sequence[str], bag: str | None, topics: Mapping[str
         return Checked(error.sentences, (), ())
     names = tuple(axis.name for axis in wanted)
     found = _compared(settings, bag, names, topics) if bag else Checked((), (), names)
-    return replace(found, faults=(*missing_parameters(settings, wanted), *found.faults))
+    late = (sentence for axis in wanted for sentence in _gathered_too_long(settings, axis))
+    return replace(
+        found, faults=(*missing_parameters(settings, wanted), *found.faults), warnings=(*late, *found.warnings)
+    )
+
+
+def _gathered_too_long(settings: Settings, axis: AxisSettings) -> Iterator[str]:
+    """Yield what compensations that wait for their block come too late for."""
+    ahead, waits = axis.compensation.look_ahead, settings.gather_time
+    if settings.sample_period < waits and 0.0 < ahead <= waits:
+        yield (
+            f"{axis.name}.compensation.look_ahead = {ahead:g} s is no longer than gather_time = {waits:g} s, for which"
+            " samples wait: the first compensations of every block come too late; set gather_time well below it"
+        )
 
 
 def _compared(settings: Settings, bag: str, axes: Sequence[str], topics: Mapping[str, str]) -> Checked:

@@ -252,3 +252,16 @@ def test_reversals_are_counted_through_noise(count: int, noise: float) -> None:
     turns = np.concatenate([np.linspace(k % 2, (k + 1) % 2, 50) for k in range(count + 1)])
     shaken = turns + np.random.default_rng(count).uniform(-noise, noise, len(turns))
     assert count_reversals(shaken, 0.1) == count
+
+
+@pytest.mark.parametrize(("gather_time", "is_late"), [("0.0", False), ("5.0e-4", False), ("2.0e-3", True)])
+def test_samples_that_wait_longer_than_the_compensation_looks_ahead(
+    gather_time: str, is_late: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "axis.yaml").write_text(
+        "/**:\n  ros__parameters:\n    axes: [x]\n    sample_period: 1.0e-4\n"
+        f"    gather_time: {gather_time}\n    x: {{mass: 3.0, compensation: {{look_ahead: 1.0e-3}}}}\n"
+    )
+    found = result(capsys, "check", str(tmp_path / "axis.yaml"))
+    assert found["fits"] and len(found["warnings"]) == is_late
+    assert all("the first compensations of every block come too late" in one for one in found["warnings"])
