@@ -68,20 +68,23 @@ def check(config: str, axes: Sequence[str], bag: str | None, topics: Mapping[str
         return Checked(error.sentences, (), ())
     names = tuple(axis.name for axis in wanted)
     found = _compared(settings, bag, names, topics) if bag else Checked((), (), names)
-    late = (sentence for axis in wanted for sentence in _gathered_too_long(settings, axis))
     return replace(
-        found, faults=(*missing_parameters(settings, wanted), *found.faults), warnings=(*late, *found.warnings)
+        found,
+        faults=(*missing_parameters(settings, wanted), *found.faults),
+        warnings=(*_late_compensations(settings, wanted), *found.warnings),
     )
 
 
-def _gathered_too_long(settings: Settings, axis: AxisSettings) -> Iterator[str]:
-    """Yield what compensations that wait for their block come too late for."""
-    ahead, waits = axis.compensation.look_ahead, settings.gather_time
-    if settings.sample_period < waits and 0.0 < ahead <= waits:
-        yield (
-            f"{axis.name}.compensation.look_ahead = {ahead:g} s is no longer than gather_time = {waits:g} s, for which"
-            " samples wait: the first compensations of every block come too late; set gather_time well below it"
-        )
+def _late_compensations(settings: Settings, axes: Sequence[AxisSettings]) -> Iterator[str]:
+    """Yield a warning for each axis whose samples wait for their block longer than its compensation looks ahead."""
+    wait = settings.gather_time
+    for axis in axes:
+        ahead = axis.compensation.look_ahead
+        if settings.sample_period < wait and 0.0 < ahead <= wait:
+            yield (
+                f"{axis.name}.compensation.look_ahead = {ahead:g} s is not longer than gather_time = {wait:g} s: the"
+                " first compensations of every block come too late; set gather_time well below look_ahead"
+            )
 
 
 def _compared(settings: Settings, bag: str, axes: Sequence[str], topics: Mapping[str, str]) -> Checked:

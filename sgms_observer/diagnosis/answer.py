@@ -28,7 +28,7 @@ from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.model import PERIODIC_DISTURBANCE, Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.named import Named, measured_quantisation, named_effects
-from sgms_observer.diagnosis.sliding import fast_sliding_residual, preference_to_logarithmic_friction
+from sgms_observer.diagnosis.sliding import fast_sliding_residual, preference_over_logarithmic_friction
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.units import Units
 
@@ -241,7 +241,7 @@ def _contact_law_tests(
             predicted = min(predicted, left)
         if is_judged_there or any(is_drag(name) for name in names):
             title = "z-score of a better prediction than logarithmic friction, where the contact slides fast"
-            z_score = preference_to_logarithmic_friction(
+            z_score = preference_over_logarithmic_friction(
                 final.fit.model, data.fitted_gap(refitted.model), data.rest(final.after), data.rest(others), criteria
             )
             of_sliding.append(at_least(of, title, z_score, 0.0))

@@ -37,8 +37,8 @@ PATH_STEP = 1.0e-4
 def contact_parameters(model: Model) -> list[int]:
     """Return the numbers of the parameters of ``Model.shifted`` whose derivatives ``contact_slopes`` gives.
 
-    None if a periodic disturbance has a phase to fit, or with an effect of the user. Where an effect depends on the
-    sliding force in its own way, only those that do not change the sliding force of the file.
+    The list is empty if a periodic disturbance has a phase to fit, or with an effect of the user. Where an effect
+    depends on the sliding force in its own way, it holds only those that do not change the sliding force of the file.
     """
     names, n_z = model.parameter_names(), len(model.friction.element_stiffness)
     if any(item.name == PERIODIC_DISTURBANCE or not is_built_in(item.name) for item in model.effects):

@@ -163,10 +163,10 @@ def without_insignificant_effects(
         nominal: the given model.
         options: options of the diagnosis.
     """
-    before = _before(found, nominal)
+    without = _written_without(found, nominal)
     while True:
         evaluation = state.evaluation(options)
-        written = _as_written(before, found, state, nominal, evaluation)
+        written = _as_written(without, found, state, nominal, evaluation)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
         file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
         closed_gap = ClosedGap(names, written, file_contact, evaluation)
@@ -275,8 +275,8 @@ def _with_test(rounds: Sequence[Round], test: Test) -> tuple[Round, ...]:
     )
 
 
-def _before(found: FitState, nominal: Model) -> WrittenFits:
-    """Return the fit with the elements of the file, without anything that was accepted.
+def _written_without(found: FitState, nominal: Model) -> WrittenFits:
+    """Return the fits with the elements of the file, both without anything that was accepted.
 
     Args:
         found: state after the refit within the tolerance.
@@ -288,7 +288,7 @@ def _before(found: FitState, nominal: Model) -> WrittenFits:
 
 
 def _as_written(
-    before: WrittenFits, found: FitState, state: FitState, nominal: Model, evaluation: EvaluationData
+    without: WrittenFits, found: FitState, state: FitState, nominal: Model, evaluation: EvaluationData
 ) -> WrittenFits:
     """Return the fits with the elements of the file, without and with everything that was accepted.
 
@@ -296,15 +296,15 @@ def _as_written(
     shrinks if they stay as they are without the effects, they stay so.
 
     Args:
-        before: without it.
+        without: fits without it.
         found: state after the refit within the tolerance.
         state: state with everything that was accepted.
         nominal: the given model.
         evaluation: the recordings.
     """
     if state is found:
-        return before
-    first, logs = before.setup, before.after.logs
+        return without
+    first, before = without.setup, without.before
     fine = state.setup.nominal
     later = replace(nominal, is_unsmoothed=fine.is_unsmoothed, relaxation=fine.relaxation)
     if state.setup.freedom.elements:
@@ -312,21 +312,21 @@ def _as_written(
     last = replace(state.setup, nominal=later)
     starts: list[Floats | None] = [None]
     if later.parameter_names() == nominal.parameter_names():
-        starts.append(logs)
+        starts.append(before.logs)
     if later.parameter_names() == fine.parameter_names():
         starts.append(state.current.logs)
     tried = [last.fit(state.current.effects, start, evaluations=WRITTEN_EVALUATIONS) for start in starts]
     after = min(tried, key=lambda fit: fit.cost)
-    least = evaluation.reported_rms(before.after.model)
+    least = evaluation.reported_rms(before.model)
     is_as_free = later == nominal and last.freedom == first.freedom
     if is_as_free and evaluation.reported_rms(after.model) > least:
-        held = last.fit(state.current.effects, logs, is_nominal_held=True, evaluations=WRITTEN_EVALUATIONS)
+        held = last.fit(state.current.effects, before.logs, is_nominal_held=True, evaluations=WRITTEN_EVALUATIONS)
         after = held if evaluation.reported_rms(held.model) < least else after
     fresh, of_strengths = (_with_derivatives(last, after, only_strengths) for only_strengths in (False, True))
     estimates = strengths = recording_estimates(last, fresh, state.held_out_motions)
     if of_strengths.free != fresh.free:
         strengths = recording_estimates(last, of_strengths, state.held_out_motions)
-    return WrittenFits(before.after, after, last, estimates, strengths)
+    return WrittenFits(before, after, last, estimates, strengths)
 
 
 def _with_derivatives(setup: RefitSetup, found: Refit, only_strengths: bool) -> Refit:

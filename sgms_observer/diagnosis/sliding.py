@@ -88,13 +88,13 @@ def fast_sliding_residual(rest: WeightedResidual, model: Model, criteria: Criter
     return np.asarray(values, dtype=np.float64) if is_enough else None
 
 
-def preference_to_logarithmic_friction(
+def preference_over_logarithmic_friction(
     model: Model, known: WeightedResidual, left: WeightedResidual, others: WeightedResidual, criteria: Criteria
 ) -> float:
     """Return the z-score by which a model predicts better than a logarithmic friction while the contact slides fast.
 
     Laws of dry contacts do not all agree there: in those with rate and state the force changes with the logarithm of
-    the velocity (Dieterich 1979, J. Geophys. Res. 84(B5)). Such a force, beside other Coulomb and viscous
+    the velocity (Dieterich 1979, J. Geophysical Research 84(B5)). Such a force, beside other Coulomb and viscous
     friction, is fitted to what is left without the effects in question.
 
     Args:
