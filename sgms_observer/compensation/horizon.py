@@ -27,10 +27,14 @@ from sgms_observer.jit import njit
 
 if TYPE_CHECKING:
     from sgms_observer.compensation.feedforward_kernel import ActuatorPath
+    from sgms_observer.settings.axis import CompensationSettings
 
 MIN_STEP = 1.0e-3
 """Time between two points [s]; the sample period if that is longer. The transition of friction after a reversal takes
 several points."""
+
+EVERY = 0.05
+"""Sample time from one horizon to the next [s]; a horizon of the default length bridges 0.2 s without a message."""
 
 # rows of what the kernel needs beside the motion
 START, END, TRUST, TRUST_RATE, SHARE, STANDSTILL, RAW, LIMIT, SLEW, FADE, HORIZON_SIZE = range(11)
@@ -111,6 +115,24 @@ class Horizon:
 
     time_ns: NDArray[np.int64]
     effort: Floats
+
+    def without_fading_end(self, settings: CompensationSettings, sample_period: float) -> Horizon:
+        """Return the part that acts where every message comes in time.
+
+        A horizon ends ``settings.horizon`` after its sample, and its last ``settings.timeout`` fades for an observer
+        that has stopped: newer horizons replace that end. One that is shorter ends with its reference and is whole. Of
+        a horizon that hardly outlives the next one that follows, the time of two counts, however much of it fades.
+
+        Args:
+            settings: of the axis.
+            sample_period: nominal time between two samples [s].
+        """
+        time, first = grid_of(settings.look_ahead, settings.horizon, sample_period)
+        if len(self.time_ns) < len(time) - first:
+            return self
+        replaced_ns = self.time_ns[0] + round(2.0 * EVERY * 1e9)
+        keep = self.time_ns <= max(self.time_ns[-1] - round(settings.timeout * 1e9), replaced_ns)
+        return Horizon(self.time_ns[keep], self.effort[keep])
 
 
 def grid_of(look_ahead: float, duration: float, sample_period: float) -> tuple[Floats, int]:

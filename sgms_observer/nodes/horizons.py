@@ -9,14 +9,11 @@ import numpy as np
 
 from sgms_observer.bags.cdr import Buffer
 from sgms_observer.bags.trajectory_cdr import decode_trajectory, encode_trajectory
-from sgms_observer.compensation.horizon import MIN_STEP, Horizon, KnownMotion
+from sgms_observer.compensation.horizon import EVERY, MIN_STEP, Horizon, KnownMotion
 from sgms_observer.errors import DataError
 from sgms_observer.observer.all_axes import AllAxes
 from sgms_observer.observer.block_arrays import Observed
 from sgms_observer.settings.axis import AxisSettings, Settings
-
-EVERY = 0.05
-"""Sample time from one horizon to the next [s]; a horizon of the default length bridges 0.2 s without a message."""
 
 BEFORE = 0.05
 """A reference is told from so long before the present [s], for an observer that has not got so far."""

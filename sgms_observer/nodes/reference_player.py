@@ -62,7 +62,7 @@ def play_reference(
         from rclpy.signals import SignalHandlerOptions
     except ImportError:
         raise RecordingError(MISSING_ROS) from None
-    from sgms_observer.nodes.horizons import EVERY
+    from sgms_observer.compensation.horizon import EVERY
     from sgms_observer.nodes.set_points import SetPoints, braking
     from sgms_observer.nodes.topics import remaps
     from sgms_observer.nodes.transport import prepare_transport

@@ -16,8 +16,9 @@ from trajectory_msgs.msg import JointTrajectory
 from sgms_observer.application.commission.motion import Motion
 from sgms_observer.application.commission.table import LEAD, HeldUp
 from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.compensation.horizon import EVERY
 from sgms_observer.nodes.axis_listener import REFERENCE, AxisListener
-from sgms_observer.nodes.horizons import EVERY, encode_motion_ahead
+from sgms_observer.nodes.horizons import encode_motion_ahead
 from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
 from sgms_observer.observer.outgoing import REFERENCE_HORIZON
 from sgms_observer.settings.axis import AxisSettings

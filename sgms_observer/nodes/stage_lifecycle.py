@@ -17,8 +17,9 @@ from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.application.kernels import OF_STAGE
 from sgms_observer.bags.cdr import JointStateDecoder
+from sgms_observer.compensation.horizon import EVERY
 from sgms_observer.errors import DataError, SgmsError
-from sgms_observer.nodes.horizons import BEFORE, EVERY, decode_horizons, encode_reference
+from sgms_observer.nodes.horizons import BEFORE, decode_horizons, encode_reference
 from sgms_observer.nodes.lifecycle import ManagedNode
 from sgms_observer.nodes.pace import AGE_SENTENCE, MAX_CATCH_UP, MAX_LAG_OF_FOLLOWER, DueForces, Pace
 from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe

@@ -13,6 +13,7 @@ from sgms_observer.bags.message_types import TRAJECTORY
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.bags.source import BagReader, find_topic
 from sgms_observer.bags.trajectory_cdr import decode_trajectory
+from sgms_observer.compensation.horizon import Horizon
 from sgms_observer.errors import DataError
 from sgms_observer.observer.outgoing import HORIZON
 from sgms_observer.settings.axis import AxisSettings
@@ -52,14 +53,14 @@ class Sent:
         stamp_ns: stamps of the single values [ns], increasing, shape (m,).
         force: the single values [N], shape (m,).
         lead: time from a single value's stamp to its action [s].
-        horizons: times [ns] and values [N] of each horizon.
+        horizons: the part of each that acts where every message comes in time.
         ahead: time from a sample to the one at which the stage reads a horizon for it [s].
     """
 
     stamp_ns: Ints
     force: Floats
     lead: float
-    horizons: Sequence[tuple[Ints, Floats]] = ()
+    horizons: Sequence[Horizon] = ()
     ahead: float = 0.0
 
     def holds(self, time_ns: Ints, applied: Floats) -> NDArray[np.bool_]:
@@ -73,9 +74,11 @@ class Sent:
         meant = np.where(place >= 0, self.force[np.maximum(place, 0)], 0.0)
         found: NDArray[np.bool_] = np.abs(applied - meant) <= _SAME
         read_ns = time_ns + round(self.ahead * 1e9)
-        for times, values in self.horizons:
-            rows = slice(*np.searchsorted(read_ns, [times[0], times[-1] + 1]))
-            value = np.interp((read_ns[rows] - times[0]).astype(float), (times - times[0]).astype(float), values)
+        for horizon in self.horizons:
+            begin = horizon.time_ns[0]
+            rows = slice(*np.searchsorted(read_ns, [begin, horizon.time_ns[-1] + 1]))
+            since, times = (read_ns[rows] - begin).astype(float), (horizon.time_ns - begin).astype(float)
+            value = np.interp(since, times, horizon.effort)
             found[rows] |= np.abs(applied[rows] - value) <= _SAME
         return found
 
@@ -131,17 +134,18 @@ def recorded_lateness(bag: Path, axis: AxisSettings, stamps: Ints, sample_period
     sent_ns, compensation = signal_of(bag, "friction_compensation", axis.name)
     lead = max(0.0, axis.compensation.look_ahead - axis.stage.actuation_delay)
     ahead = axis.stage.actuation_delay + 0.5 * sample_period
-    sent = Sent(sent_ns, compensation["effort"], lead, _horizons(bag, axis.name), ahead)
+    horizons = [one.without_fading_end(axis.compensation, sample_period) for one in _horizons(bag, axis.name)]
+    sent = Sent(sent_ns, compensation["effort"], lead, horizons, ahead)
     return judge_lateness(stamps, applied_ns, reference["effort"], sent)
 
 
-def _horizons(bag: Path, axis: str) -> list[tuple[Ints, Floats]]:
-    """Return times [ns] and values [N] of each recorded horizon of an axis; none where none was recorded."""
+def _horizons(bag: Path, axis: str) -> list[Horizon]:
+    """Return each recorded horizon of an axis; none where none was recorded."""
     found = []
     with BagReader(bag) as reader:
         topic = find_topic(reader, HORIZON, TRAJECTORY)
         for _, _, message in reader.messages([topic] if topic else []):
             horizon = decode_trajectory(message)
             if axis in horizon.names and horizon.values["effort"].shape[1] and len(horizon.time_ns):
-                found.append((horizon.time_ns, horizon.values["effort"][:, horizon.names.index(axis)]))
+                found.append(Horizon(horizon.time_ns, horizon.values["effort"][:, horizon.names.index(axis)]))
     return found

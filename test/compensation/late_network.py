@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.compensation.horizon import Horizon, KnownMotion
-from sgms_observer.nodes.horizons import BEFORE, EVERY
+from sgms_observer.compensation.horizon import EVERY, Horizon, KnownMotion
+from sgms_observer.nodes.horizons import BEFORE
 from sgms_observer.nodes.pace import DueForces
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.settings.axis import AxisSettings, Settings

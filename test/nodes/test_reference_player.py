@@ -16,7 +16,8 @@ from ros_graph import ONE_AXIS, Graph, Start, decode_joint_state, wait_until
 
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.bags.trajectory_cdr import decode_trajectory
-from sgms_observer.nodes.horizons import AHEAD, EVERY, decode_horizons
+from sgms_observer.compensation.horizon import EVERY
+from sgms_observer.nodes.horizons import AHEAD, decode_horizons
 from sgms_observer.nodes.set_points import braking
 
 ROOT = Path(__file__).resolve().parents[2]
