@@ -110,7 +110,7 @@ class Horizon:
 
     Attributes:
         time_ns: when each value is to act [ns], increasing, shape (n,).
-        effort: the values [N], shape (n,); the last one is zero.
+        effort: the values [N], shape (n,); the last one of a whole horizon is zero.
     """
 
     time_ns: NDArray[np.int64]
@@ -120,8 +120,8 @@ class Horizon:
         """Return the part that acts where every message comes in time.
 
         A horizon ends ``settings.horizon`` after its sample, and its last ``settings.timeout`` fades for an observer
-        that has stopped: newer horizons replace that end. One that is shorter ends with its reference and is whole. Of
-        a horizon that hardly outlives the next one that follows, the time of two counts, however much of it fades.
+        that has stopped: newer horizons replace that end. A horizon that is shorter than that ends with its reference
+        and counts whole. At least the first ``2 * EVERY`` count: a short horizon may fade before the next one comes.
 
         Args:
             settings: of the axis.
