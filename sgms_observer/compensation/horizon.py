@@ -117,7 +117,7 @@ class Horizon:
     effort: Floats
 
     def without_fading_end(self, settings: CompensationSettings, sample_period: float) -> Horizon:
-        """Return the part that acts where every message comes in time.
+        """Return the part that acts if every message comes in time.
 
         A horizon ends ``settings.horizon`` after its sample, and its last ``settings.timeout`` fades for an observer
         that has stopped: newer horizons replace that end. A horizon that is shorter than that ends with its reference

@@ -53,7 +53,7 @@ class Sent:
         stamp_ns: stamps of the single values [ns], increasing, shape (m,).
         force: the single values [N], shape (m,).
         lead: time from a single value's stamp to its action [s].
-        horizons: the part of each that acts where every message comes in time.
+        horizons: of each horizon the part that acts if every message comes in time.
         ahead: time from a sample to the one at which the stage reads a horizon for it [s].
     """
 
