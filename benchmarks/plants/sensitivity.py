@@ -42,6 +42,7 @@ CRITERION_OF = {
     "gap as reported: z-score": "interval_z_score",
     "share of the squared gap above the noise in the place of": "min_imitable_share",
     "share of the squared gap above the noise beside the others, of": "min_imitable_share",
+    "share of the squared residual beside logarithmic friction": "min_imitable_share",
     "share of the closable squared gap": "min_closed_share",
     "frequency over sample rate": "max_rate_share",
     "share of samples beyond the limit": "max_unexplained",

@@ -13,6 +13,7 @@ from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, RefitSetup
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.sliding import share_beside_logarithmic_friction
 from sgms_observer.settings.axis import EffectSettings
 
 
@@ -24,11 +25,13 @@ class Closed:
         z_score: of the decrease of the squared gap as reported.
         share: of the closable squared gap, with the weights of the evidence.
         share_above_floor: of the squared gap above the floor, also where that gap is hardly above it.
+        share_in_fast_sliding: of the squared residual while the contact slides fast, beside a logarithmic friction.
     """
 
     z_score: float
     share: float
     share_above_floor: float
+    share_in_fast_sliding: float
 
 
 @dataclass(frozen=True)
@@ -102,4 +105,9 @@ class ClosedGap:
         as_reported = [replace(rest, weights=evaluation.gap_weights) for rest in left]
         gap, reported = (improvement(*(rest.blocks(block) for rest in pair)) for pair in (left, as_reported))
         without = replace(evaluation, gap=evaluation.rms(others))
-        return Closed(reported.z_score, without.closed_share(gap), without.closed_share_above_floor(gap))
+        return Closed(
+            z_score=reported.z_score,
+            share=without.closed_share(gap),
+            share_above_floor=without.closed_share_above_floor(gap),
+            share_in_fast_sliding=share_beside_logarithmic_friction(with_it, *left),
+        )

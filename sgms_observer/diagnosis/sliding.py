@@ -104,14 +104,44 @@ def preference_over_logarithmic_friction(
         others: residual without them, in the evaluated recordings.
         criteria: length of a block.
     """
-    learnt = slides_fast(model, known.motions)
-    columns = [_logarithmic_friction(motion)[at] for motion, at in zip(known.motions, learnt, strict=True)]
-    forces = [part[at] for part, at in zip(known.residual, learnt, strict=True)]
-    strengths, *_ = np.linalg.lstsq(np.vstack(columns), np.concatenate(forces), rcond=None)
+    strengths = _fitted_logarithmic_friction(known, slides_fast(model, known.motions))
     rival = others.minus([_logarithmic_friction(motion) @ strengths for motion in others.motions])
     fast = [at.astype(np.float64) for at in slides_fast(model, left.motions)]
     ours, theirs = (replace(one, weights=fast).blocks(criteria.block) for one in (left, rival))
     return preference(ours, theirs)
+
+
+def share_beside_logarithmic_friction(model: Model, others: WeightedResidual, left: WeightedResidual) -> float:
+    """Return the share of the squared residual that is closed while the contact slides fast.
+
+    No contact law leaves more there than a logarithmic friction (see above): what is left after the best one, fitted to
+    either residual, is not of a contact.
+
+    Args:
+        model: simulates the contact.
+        others: residual without the effect in question.
+        left: residual with it, in the same recordings.
+
+    Returns:
+        1 if all is closed; 0 where the contact does not slide.
+    """
+    fast = slides_fast(model, left.motions)
+    before, after = (_squared_beside_logarithmic_friction(rest, fast) for rest in (others, left))
+    return 1.0 - after / before if before > 0.0 else 0.0
+
+
+def _squared_beside_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Flags]) -> float:
+    """Return the sum of the squared residual after the best logarithmic friction where the contact slides fast."""
+    strengths = _fitted_logarithmic_friction(rest, fast)
+    beside = rest.minus([_logarithmic_friction(motion) @ strengths for motion in rest.motions])
+    return float(sum(np.sum(part[at] ** 2) for part, at in zip(beside.residual, fast, strict=True)))
+
+
+def _fitted_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Flags]) -> Floats:
+    """Return the strengths of the logarithmic friction that fits a residual best, shape (3,)."""
+    columns = [_logarithmic_friction(motion)[at] for motion, at in zip(rest.motions, fast, strict=True)]
+    forces = [part[at] for part, at in zip(rest.residual, fast, strict=True)]
+    return np.asarray(np.linalg.lstsq(np.vstack(columns), np.concatenate(forces), rcond=None)[0], dtype=np.float64)
 
 
 def _logarithmic_friction(motion: Motion) -> Floats:

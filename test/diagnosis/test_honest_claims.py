@@ -137,20 +137,40 @@ def test_an_effect_that_a_later_one_made_needless_is_taken_out(stiffness: float,
     assert test.passed == kept and (test.value >= test.threshold) == kept
 
 
-@pytest.mark.parametrize(("gain", "kept"), [(0.97, False), (0.8, True)])
-def test_what_a_contact_law_can_imitate_closes_more_than_it_leaves(gain: float, kept: bool) -> None:
-    hidden = (EffectSettings("cogging", (0.5, 7e-4, 0.0, 0.0, 0.0)), EffectSettings("actuator_gain", (gain,)))
-    source = record(hidden)
+COGGING = EffectSettings("cogging", (0.5, 7e-4, 0.0, 0.0, 0.0))
+
+
+def refit_beside(other: EffectSettings, named: EffectSettings) -> tuple[FitState, Round]:
+    """Return what becomes of a named effect beside another hidden one that is not looked for."""
+    source = record((other, named))
     motion = motion_of(source)
-    evaluation = evaluation_of((motion,), MODEL.with_effects(hidden))
+    evaluation = evaluation_of((motion,), MODEL.with_effects((other, named)))
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.01)
     nothing = setup.fit(())
-    current = finish_fit(setup, setup.fit(hidden[1:]))
+    current = finish_fit(setup, setup.fit((named,)))
     found = FitState(Recordings((source,), (), HELD_LAG, 100.0), (motion,), (), setup, nothing)
-    state = replace(found, current=current)
-    rounds = [accepted(setup, current, nothing, "actuator_gain", evaluation)]
-    after, left, _ = without_insignificant_effects(found, state, rounds, MODEL, Options())
-    (test,) = [one for one in left[0].decisions[0].tests if one.name.endswith("in the place of another contact law")]
+    rounds = [accepted(setup, current, nothing, named.name, evaluation)]
+    after, left, _ = without_insignificant_effects(found, replace(found, current=current), rounds, MODEL, Options())
+    return after, left[0]
+
+
+@pytest.mark.parametrize(("gain", "kept"), [(0.97, False), (0.8, True)])
+def test_what_a_contact_law_can_imitate_closes_more_than_it_leaves(gain: float, kept: bool) -> None:
+    after, item = refit_beside(COGGING, EffectSettings("actuator_gain", (gain,)))
+    (test,) = [one for one in item.decisions[0].tests if one.name.endswith("in the place of another contact law")]
+    assert test.passed == kept == (test.value >= 0.5)
+    assert len(after.current.effects) == int(kept)
+
+
+@pytest.mark.parametrize(
+    ("other", "mass", "kept"), [(EffectSettings("stribeck", (-0.4, 0.02)), 1.0, True), (COGGING, 0.3, False)]
+)
+def test_a_mass_error_that_closes_less_than_half_shows_in_fast_sliding(
+    other: EffectSettings, mass: float, kept: bool
+) -> None:
+    """Another friction at low speed is a matter of the contact; a force along the whole way is not."""
+    after, item = refit_beside(other, EffectSettings("mass_error", (mass,)))
+    (test,) = [one for one in item.decisions[0].tests if "beside logarithmic friction" in one.name]
     assert test.passed == kept == (test.value >= 0.5)
     assert len(after.current.effects) == int(kept)
 
