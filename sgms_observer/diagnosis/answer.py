@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.diagnosis.advice import detectable, next_experiment
-from sgms_observer.diagnosis.candidates import is_drag
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
@@ -29,6 +28,7 @@ from sgms_observer.diagnosis.model import PERIODIC_DISTURBANCE, Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.named import Named, measured_quantisation, named_effects
 from sgms_observer.diagnosis.sliding import fast_sliding_residual, preference_over_logarithmic_friction
+from sgms_observer.effects.catalogue import is_drag
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.units import Units
 

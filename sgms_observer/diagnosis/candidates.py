@@ -17,8 +17,7 @@ from sgms_observer.diagnosis.fit import REFERENCE_PARAMETERS, Refit, RefitSetup,
 from sgms_observer.diagnosis.model import STRIBECK_VELOCITY
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.diagnosis.sliding_force import PARTS_OF_SLIDING_FORCE, start_logs
-from sgms_observer.effects.catalogue import effect
-from sgms_observer.effects.effect import Place
+from sgms_observer.effects.catalogue import effect, is_contact_law
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
@@ -72,18 +71,6 @@ class Candidate:
     def parameter_count(self) -> int:
         """Return the number of fitted parameters."""
         return len(self.refit.logs) + len(self.refit.free) if self.settings is None else len(self.refit.free)
-
-
-def is_contact_law(name: str) -> bool:
-    """Return whether an effect only describes another contact law, or is a special case of one that does."""
-    entry = effect(name)
-    return entry.is_contact_law or (entry.special_case_of != "" and effect(entry.special_case_of).is_contact_law)
-
-
-def is_drag(name: str) -> bool:
-    """Return whether an effect is a force beside the contact that depends on the velocity alone."""
-    entry = effect(name)
-    return entry.place is Place.ADDED_FORCE and entry.coordinates == ("velocity",)
 
 
 def with_effect(effects: Sequence[EffectSettings], start: EffectSettings) -> tuple[EffectSettings, ...]:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from sgms_observer.diagnosis.candidates import is_contact_law
 from sgms_observer.diagnosis.diagnosis import WrittenFits
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.evidence import improvement
@@ -14,6 +13,7 @@ from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, RefitSetup
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.sliding import share_beside_logarithmic_friction
+from sgms_observer.effects.catalogue import is_contact_law
 from sgms_observer.settings.axis import EffectSettings
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.diagnosis.candidates import finish_fit, is_contact_law, with_effect, with_free_effect
+from sgms_observer.diagnosis.candidates import finish_fit, with_effect, with_free_effect
 from sgms_observer.diagnosis.closed_gap import Closed, ClosedGap
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
@@ -35,7 +35,7 @@ from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.sliding import sliding_shares
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
 from sgms_observer.diagnosis.whitened import data_with_own_noise
-from sgms_observer.effects.catalogue import effect
+from sgms_observer.effects.catalogue import effect, is_contact_law
 
 Floats = NDArray[np.float64]
 

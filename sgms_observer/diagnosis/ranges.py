@@ -10,7 +10,7 @@ from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.search import CONTACT_SHARE, MODE_RATE
 from sgms_observer.diagnosis.sliding_force import PRESLIDING
-from sgms_observer.effects.catalogue import effect
+from sgms_observer.effects.catalogue import effect, is_drag
 from sgms_observer.settings.axis import EffectSettings
 
 MIN_DISTANCE_SHARE = 0.75
@@ -25,9 +25,6 @@ MIN_ATTRACTION_SHARE = 0.2
 """Smallest attraction rate, in Coulomb forces per second."""
 MAX_PITCH_SHARE = 0.7
 """Largest pitch, as a share of the stroke."""
-
-DRAGS = {"nonlinear_viscous": ("force",), "quadratic_drag": ("coefficient",)}
-"""Strength parameters of drags."""
 MIN_MASS_SHARE = 0.1
 """Smallest moving mass after a mass error, as a share of the mass of the file."""
 
@@ -44,7 +41,8 @@ def plausible_range(name: str, parameter: str, motions: Sequence[Motion], nomina
         return 0.0, max(MAX_PITCH_SHARE * stroke, nominal.joint_period or 0.0)
     if name == "flexible_mode" and parameter == "frequency":
         return 0.0, MODE_RATE * min(motion.step / motion.period for motion in motions)
-    if parameter in DRAGS.get(name, ()):  # a drag dissipates energy; a negative one describes another contact law
+    # a drag dissipates energy; a negative one describes another contact law
+    if is_drag(name) and effect(name).parameter(parameter).is_strength:
         return 0.0, np.inf
     if name == "mass_error":
         return (MIN_MASS_SHARE - 1.0) * nominal.mass, np.inf

@@ -43,6 +43,18 @@ def effect(name: str) -> Effect:
     return _effects[name]
 
 
+def is_contact_law(name: str) -> bool:
+    """Return whether an effect only describes another contact law, or is a special case of one that does."""
+    entry = effect(name)
+    return entry.is_contact_law or (entry.special_case_of != "" and effect(entry.special_case_of).is_contact_law)
+
+
+def is_drag(name: str) -> bool:
+    """Return whether an effect that could describe another contact law is a force of the velocity alone beside it."""
+    entry = effect(name)
+    return is_contact_law(name) and entry.place is Place.ADDED_FORCE and entry.coordinates == ("velocity",)
+
+
 def is_built_in(name: str) -> bool:
     """Return whether an effect is the package's own.
 

@@ -11,7 +11,6 @@ from workflow_case import AXIS, record
 
 from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.candidates import is_contact_law, is_drag
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
 from sgms_observer.diagnosis.decision import Decision, comparisons, z_score_between
 from sgms_observer.diagnosis.diagnosis import Options
@@ -20,7 +19,7 @@ from sgms_observer.diagnosis.evidence import Improvement, preference
 from sgms_observer.diagnosis.gap import effort_rms
 from sgms_observer.diagnosis.gap_data import GapData
 from sgms_observer.diagnosis.workflow import diagnose
-from sgms_observer.effects.catalogue import effect
+from sgms_observer.effects.catalogue import effect, is_drag
 from sgms_observer.effects.catalogue import names as catalogue_names
 from sgms_observer.effects.learnt_map import LearntMap
 from sgms_observer.offline.recording import Recording
@@ -72,8 +71,11 @@ def test_a_law_effect_that_explains_all_is_a_name(explained: Answer) -> None:
 
 
 def test_drags_are_forces_beside_the_contact() -> None:
-    laws = [name for name in catalogue_names() if is_contact_law(name)]
-    assert {name for name in laws if is_drag(name)} == {"eddy_current", "nonlinear_viscous", "quadratic_drag"}
+    assert {name for name in catalogue_names() if is_drag(name)} == {
+        "eddy_current",
+        "nonlinear_viscous",
+        "quadratic_drag",
+    }
 
 
 @pytest.mark.parametrize("is_brake", [True, False])
