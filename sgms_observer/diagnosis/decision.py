@@ -20,6 +20,7 @@ from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.model import HALF_A_REVERSAL, STRIBECK_VELOCITY, VISCOUS, Model
 from sgms_observer.diagnosis.motion import HELD_LAG
 from sgms_observer.diagnosis.ranges import plausible_range
+from sgms_observer.diagnosis.sliding import sliding_shares
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.effect import Place
 from sgms_observer.settings.axis import EffectSettings
@@ -68,7 +69,9 @@ class Decision:
         return all(test.passed for test in self.tests)
 
 
-def decide(item: Candidate, before: Refit, earlier: Evidence, evaluation: EvaluationData) -> Decision:
+def decide(
+    item: Candidate, before: Refit, earlier: Evidence, evaluation: EvaluationData, is_rival: bool = False
+) -> Decision:
     """Test one hypothesis against the model without it.
 
     Where an effect predicts significantly better and the gap as reported does not show it, the effect is fitted alone
@@ -79,16 +82,19 @@ def decide(item: Candidate, before: Refit, earlier: Evidence, evaluation: Evalua
         before: fit without it.
         earlier: evidence of that fit.
         evaluation: the recordings.
+        is_rival: whether it passed every test in the round in which another effect was added.
     """
-    first = _decided(item, before, earlier, evaluation)
+    first = _decided(item, before, earlier, evaluation, is_rival)
     failed = [test.name for test in first.tests if not test.passed]
     if item.settings is None or failed != [HELD_OUT_GAP]:
         return first
-    second = _decided(alone(item, before), before, earlier, evaluation)
+    second = _decided(alone(item, before), before, earlier, evaluation, is_rival)
     return second if second.passed else first
 
 
-def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: EvaluationData) -> Decision:
+def _decided(
+    item: Candidate, before: Refit, earlier: Evidence, evaluation: EvaluationData, is_rival: bool
+) -> Decision:
     """Return the decision on a fit of one hypothesis; arguments as above."""
     criteria = evaluation.criteria
     later = evidence_of(item.refit, evaluation)
@@ -109,6 +115,8 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
         if found < criteria.min_z_score:
             found = max(found, strength_beyond_tolerance(item, before))
         tests += physical_tests(item, found, evaluation)
+        if is_rival and not is_confusable_with_contact(item.name):
+            tests.append(_test_while_sliding(item, before, earlier, later, evaluation))
         if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
             tests += free_form_tests(item, before, gap, evaluation)
     candidate = replace(item, refit=item.refit.without_jacobian())
@@ -135,6 +143,20 @@ def _prediction_test(
             return alone
         title = "z-score over all recordings"
     return at_least(item.name, title, gain.z_score, criteria.z_score_of(item.trials))
+
+
+def _test_while_sliding(
+    item: Candidate, before: Refit, earlier: Evidence, later: Evidence, evaluation: EvaluationData
+) -> Test:
+    """Return the test that an effect adds to its rival where the two are compared: while the contact slides.
+
+    What it adds elsewhere may be a part of the contact law: an offset and an asymmetry that cancel each other while the
+    contact slides leave a force at rest and at breakaway.
+    """
+    shares = sliding_shares(before.model, evaluation)
+    gain = improvement(earlier.weighted(shares).all, later.weighted(shares).all)
+    title = "z-score beside its rival, while the contact slides"
+    return at_least(item.name, title, gain.z_score, evaluation.criteria.min_z_score)
 
 
 def needs_visible_contact(name: str) -> bool:

@@ -193,7 +193,7 @@ def _search_and_prune(
         report: called with the current step and the completed share.
     """
     listed = [item.name for item in known_effects]
-    state, rounds = _best_search(file_state, known_effects, options, report)
+    state, rounds = _best_search(_Search((file_state,)), known_effects, options, report)
     removed: frozenset[str] = frozenset()
     while True:
         state, rounds = compared_again(*without_redundant_effects(state, rounds, options), listed, options)
@@ -209,7 +209,7 @@ def _search_and_prune(
             options, excluded=options.excluded | removed | remaining,
             criteria=replace(options.criteria, max_effects=options.criteria.max_effects - effects),
         )  # fmt: skip
-        found, added = _best_search(state, known_effects, rest, report)
+        found, added = _best_search(_Search((state,), earlier=rounds), known_effects, rest, report)
         rounds = (*rounds, *added)
         if not _names_of(added):
             return state, rounds, written
@@ -244,10 +244,17 @@ def choose_element_freedom(state: FitState, options: Options) -> FitState:
 
 @dataclass(frozen=True)
 class _Search:
-    """A stepwise search: its rounds, the state before each of them, and the state after the last one."""
+    """A stepwise search.
+
+    Attributes:
+        states: the state before each round, and the one after the last.
+        rounds: rounds so far.
+        earlier: rounds of the search that it goes on from.
+    """
 
     states: tuple[FitState, ...]
     rounds: tuple[Round, ...] = ()
+    earlier: tuple[Round, ...] = ()
 
     @property
     def state(self) -> FitState:
@@ -259,6 +266,12 @@ class _Search:
         """Return what was added."""
         return accepted_candidates(self.rounds)
 
+    @property
+    def rivals(self) -> frozenset[str]:
+        """Return the rivals of the effects that were added."""
+        rounds = [item for item in (*self.earlier, *self.rounds) if item.accepted]
+        return frozenset(name for item in rounds for name in item.comparisons)
+
     def can_go_on(self, criteria: Criteria, most: int) -> bool:
         """Return whether another round may add a hypothesis; ``most`` bounds their number."""
         if self.rounds and self.rounds[-1].accepted is None:
@@ -268,15 +281,15 @@ class _Search:
 
     def with_round(self, before: FitState, item: Round, after: FitState) -> _Search:
         """Return the search with one more round."""
-        return _Search((*self.states[:-1], before, after), (*self.rounds, item))
+        return replace(self, states=(*self.states[:-1], before, after), rounds=(*self.rounds, item))
 
     def until(self, number: int) -> _Search:
         """Return the search before a round."""
-        return _Search(self.states[: number + 1], self.rounds[:number])
+        return replace(self, states=self.states[: number + 1], rounds=self.rounds[:number])
 
 
 def _best_search(
-    state: FitState, known_effects: Sequence[EffectSettings], options: Options, report: Report
+    start: _Search, known_effects: Sequence[EffectSettings], options: Options, report: Report
 ) -> tuple[FitState, tuple[Round, ...]]:
     """Return the state with everything that the search adds, and its rounds.
 
@@ -286,7 +299,7 @@ def _best_search(
     significantly better, or if it leaves only noise and the first one does not predict significantly better.
     """
     listed, most = [item.name for item in known_effects], options.criteria.min_z_score
-    first = _search(_Search((state,)), listed, options, report)
+    first = _search(start, listed, options, report)
     place = next((number for number, item in enumerate(first.rounds) if _preferred_change(item)), None)
     if place is None or first.state.evaluation(options).is_gap_closed(first.state.current.model):
         return first.state, first.rounds
@@ -350,7 +363,10 @@ def _search(
         one_thread = replace(setup, workers=1)  # one hypothesis per thread
         others = [partial(changed_candidate, one_thread, current, one) for one in changed if can_be_freed(setup, one)]
         fitted = fitted_candidates(one_thread, screen, current, options.workers, others)
-        decisions = [decide(item, current, earlier, evaluation) for item in fitted if item.refit.cost < current.cost]
+        decisions = [
+            decide(item, current, earlier, evaluation, item.name in found.rivals)
+            for item in fitted if item.refit.cost < current.cost
+        ]  # fmt: skip
         decisions.sort(key=lambda item: -item.improvement.decrease)
         state = state.with_least_of(decisions)
         eligible = (has_effects_first and _passed_effects(decisions)) or decisions
