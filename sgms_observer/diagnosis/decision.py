@@ -92,9 +92,7 @@ def decide(
     return second if second.passed else first
 
 
-def _decided(
-    item: Candidate, before: Refit, earlier: Evidence, evaluation: EvaluationData, is_rival: bool
-) -> Decision:
+def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: EvaluationData, is_rival: bool) -> Decision:
     """Return the decision on a fit of one hypothesis; arguments as above."""
     criteria = evaluation.criteria
     later = evidence_of(item.refit, evaluation)

@@ -15,11 +15,11 @@ from scipy.stats import median_abs_deviation
 
 from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.free_form import FreeForm
-from sgms_observer.diagnosis.gap import rms
+from sgms_observer.diagnosis.gap import noise_floor, rms
 from sgms_observer.diagnosis.gap_data import GapData
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.noise import largest_noise
-from sgms_observer.diagnosis.sliding import fast_sliding_residual
+from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.sliding import fast_sliding_residual, slides_fast
 from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
@@ -66,13 +66,15 @@ def sliding_residual(
     """
     criteria, whole = data.options.criteria, data.rest(residual)
     left = whole.minus(free.predicted) if free else whole
-    fitted, evaluated = (fast_sliding_residual(rest, model, criteria) for rest in (data.fitted_gap(model), left))
+    rests = data.fitted_gap(model), left
+    fitted, evaluated = (fast_sliding_residual(rest, model, criteria) for rest in rests)
     if fitted is None or evaluated is None:
         return None
-    noise = largest_noise(data.diagnosis.final_state.setup.data.noise).rms
-    typical = [median_abs_deviation(part, scale="normal") for part in (fitted, evaluated)]
+    parts = fitted, evaluated
+    typical = [median_abs_deviation(part, scale="normal") for part in parts]
+    noise = [_noise(data, model, rest.motions) for rest in rests]
     over_noise = min(
-        rms([part]) / max(min(noise, usual), 1.0e-300) for part, usual in zip((fitted, evaluated), typical, strict=True)
+        rms([part]) / max(min(usual, floor), 1.0e-300) for part, usual, floor in zip(parts, typical, noise, strict=True)
     )
     force = rms([evaluated])
     return SlidingResidual(
@@ -88,3 +90,14 @@ def sliding_residual(
             ),
         ),
     )  # fmt: skip
+
+
+def _noise(data: GapData, model: Model, motions: Sequence[Motion]) -> float:
+    """Return the rms residual of a perfect model while the contact slides fast, from noise and encoder alone [N].
+
+    The encoder makes more noise there than at rest, where its reading does not change.
+    """
+    fast = [at.astype(np.float64) for at in slides_fast(model, motions)]
+    noise = data.diagnosis.final_state.setup.data.noise
+    floor = noise_floor(motions, model, noise, data.options.seed, fast)
+    return floor / float(np.sqrt(np.mean(np.concatenate(fast))))

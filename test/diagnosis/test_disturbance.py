@@ -1,9 +1,11 @@
 """A force from outside does not repeat: no model predicts it, but the answer tells of it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import workflow_case
 from workflow_case import AXIS, record
 
 from sgms_observer.diagnosis import workflow
@@ -76,6 +78,25 @@ def test_its_size_is_that_of_the_force() -> None:
 def test_noise_and_another_contact_law_are_none(effects: tuple[EffectSettings, ...]) -> None:
     answer = answered(nothing, effects)
     assert answer.disturbance is None
+    (noise,) = [test for test in answer.tests if test.name == "residual over noise, where the contact slides fast"]
+    assert noise.passed and noise.value < 1.5
+
+
+def test_an_encoder_that_is_quiet_at_rest_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the stage rests most of the time, the noise of the whole recording is less than that of the motion."""
+    rich = workflow_case.rich_position
+
+    def resting(duration: float, seed: int, period: float) -> np.ndarray:
+        moving = np.diff(rich(0.2 * duration, seed, period), prepend=0.0)
+        pieces = np.array_split(moving, 4)
+        return np.cumsum(np.concatenate([np.concatenate((piece, np.zeros(4 * len(piece)))) for piece in pieces]))
+
+    monkeypatch.setattr(workflow_case, "rich_position", resting)
+    axis, step, pair = replace(AXIS, mass=200.0), 1.0e-6, []
+    for seed in (1, 2):
+        made = record(seed=seed, duration=40.0, period=PERIOD, mass=axis.mass)
+        pair.append(replace(made, position=np.round(made.position / step) * step))
+    answer = answer_of(diagnose(pair[:1], pair[1:], axis, OPTIONS), axis, OPTIONS)
     (noise,) = [test for test in answer.tests if test.name == "residual over noise, where the contact slides fast"]
     assert noise.passed and noise.value < 1.5
 
