@@ -37,6 +37,7 @@ CRITERION_OF = {
     "strength over its reported standard error": "interval_z_score",
     "share that is surely predicted better": "min_predictable_share",
     "z-score beside the other effects": "min_z_score",
+    "z-score beside its rival": "min_z_score",
     "size beyond the tolerance of the file": "interval_z_score",
     "held-out gap: z-score": "interval_z_score",
     "gap as reported: z-score": "interval_z_score",

@@ -11,8 +11,9 @@ from workflow_case import AXIS, evaluation_of, record
 
 from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
-from sgms_observer.diagnosis.candidates import MIN_REDUCTION_SHARE
+from sgms_observer.diagnosis.candidates import MIN_REDUCTION_SHARE, Candidate, finish_fit
 from sgms_observer.diagnosis.criteria import Criteria, at_most
+from sgms_observer.diagnosis.decision import decide
 from sgms_observer.diagnosis.diagnosis import Diagnosis, FitState, Options, Round, accepted_candidates
 from sgms_observer.diagnosis.evaluation import evidence_of
 from sgms_observer.diagnosis.fit import Refit, RefitSetup
@@ -25,6 +26,7 @@ from sgms_observer.settings.axis import EffectSettings
 OPTIONS = Options(workers=1, band=25.0)
 OFFSET, SPRING = EffectSettings("offset", (1.5,)), EffectSettings("spring", (20.0, 0.0))
 NAMES = ("offset", "asymmetric_coulomb", "spring")
+MODEL = Model.of(AXIS)
 
 
 def diagnosed(monkeypatch: pytest.MonkeyPatch, hidden: tuple[EffectSettings, ...], names: tuple[str, ...]) -> Diagnosis:
@@ -192,3 +194,26 @@ def test_an_effect_below_the_noise_has_a_name_where_the_evidence_is_sure(monkeyp
     assert options.criteria.is_noise(answer.gap.before, answer.gap.noise) and answer.gap.closure is None
     assert [item.settings.name for item in answer.effects] == ["cogging"]
     assert answer.effects[0].settings.values[1] == pytest.approx(0.005, rel=0.01)
+
+
+ASYMMETRY = EffectSettings("asymmetric_coulomb", (0.2,))
+
+
+@pytest.mark.parametrize(
+    ("hidden", "known", "rival", "adds"),
+    [((ASYMMETRY,), ASYMMETRY, OFFSET, False), ((OFFSET, SPRING), OFFSET, SPRING, True)],
+)
+def test_a_rival_of_what_was_added_adds_something_while_the_contact_slides(
+    hidden: tuple[EffectSettings, ...], known: EffectSettings, rival: EffectSettings, adds: bool
+) -> None:
+    """Beside an asymmetry an offset adds a force at rest only, where contact laws differ."""
+    motion = motion_of(record(hidden, duration=12.0, period=0.004))
+    evaluation = evaluation_of((motion,), MODEL.with_effects(hidden))
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
+    before, after = (finish_fit(setup, setup.fit(effects)) for effects in ((known,), (known, rival)))
+    candidate = Candidate(rival.name, setup, after, 1)
+    found = decide(candidate, before, evidence_of(before, evaluation), evaluation, is_rival=True)
+    (test,) = [one for one in found.tests if one.name.startswith("z-score beside its rival")]
+    assert test.passed == adds
+    alone = decide(candidate, before, evidence_of(before, evaluation), evaluation)
+    assert not [one for one in alone.tests if one.name == test.name]
