@@ -31,8 +31,9 @@ from sgms_observer.diagnosis.diagnosis import (
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, Refit, RefitSetup
+from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
-from sgms_observer.diagnosis.sliding import sliding_shares
+from sgms_observer.diagnosis.sliding import slides_fast, sliding_shares
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
 from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.effects.catalogue import effect, is_contact_law
@@ -91,7 +92,8 @@ def compared(state: FitState, item: Round, listed: Sequence[str], options: Optio
 
     Before it was accepted, the fitted noise still contained it. A rival that now predicts significantly better takes
     its place; among equals the rules of the first choice decide. Effects that a contact law cannot imitate are compared
-    while the contact slides. A change of the file has no place that an effect could take.
+    while the contact slides. A change of the file has no place that an effect could take. Where the model leaves more
+    than noise, what is missing may make a small difference between two effects: it has to be larger than that.
 
     Args:
         state: state with everything that was accepted.
@@ -132,9 +134,34 @@ def compared(state: FitState, item: Round, listed: Sequence[str], options: Optio
     first = preferred(equal.get(name, decisions[best]), list(equal.values()), listed)
     best = first.candidate.name
     tests = {key: compare(best, key, z_score(best, key), options.criteria) for key in decisions if key != best}
+    models = {key: one.current.model for key, one in states.items()}
+    if not evaluation.is_gap_closed(models[best]):
+        beyond = {key: _beyond_rest(best, key, models, evaluation) for key, test in tests.items() if test.passed}
+        tests |= {key: test for key, test in beyond.items() if not test.passed}
     if best != name:
         state = states[best].refitted(states[best].current)
     return state, replace(item, accepted=first, comparisons=tests)
+
+
+def _beyond_rest(best: str, rival: str, models: Mapping[str, Model], evaluation: EvaluationData) -> Test:
+    """Return the test that an effect differs from a rival by more than what its model leaves above the noise.
+
+    Args:
+        best: the effect.
+        rival: the other one, which predicts worse.
+        models: model with each of them.
+        evaluation: the recordings.
+    """
+    motions, weights = evaluation.motions, evaluation.weights
+    if not (is_confusable_with_contact(best) or is_confusable_with_contact(rival)):
+        weights = tuple(fast.astype(np.float64) for fast in slides_fast(models[best], motions))
+    ours, theirs = (rms(weighted(residuals(models[key], motions), weights)) ** 2 for key in (best, rival))
+    counted = float(np.mean(np.concatenate(weights) ** 2))
+    difference = max(theirs - ours, 0.0) / counted if counted > 0.0 else 0.0
+    left = max(evaluation.rms(models[best]) ** 2 - evaluation.floor**2, 0.0)
+    share = difference / max(difference + left, 1.0e-300)
+    title = f"squared difference / (difference + residual above noise) from {rival}"
+    return at_least(best, title, share, evaluation.criteria.min_imitable_share)
 
 
 def _with_rival(state: FitState, name: str, rival: Decision) -> FitState:

@@ -133,8 +133,8 @@ def share_beside_logarithmic_friction(model: Model, others: WeightedResidual, le
 def _squared_beside_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Flags]) -> float:
     """Return the sum of the squared residual after the best logarithmic friction where the contact slides fast."""
     strengths = _fitted_logarithmic_friction(rest, fast)
-    beside = rest.minus([_logarithmic_friction(motion) @ strengths for motion in rest.motions])
-    return float(sum(np.sum(part[at] ** 2) for part, at in zip(beside.residual, fast, strict=True)))
+    remaining = rest.minus([_logarithmic_friction(motion) @ strengths for motion in rest.motions])
+    return float(sum(np.sum(part[at] ** 2) for part, at in zip(remaining.residual, fast, strict=True)))
 
 
 def _fitted_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Flags]) -> Floats:

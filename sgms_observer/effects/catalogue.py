@@ -44,13 +44,21 @@ def effect(name: str) -> Effect:
 
 
 def is_contact_law(name: str) -> bool:
-    """Return whether an effect only describes another contact law, or is a special case of one that does."""
+    """Return whether an effect only describes another contact law, or is a special case of one that does.
+
+    Args:
+        name: the effect.
+    """
     entry = effect(name)
     return entry.is_contact_law or (entry.special_case_of != "" and effect(entry.special_case_of).is_contact_law)
 
 
 def is_drag(name: str) -> bool:
-    """Return whether an effect that could describe another contact law is a force of the velocity alone beside it."""
+    """Return whether an effect that could describe another contact law is a force of the velocity alone beside it.
+
+    Args:
+        name: the effect.
+    """
     entry = effect(name)
     return is_contact_law(name) and entry.place is Place.ADDED_FORCE and entry.coordinates == ("velocity",)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from sgms_observer.diagnosis.candidates import MIN_REDUCTION_SHARE, Candidate, f
 from sgms_observer.diagnosis.criteria import Criteria, at_most
 from sgms_observer.diagnosis.decision import decide
 from sgms_observer.diagnosis.diagnosis import Diagnosis, FitState, Options, Round, accepted_candidates
-from sgms_observer.diagnosis.evaluation import evidence_of
+from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
@@ -217,3 +217,26 @@ def test_a_rival_of_what_was_added_adds_something_while_the_contact_slides(
     assert test.passed == adds
     alone = decide(candidate, before, evidence_of(before, evaluation), evaluation)
     assert not [one for one in alone.tests if one.name == test.name]
+
+
+@pytest.mark.parametrize("is_rest_known", [True, False])
+def test_a_small_difference_decides_only_where_the_model_leaves_noise(
+    is_rest_known: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A contact of another law makes an offset and an asymmetry differ. Half a standard error is enough here."""
+    evaluation = FitState.evaluation
+    share = 1.0 if is_rest_known else 0.1
+
+    def with_floor(state: FitState, options: Options) -> EvaluationData:
+        found = evaluation(state, options)
+        return replace(found, floor=share * found.floor)
+
+    monkeypatch.setattr(FitState, "evaluation", with_floor)
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset", "asymmetric_coulomb"))
+    hidden = (ASYMMETRY, EffectSettings("frictional_lag", (20.0, 5.0e-6)))
+    one, other = (record(hidden, seed=seed, duration=16.0, period=0.004) for seed in (1, 2))
+    found = workflow.diagnose([one], [other], AXIS, replace(OPTIONS, criteria=Criteria(min_z_score=0.5)))
+    (item,) = [item for item in found.rounds if item.accepted and item.accepted.candidate.settings]
+    (test,) = item.comparisons.values()
+    assert test.passed == is_rest_known == test.name.startswith("z-score")
+    assert len(item.alternatives) == (not is_rest_known)
