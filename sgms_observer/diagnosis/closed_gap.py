@@ -6,15 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sgms_observer.diagnosis.diagnosis import WrittenFits
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, RefitSetup
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
+from sgms_observer.diagnosis.instruments import Share, share_in_response
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.sliding import share_beside_logarithmic_friction
 from sgms_observer.effects.catalogue import is_contact_law
 from sgms_observer.settings.axis import EffectSettings
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -43,12 +49,14 @@ class ClosedGap:
         written: fits without and with everything that was accepted.
         setup: setup of the final model with the contact of the file.
         evaluation: the recordings.
+        references: set-points of each of them as recorded [m], or None.
     """
 
     names: Sequence[str]
     written: WrittenFits
     setup: RefitSetup
     evaluation: EvaluationData
+    references: Sequence[Floats | None]
 
     def closed_by(self, name: str) -> Closed:
         """Return what an effect closes beside everything else.
@@ -76,6 +84,17 @@ class ClosedGap:
         """
         setup, others = self.setup.without(name, self._machine_effects)
         return self._closed(self._with_file_contact, self._fitted(setup, others))
+
+    def share_in_response(self, name: str) -> Share | None:
+        """Return the share of an effect that the response to the reference shows, or None where nothing shows it.
+
+        Args:
+            name: the effect.
+        """
+        after = self.written.after.model
+        others = replace(after, effects=tuple(one for one in after.effects if one.name != name))
+        evaluation = self.evaluation
+        return share_in_response(after, others, evaluation.motions, self.references, evaluation.criteria)
 
     @property
     def has_other_contact_law(self) -> bool:

@@ -196,7 +196,9 @@ def without_insignificant_effects(
         written = _as_written(without, found, state, nominal, evaluation)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
         file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
-        closed_gap = ClosedGap(names, written, file_contact, evaluation)
+        evaluated = found.recordings.holdouts or found.recordings.records
+        references = [record.whole_reference for record in evaluated]
+        closed_gap = ClosedGap(names, written, file_contact, evaluation, references)
         closed = {name: closed_gap.closed_by(name) for name in names}
         tests = _reported_tests(closed_gap, closed)
         failed = min(_failed(tests), key=lambda test: test.value / test.threshold, default=None)
@@ -256,6 +258,11 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
             beyond = _size_beyond_tolerance(name, closed_gap)
             title = "size beyond the tolerance of the file over its standard error"
             tests.append(at_least(name, title, beyond, criteria.interval_z_score))
+        in_response = closed_gap.share_in_response(name) if effect(name).is_delay else None
+        if in_response is not None:
+            most = in_response.value + criteria.interval_z_score * in_response.error
+            title = "largest likely share of the delay in the response to the reference"
+            tests.append(at_least(name, title, most, criteria.min_imitable_share))
         if needs_visible_contact(name):
             title = "strength over its reported standard error"
             tests.append(at_least(name, title, written.strength_over_error(name), criteria.interval_z_score))

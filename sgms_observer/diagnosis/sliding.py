@@ -105,7 +105,7 @@ def preference_over_logarithmic_friction(
         criteria: length of a block.
     """
     strengths = _fitted_logarithmic_friction(known, slides_fast(model, known.motions))
-    rival = others.minus([_logarithmic_friction(motion) @ strengths for motion in others.motions])
+    rival = others.minus([_along(motion) @ strengths for motion in others.motions])
     fast = [at.astype(np.float64) for at in slides_fast(model, left.motions)]
     ours, theirs = (replace(one, weights=fast).blocks(criteria.block) for one in (left, rival))
     return preference(ours, theirs)
@@ -133,19 +133,27 @@ def share_beside_logarithmic_friction(model: Model, others: WeightedResidual, le
 def _squared_beside_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Flags]) -> float:
     """Return the sum of the squared residual after the best logarithmic friction where the contact slides fast."""
     strengths = _fitted_logarithmic_friction(rest, fast)
-    remaining = rest.minus([_logarithmic_friction(motion) @ strengths for motion in rest.motions])
+    remaining = rest.minus([_along(motion) @ strengths for motion in rest.motions])
     return float(sum(np.sum(part[at] ** 2) for part, at in zip(remaining.residual, fast, strict=True)))
 
 
 def _fitted_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Flags]) -> Floats:
     """Return the strengths of the logarithmic friction that fits a residual best, shape (3,)."""
-    columns = [_logarithmic_friction(motion)[at] for motion, at in zip(rest.motions, fast, strict=True)]
+    columns = [_along(motion)[at] for motion, at in zip(rest.motions, fast, strict=True)]
     forces = [part[at] for part, at in zip(rest.residual, fast, strict=True)]
     return np.asarray(np.linalg.lstsq(np.vstack(columns), np.concatenate(forces), rcond=None)[0], dtype=np.float64)
 
 
-def _logarithmic_friction(motion: Motion) -> Floats:
-    """Return Coulomb, viscous and logarithmic friction along a motion, shape (n, 3); at rest there is none."""
-    velocity = motion.thinned(motion.velocity)
+def _along(motion: Motion) -> Floats:
+    """Return Coulomb, viscous and logarithmic friction along a motion, shape (n, 3)."""
+    return logarithmic_friction(motion.thinned(motion.velocity))
+
+
+def logarithmic_friction(velocity: Floats) -> Floats:
+    """Return Coulomb, viscous and logarithmic friction at velocities, shape (n, 3); at rest there is none.
+
+    Args:
+        velocity: shape (n,) [m/s].
+    """
     direction, speed = np.sign(velocity), np.abs(velocity)
     return np.column_stack([direction, velocity, direction * np.log(np.where(speed > 0.0, speed, 1.0))])

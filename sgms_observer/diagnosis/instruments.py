@@ -1,0 +1,84 @@
+"""How much of an effect the response to the reference shows, with the reference as instrument.
+
+A controller feeds encoder noise and disturbances back into the effort, so that a residual and the rate of the effort
+correlate where there is no delay. The reference correlates with neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.gap import residuals
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import Motion
+from sgms_observer.diagnosis.sliding import logarithmic_friction, slides_fast
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Share:
+    """Share of an effect that the response to the reference shows.
+
+    Attributes:
+        value: 1 for all of it [-].
+        error: its standard error, by its scatter between blocks of time [-].
+    """
+
+    value: float
+    error: float
+
+
+def share_in_response(
+    with_it: Model, others: Model, motions: Sequence[Motion], references: Sequence[Floats | None], criteria: Criteria
+) -> Share | None:
+    """Return the share of an effect that the response to the reference shows while the contact slides fast.
+
+    The residual without the effect is fitted with the change that the effect makes, a mass, and Coulomb, viscous and
+    logarithmic friction, by two-stage least squares.
+
+    Args:
+        with_it: the model with the effect.
+        others: the same without it.
+        motions: the recordings.
+        references: set-points of each recording as recorded [m], or None.
+        criteria: length of a block.
+
+    Returns:
+        None where no recording has a reference, or the contact slides fast for less than two blocks.
+
+    Source: Janot, Vandanjon, Gautier 2014, IEEE Transactions on Control Systems Technology 22(1).
+    """
+    known = [(motion, given) for motion, given in zip(motions, references, strict=True) if given is not None]
+    fast = slides_fast(with_it, [motion for motion, _ in known])
+    parts = [_columns(with_it, others, *pair, at) for pair, at in zip(known, fast, strict=True)]
+    length = round(criteria.block / known[0][0].residual_period) if known else 1
+    count = sum(len(residual) for residual, _, _ in parts) // length
+    if count < 2:
+        return None
+    residual, columns, instruments = (np.concatenate(part)[: count * length] for part in zip(*parts, strict=True))
+    explained = instruments @ np.linalg.lstsq(instruments, columns, rcond=None)[0]
+    strengths = np.linalg.lstsq(explained, residual, rcond=None)[0]
+    scores = (explained * (residual - columns @ strengths)[:, None]).reshape(count, length, -1).sum(axis=1)
+    inverse = np.linalg.pinv(explained.T @ explained)
+    return Share(float(strengths[0]), float(np.linalg.norm(scores @ inverse[0])))
+
+
+def _columns(
+    with_it: Model, others: Model, motion: Motion, given: Floats, fast: NDArray[np.bool_]
+) -> tuple[Floats, Floats, Floats]:
+    """Return residual, columns of its fit and their instruments where the contact slides fast: (n,), (n, 5), (n, 6)."""
+    (left,), (rest,) = (residuals(model, [motion]) for model in (others, with_it))
+    acceleration = motion.low_pass(motion.acceleration)
+    columns = np.column_stack([left - rest, acceleration, logarithmic_friction(motion.thinned(motion.velocity))])
+    velocity = np.gradient(motion.smoothed(given)[: len(motion.time)], motion.period)
+    instruments, derivative = [logarithmic_friction(motion.thinned(velocity))], velocity
+    for _ in ("acceleration", "jerk", "snap"):
+        derivative = np.gradient(derivative, motion.period)
+        instruments.append(motion.low_pass(derivative / max(float(np.std(derivative)), 1.0e-300))[:, None])
+    return left[fast], columns[fast], np.hstack(instruments)[fast]
