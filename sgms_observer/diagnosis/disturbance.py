@@ -66,13 +66,14 @@ def sliding_residual(
     """
     criteria, whole = data.options.criteria, data.rest(residual)
     left = whole.minus(free.predicted) if free else whole
-    rests = data.fitted_gap(model), left
-    fitted, evaluated = (fast_sliding_residual(rest, model, criteria) for rest in rests)
+    fitted, evaluated = (fast_sliding_residual(rest, model, criteria) for rest in (data.fitted_gap(model), left))
     if fitted is None or evaluated is None:
         return None
     parts = fitted, evaluated
     typical = [median_abs_deviation(part, scale="normal") for part in parts]
-    noise = [_noise(data, model, rest.motions) for rest in rests]
+    state = data.diagnosis.final_state
+    recordings = state.fit_motions, state.held_out_motions or state.fit_motions  # whole: a half may be too short
+    noise = [_noise(data, model, motions) for motions in recordings]
     over_noise = min(
         rms([part]) / max(min(usual, floor), 1.0e-300) for part, usual, floor in zip(parts, typical, noise, strict=True)
     )

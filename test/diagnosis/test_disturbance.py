@@ -101,6 +101,14 @@ def test_an_encoder_that_is_quiet_at_rest_is_none(monkeypatch: pytest.MonkeyPatc
     assert noise.passed and noise.value < 1.5
 
 
+def test_halves_of_a_short_recording_have_the_noise_of_the_whole() -> None:
+    """Without a held-out recording, halves are predicted. Those of 5 s are too short to be filtered on their own."""
+    short = record(duration=5.0, period=PERIOD)
+    answer = answer_of(diagnose([short], [], AXIS, OPTIONS), AXIS, OPTIONS)
+    (noise,) = [test for test in answer.tests if test.name == "residual over noise, where the contact slides fast"]
+    assert noise.passed and answer.disturbance is None
+
+
 def test_it_stands_beside_a_name() -> None:
     answer = answered(wandering, (EffectSettings("offset", (1.5,)),))
     assert [item.settings.name for item in answer.effects] == ["offset"]
