@@ -191,13 +191,13 @@ def without_insignificant_effects(
         options: options of the diagnosis.
     """
     without = _written_without(found, nominal)
+    evaluated = found.recordings.holdouts or found.recordings.records
+    references = [record.whole_reference for record in evaluated]
     while True:
         evaluation = state.evaluation(options)
         written = _as_written(without, found, state, nominal, evaluation)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
         file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
-        evaluated = found.recordings.holdouts or found.recordings.records
-        references = [record.whole_reference for record in evaluated]
         closed_gap = ClosedGap(names, written, file_contact, evaluation, references)
         closed = {name: closed_gap.closed_by(name) for name in names}
         tests = _reported_tests(closed_gap, closed)

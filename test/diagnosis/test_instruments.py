@@ -21,8 +21,10 @@ from sim_plant.plants.machine import draw_plant
 from sim_plant.plants.owner import write_yaml
 from sim_plant.plants.recording import record
 
-SEED, DELAY = 53006, 1.4e-3
+SEED = 53006
 """A machine whose controller runs at the rate of the log, behind an encoder that limits the acceleration."""
+SIZE, DELAY = 0.245, 1.4e-3
+"""Largest force that a delay misses there, as a share of the Coulomb force, and that delay [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +37,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Model:
 def made(delay: float) -> Recording:
     """Return a recording of the machine with its reference; no model of this package simulates it."""
     machine = draw_plant("rate_state", SEED)
-    share = delay / DELAY * 0.245
-    found = record(machine, ["delay"] if delay else [], share, SEED, "rich", 30.0)
+    found = record(machine, ["delay"] if delay else [], SIZE * delay / DELAY, SEED, "rich", 30.0)
     return Recording("test", 1.0 / machine.log_rate, found.position, found.effort, found.reference)
 
 

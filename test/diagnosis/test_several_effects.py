@@ -147,9 +147,9 @@ def test_a_dead_zone_is_fitted_although_the_coulomb_force_absorbs_it(monkeypatch
 def test_a_sample_counts_by_the_share_of_the_contact_that_slides() -> None:
     """Two forces are compared while the contact slides, and the two kinds of recordings have each their own shares."""
     learn, judge = (motion_of(record((OFFSET,), seed=seed, duration=12.0)) for seed in (1, 2))
-    truth = Model.of(AXIS).with_effects((OFFSET,))
+    truth = MODEL.with_effects((OFFSET,))
     evaluation = evaluation_of([learn], truth, [judge])
-    setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
     evidence = evidence_of(setup.fit((OFFSET,)), evaluation)
     shares = sliding_shares(truth, evaluation)
     assert [len(share) for share in shares] == [len(block) for block in evidence.all]
@@ -167,9 +167,9 @@ def test_a_sample_counts_by_the_share_of_the_contact_that_slides() -> None:
 def test_beside_another_contact_law_the_faster_half_of_the_sliding_samples_counts() -> None:
     """Without the offset the model leaves more than noise. There is no held-out recording."""
     learn = motion_of(record((OFFSET,), seed=1, duration=12.0))
-    truth = Model.of(AXIS).with_effects((OFFSET,))
+    truth = MODEL.with_effects((OFFSET,))
     evaluation = evaluation_of([learn], truth)
-    right, wrong = (np.concatenate(sliding_shares(model, evaluation)) for model in (truth, Model.of(AXIS)))
+    right, wrong = (np.concatenate(sliding_shares(model, evaluation)) for model in (truth, MODEL))
     assert len(right) == len(wrong)
     speed = np.abs(learn.thinned(learn.velocity))
     speed = np.interp(np.linspace(0.0, 1.0, len(wrong)), np.linspace(0.0, 1.0, len(speed)), speed)
@@ -179,8 +179,8 @@ def test_beside_another_contact_law_the_faster_half_of_the_sliding_samples_count
 
 def test_a_dead_zone_that_is_not_there_has_no_width() -> None:
     """Its width may be zero, so it has no logarithm; by its logarithm it stayed above zero with an error of nothing."""
-    evaluation = evaluation_of([motion_of(record(seed=seed, duration=12.0)) for seed in (1, 2)], Model.of(AXIS))
-    setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
+    evaluation = evaluation_of([motion_of(record(seed=seed, duration=12.0)) for seed in (1, 2)], MODEL)
+    setup = RefitSetup(evaluation.fit_data, MODEL, 0.05)
     found = setup.fit((EffectSettings("actuator_dead_zone", (0.2,)),))
     [width], [error] = found.effects[0].values, found.standard_errors().values()
     assert 0.0 <= width < 0.02 and (width == 0.0 or width < 3.0 * error)
