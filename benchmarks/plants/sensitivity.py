@@ -55,6 +55,7 @@ CRITERION_OF = {
     "share of the squared gap, where the contact slides fast": "min_predictable_share",
     "residual above noise / closed residual": "min_imitable_share",
     "largest likely share of the delay": "min_imitable_share",
+    "smallest likely share of the delay": "min_imitable_share",
     "squared difference / (difference": "min_imitable_share",
 }
 """Which criterion a test belongs to, by the beginning of its name."""

@@ -32,6 +32,7 @@ from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, Refit, RefitSetup
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
+from sgms_observer.diagnosis.instruments import Share
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.sliding import slides_fast, sliding_shares
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
@@ -269,27 +270,35 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
         if needs_visible_contact(name) and not describes_contact:
             if closed_gap.has_other_contact_law:
                 closed = closed_gap.closed_by_instead_of_contact_law(name)
-            tests.append(_test_in_place_of_contact_law(name, closed, criteria))
+            tests.append(_test_in_place_of_contact_law(name, closed, in_response, criteria))
     return tests
 
 
-def _test_in_place_of_contact_law(name: str, closed: Closed, criteria: Criteria) -> Test:
+def _test_in_place_of_contact_law(name: str, closed: Closed, in_response: Share | None, criteria: Criteria) -> Test:
     """Return the test that an effect closes more than it leaves where another contact law could imitate it.
 
-    A mass error is a force beside the contact, so it also shows while the contact slides fast, where contact laws
-    hardly differ. One of the two is enough: noise may hide it there, and another contact law everywhere else.
+    A mass error and a delay also show while the contact slides fast, where contact laws hardly differ: a mass error as
+    a force beside the contact, a delay in the response to the reference. One of the two is enough: noise may hide it
+    there, and another contact law everywhere else.
 
     Args:
         name: the effect.
         closed: what it closes in the place of another contact law.
+        in_response: share of a delay that the response to the reference shows, or None.
         criteria: thresholds.
     """
     title = "share of the squared gap above the noise in the place of another contact law"
     test = at_least(name, title, closed.share_above_floor, criteria.min_imitable_share)
-    if test.passed or name != MASS_ERROR:
+    if test.passed:
         return test
-    title = "share of the squared residual beside logarithmic friction, where the contact slides fast"
-    return at_least(name, title, closed.share_in_fast_sliding, criteria.min_imitable_share)
+    if name == MASS_ERROR:
+        title = "share of the squared residual beside logarithmic friction, where the contact slides fast"
+        return at_least(name, title, closed.share_in_fast_sliding, criteria.min_imitable_share)
+    if in_response is not None:
+        least = in_response.value - criteria.interval_z_score * in_response.error
+        title = "smallest likely share of the delay in the response to the reference"
+        return at_least(name, title, least, criteria.min_imitable_share)
+    return test
 
 
 def _size_beyond_tolerance(name: str, closed_gap: ClosedGap) -> float:

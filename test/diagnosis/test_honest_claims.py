@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from workflow_case import AXIS, PERIOD, evaluation_of, record
+from workflow_case import AXIS, PERIOD, evaluation_of, record, rich_position
 
 from sgms_observer.diagnosis.candidates import Candidate, finish_fit, first_fit
 from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, changed_candidate
@@ -140,9 +140,11 @@ def test_an_effect_that_a_later_one_made_needless_is_taken_out(stiffness: float,
 COGGING = EffectSettings("cogging", (0.5, 7e-4, 0.0, 0.0, 0.0))
 
 
-def refit_beside(other: EffectSettings, named: EffectSettings) -> tuple[FitState, Round]:
+def refit_beside(
+    other: EffectSettings, named: EffectSettings, reference: np.ndarray | None = None
+) -> tuple[FitState, Round]:
     """Return what becomes of a named effect beside another hidden one that is not looked for."""
-    source = record((other, named))
+    source = replace(record((other, named)), reference_position=reference)
     motion = motion_of(source)
     evaluation = evaluation_of((motion,), MODEL.with_effects((other, named)))
     setup = RefitSetup(evaluation.fit_data, MODEL, 0.01)
@@ -175,6 +177,18 @@ def test_a_mass_error_that_closes_less_than_half_shows_in_fast_sliding(
     assert len(after.current.effects) == int(kept)
 
 
+@pytest.mark.parametrize("kept", [False, True])
+def test_a_delay_that_closes_less_than_half_shows_in_the_response_to_the_reference(kept: bool) -> None:
+    """Another friction at low speed is a matter of the contact, also for the lag of the effort."""
+    reference = rich_position(20.0, seed=1) if kept else None
+    delay = EffectSettings("actuator_delay", (1.0e-3,))
+    after, item = refit_beside(EffectSettings("stribeck", (-0.4, 0.02)), delay, reference)
+    (test,) = [one for one in item.decisions[0].tests if one.name.startswith(DELAY if kept else OTHER_LAW)]
+    assert test.passed == kept == (test.value >= 0.5)
+    assert len(after.current.effects) == int(kept)
+
+
+DELAY, OTHER_LAW = "smallest likely share of the delay", "share of the squared gap above the noise in the place"
 SCATTER = "strength over its scatter between recordings"
 REPORTED = "strength over its reported standard error"
 REPLICATED = "strength over its standard error, in held-out recordings too"
