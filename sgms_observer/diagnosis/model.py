@@ -166,15 +166,14 @@ class Prediction:
     Attributes:
         residual: measured effort minus predicted effort [N].
         friction: simulated element friction [N].
-        stick_indicator: 0 where the contact slides, 1 where it sticks or creeps and the encoder resolution matters;
-            empty if the contact was not simulated.
+        sticking: 0 where the contact slides, 1 where it sticks; empty if the contact was not simulated.
         needed: force that the motion needs [N].
         phases: phase of each periodic disturbance in this recording [rad].
     """
 
     residual: Floats
     friction: Floats
-    stick_indicator: Floats
+    sticking: Floats
     needed: Floats
     phases: tuple[float, ...] = ()
 
@@ -262,7 +261,7 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         key = (replace(friction, viscous_coefficient=0.0), on_sliding_force, model.is_unsmoothed)
         is_cacheable = not corrected.has_position and all(is_built_in(item.name) for item in on_sliding_force)
         elements, stiffness = motion.cached("contact", key, simulated) if is_cacheable else simulated()
-        stick_indicator = np.maximum(stiffness / sum(friction.element_stiffness), motion.creep)
+        sticking = stiffness / sum(friction.element_stiffness)
     else:
         sliding_force = stribeck(friction, corrected.position, motion.period)
         elements = (
@@ -270,7 +269,7 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
             * factor_on_sliding_force(parts, sliding_force, motion)
             * np.where(corrected.velocity > 0.0, *sides)
         )
-        stick_indicator = np.zeros(0)
+        sticking = np.zeros(0)
     if model.relaxation > 0.0:  # sum of sigma_i dz_i/dt with sigma_i over kappa_i the same for all
         elements = elements + model.relaxation * np.gradient(elements, motion.period)
     mass = model.mass + corrected.added_mass
@@ -282,7 +281,7 @@ def predict(model: Model, motion: Motion, fixed_friction: Floats | None = None) 
         phases.append(_phase_in(item, on_path, needed, command, motion))
         needed = needed + _periodic_force(item, phases[-1], motion)
         command = needed_command(on_path, needed, motion)
-    return Prediction(motion.effort - command, elements, stick_indicator, needed, tuple(phases))
+    return Prediction(motion.effort - command, elements, sticking, needed, tuple(phases))
 
 
 def with_phases_of(model: Model, motion: Motion) -> Model:

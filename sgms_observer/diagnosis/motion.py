@@ -181,6 +181,14 @@ class Motion:
         square = np.square(np.square(self.velocity / slow))
         return np.asarray(np.exp(-np.minimum(square, 700.0)), dtype=np.float64)
 
+    def stick_indicator(self, sticking: Floats) -> Floats:
+        """Return 0 where the contact slides, 1 where it sticks or creeps and the encoder resolution matters.
+
+        Args:
+            sticking: share of the contact that sticks, shape (n,).
+        """
+        return np.maximum(sticking, self.creep)
+
     @cached_property
     def is_moving(self) -> NDArray[np.bool_]:
         """Whether the speed is above ``REST_SHARE`` of its 99.5 % quantile."""

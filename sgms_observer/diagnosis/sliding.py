@@ -34,7 +34,7 @@ def slides_fast(model: Model, motions: Sequence[Motion]) -> list[Flags]:
         motions: the motions, if any. Their median speed while sliding divides the halves.
     """
     slides = [
-        motion.thinned(motion.is_moving & (predict(model, motion).stick_indicator <= MAX_STICKING))
+        motion.thinned(motion.is_moving & (predict(model, motion).sticking <= MAX_STICKING))
         for motion in motions
     ]
     speeds = [np.abs(motion.thinned(motion.velocity)) for motion in motions]
@@ -70,7 +70,7 @@ def sliding_shares(model: Model, evaluation: EvaluationData) -> list[Floats]:
 
 def _slides(model: Model, motions: Sequence[Motion]) -> list[Floats]:
     """Return for each motion the share of the contact that slides at the samples of residuals."""
-    sticks = [motion.thinned(predict(model, motion).stick_indicator) for motion in motions]
+    sticks = [motion.thinned(predict(model, motion).sticking) for motion in motions]
     return [1.0 - np.clip(stick, 0.0, 1.0) for stick in sticks]
 
 

@@ -98,7 +98,7 @@ def _trace(record: Recording, motion: Motion, model: Model, before: Floats, afte
     return Trace(
         motion.name, record.start, time, motion.thinned(motion.position), motion.thinned(motion.velocity), effort,
         effort - before, effort - after, effects, motion.low_pass(friction) + after,
-        _is_sliding(motion, whole.stick_indicator), _tracking_error(record, time),
+        _is_sliding(motion, motion.stick_indicator(whole.sticking)), _tracking_error(record, time),
         weight,
     )  # fmt: skip
 

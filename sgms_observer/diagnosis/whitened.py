@@ -71,7 +71,8 @@ def data_with_own_noise(motions: Sequence[Motion], model: Model) -> WhitenedData
     for motion, square in zip(motions, hidden, strict=True):
         found = predict(model, motion)
         least = MIN_NOISE_SHARE * float(np.std(motion.effort))
-        residual, stick_indicator = motion.low_pass(found.residual), motion.thinned(found.stick_indicator)
+        residual = motion.low_pass(found.residual)
+        stick_indicator = motion.thinned(motion.stick_indicator(found.sticking))
         noises.append(fit_noise(residual, stick_indicator, motion.residual_period, motion.band, least, square))
         stick_indicators.append(stick_indicator)
     return _whitened_data(motions, noises, stick_indicators, hidden)
@@ -87,7 +88,7 @@ def data_with_noise_of(motions: Sequence[Motion], data: WhitenedData, model: Mod
     """
     noise = largest_noise(data.noise)
     noises = [replace(noise, period=motion.residual_period) for motion in motions]
-    stick_indicators = [motion.thinned(predict(model, motion).stick_indicator) for motion in motions]
+    stick_indicators = [motion.thinned(motion.stick_indicator(predict(model, motion).sticking)) for motion in motions]
     return _whitened_data(motions, noises, stick_indicators, [_hidden_square(model, motion) for motion in motions])
 
 
