@@ -155,7 +155,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     if free and not (unnamed_rest.passed or learnt or unnamed):
         beyond_contact = [_beyond_contact_test(data, data.evidence(final.after), final.fit.model, free)]
     sliding = None
-    if whole.passed and not (diagnosis.is_poor or diagnosis.is_contact_hidden):
+    if whole.passed and not diagnosis.is_poor:
         sliding = sliding_residual(data, model, total, None if learnt else free)
     disturbance = sliding if sliding and sliding.is_disturbance else None
     is_learnt = any(not (diagnosis.is_contact_hidden and item.is_of_contact) for item in learnt)

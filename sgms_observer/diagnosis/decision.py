@@ -287,11 +287,12 @@ def strength_over_error(settings: EffectSettings, errors: Mapping[int, float]) -
         Infinite if the effect has no free strength parameter.
     """
     parameters = effect(settings.name).parameters
-    found = [
-        abs(settings.values[j] - parameters[j].default) / error
-        for j, error in errors.items()
-        if parameters[j].is_strength and error > 0.0
-    ]
+    found = []
+    for j, error in errors.items():
+        parameter, value = parameters[j], settings.values[j]
+        if parameter.is_strength and error > 0.0:
+            size = abs(parameter.linear(value) - parameter.linear(parameter.default))
+            found.append(size / parameter.linear_error(value, error))
     return max(found, default=math.inf)
 
 

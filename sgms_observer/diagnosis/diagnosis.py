@@ -324,7 +324,7 @@ class WrittenFits:
         Returns:
             Infinite if the effect has no free strength parameter.
         """
-        found = self.strengths
+        found = self.strengths.linear(self.after.effects)
         return self._largest(name, found, lambda column, zero: found.smaller_z_score(column, zero, least))
 
     def strength_over_scatter(self, name: str, has_fixed_shape: bool) -> float:
@@ -334,7 +334,7 @@ class WrittenFits:
             name: the effect.
             has_fixed_shape: whether the effect has the shape of ``after`` in every recording, or a shape of its own.
         """
-        found = self.strengths if has_fixed_shape else self.estimates
+        found = (self.strengths if has_fixed_shape else self.estimates).linear(self.after.effects)
         return self._largest(name, found, found.strength_over_scatter)
 
     def strength_over_error(self, name: str) -> float:
@@ -343,16 +343,17 @@ class WrittenFits:
         Args:
             name: the effect.
         """
-        found, errors = self.estimates, self.estimates.std_errors
+        found = self.estimates.linear(self.after.effects)
+        errors = found.std_errors
         return self._largest(name, found, lambda column, zero: found.size_over(column, zero, float(errors[column])))
 
     def _largest(self, name: str, found: RecordingEstimates, value: Callable[[int, float], float]) -> float:
-        """Return the largest value of the strength parameters of an effect, from their columns and defaults."""
+        """Return the largest value of the strength parameters of an effect, from their columns and linear defaults."""
         place = [item.name for item in self.after.effects].index(name)
         parameters = effect(name).parameters
         return max(
             (
-                value(column, parameters[j].default)
+                value(column, parameters[j].linear(parameters[j].default))
                 for column, (i, j) in enumerate(found.free)
                 if i == place and parameters[j].is_strength
             ),

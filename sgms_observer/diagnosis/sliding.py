@@ -34,8 +34,7 @@ def slides_fast(model: Model, motions: Sequence[Motion]) -> list[Flags]:
         motions: the motions, if any. Their median speed while sliding divides the halves.
     """
     slides = [
-        motion.thinned(motion.is_moving & (predict(model, motion).sticking <= MAX_STICKING))
-        for motion in motions
+        motion.thinned(motion.is_moving & (predict(model, motion).sticking <= MAX_STICKING)) for motion in motions
     ]
     speeds = [np.abs(motion.thinned(motion.velocity)) for motion in motions]
     sliding = np.concatenate([np.zeros(0), *(speed[at] for speed, at in zip(speeds, slides, strict=True))])

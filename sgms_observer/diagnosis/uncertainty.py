@@ -22,6 +22,7 @@ from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.noise import spectrum_of
 from sgms_observer.diagnosis.whitened import WhitenedData, data_with_own_noise
 from sgms_observer.effects.catalogue import effect
+from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
 
@@ -67,6 +68,19 @@ class RecordingEstimates:
         """
         between = [between_deviation(*pair) for pair in zip(self.values.T, self.errors.T, strict=True)]
         return np.asarray(np.hypot(self.errors[0], between), dtype=np.float64)
+
+    def linear(self, effects: Sequence[EffectSettings]) -> RecordingEstimates:
+        """Return the estimates of values in which the effects are linear, see ``EffectParameter.linear``.
+
+        Args:
+            effects: of the fit.
+        """
+        parameters = [effect(effects[i].name).parameters[j] for i, j in self.free]
+        values, errors = self.values.copy(), self.errors.copy()
+        for column, parameter in enumerate(parameters):
+            values[:, column] = parameter.linear(self.values[:, column])
+            errors[:, column] = parameter.linear_error(self.values[:, column], self.errors[:, column])
+        return RecordingEstimates(self.free, values, errors)
 
     def smaller_z_score(self, column: int, default: float, least: float) -> float:
         """Return the strength over its standard error, the smaller of that of the fit and that of the other recordings.

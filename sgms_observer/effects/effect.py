@@ -6,9 +6,14 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sgms_observer.errors import ConfigurationError
+
+Values = TypeVar("Values", float, NDArray[np.float64])
 
 INPUTS = ("q", "v", "a", "t", "u", "h", "level", "v2", "a2")
 """Names of arguments of a formula: position [m], velocity [m/s], acceleration [m/s^2], time since the first sample [s],
@@ -72,6 +77,8 @@ class EffectParameter:
             is not longer than the stroke, a limit not above the effort. Empty where none does.
         may_end: whether a fitted value may lie at an end of the range, because a part of the effect is absent there.
             Elsewhere a value at an end means that the recordings do not show the parameter.
+        vanishes_at_infinity: whether the effect vanishes as this strength grows, as a lag does with its rate. Then the
+            reciprocal is linear in the effect.
     """
 
     name: str
@@ -84,6 +91,7 @@ class EffectParameter:
     prismatic_default: float | None = None
     acts_on: str = ""
     may_end: bool = False
+    vanishes_at_infinity: bool = False
 
     def __post_init__(self) -> None:
         """Check the range.
@@ -102,6 +110,23 @@ class EffectParameter:
                     " widen the range"
                 ]
             )
+
+    def linear(self, values: Values) -> Values:
+        """Return values in which the effect is linear near none of it: their reciprocals if it vanishes at infinity.
+
+        Args:
+            values: of the parameter [``unit``].
+        """
+        return 1.0 / values if self.vanishes_at_infinity else values
+
+    def linear_error(self, values: Values, errors: Values) -> Values:
+        """Return the standard errors of ``linear`` values.
+
+        Args:
+            values: of the parameter [``unit``].
+            errors: their standard errors [``unit``].
+        """
+        return errors / values**2 if self.vanishes_at_infinity else errors
 
 
 @dataclass(frozen=True)

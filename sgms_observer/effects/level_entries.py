@@ -208,6 +208,7 @@ LEVEL_EFFECTS = (
                 "rate C at which the sliding force follows the Stribeck curve; infinite for none",
                 is_strength=True,
                 may_end=True,
+                vanishes_at_infinity=True,
             ),
             EffectParameter(
                 "distance",

@@ -283,6 +283,19 @@ def test_the_strength_of_a_gain_is_how_far_it_is_from_one() -> None:
     assert strength_over_error(OFFSET, {0: 0.1}) == pytest.approx(6.0)
 
 
+def test_the_strength_of_a_lag_is_how_far_its_time_is_from_zero() -> None:
+    """A rate of 200 +- 600 N/s lies 1600 standard errors below the default, and says nothing of the lag."""
+    lag = EffectSettings("frictional_lag", (200.0, 1e-5))
+    assert strength_over_error(lag, {0: 600.0}) == pytest.approx(0.33, abs=0.01)
+    assert strength_over_error(lag, {0: 20.0}) == pytest.approx(10.0, abs=0.01)
+    found = RecordingEstimates(((0, 0),), np.array([[200.0], [250.0]]), np.array([[20.0], [25.0]]))
+    times = found.linear([lag])
+    assert times.values[:, 0] == pytest.approx([5e-3, 4e-3])
+    assert times.errors[:, 0] == pytest.approx([5e-4, 4e-4])
+    offset = RecordingEstimates(((0, 0),), np.array([[0.6]]), np.array([[0.1]]))
+    assert offset.linear([OFFSET]).values == offset.values
+
+
 def test_errors_grow_with_what_comes_back_in_every_block_and_hold_for_plain_noise() -> None:
     sizes = []
     for effort in (0.0, 0.25):
