@@ -100,5 +100,4 @@ def _noise(data: GapData, model: Model, motions: Sequence[Motion]) -> float:
     """
     fast = [at.astype(np.float64) for at in slides_fast(model, motions)]
     noise = data.diagnosis.final_state.setup.data.noise
-    floor = noise_floor(motions, model, noise, data.options.seed, fast)
-    return floor / float(np.sqrt(np.mean(np.concatenate(fast))))
+    return noise_floor(motions, model, noise, data.options.seed, fast) / rms(fast)

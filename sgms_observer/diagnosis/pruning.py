@@ -157,7 +157,7 @@ def _beyond_rest(best: str, rival: str, models: Mapping[str, Model], evaluation:
     if not (is_confusable_with_contact(best) or is_confusable_with_contact(rival)):
         weights = tuple(fast.astype(np.float64) for fast in slides_fast(models[best], motions))
     ours, theirs = (rms(weighted(residuals(models[key], motions), weights)) ** 2 for key in (best, rival))
-    counted = float(np.mean(np.concatenate(weights) ** 2))
+    counted = rms(weights) ** 2
     difference = max(theirs - ours, 0.0) / counted if counted > 0.0 else 0.0
     left = max(evaluation.rms(models[best]) ** 2 - evaluation.floor**2, 0.0)
     share = difference / max(difference + left, 1.0e-300)

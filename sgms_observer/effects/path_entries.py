@@ -26,15 +26,7 @@ PATH_EFFECTS = (
         Place.EFFORT_PATH,
         (
             EffectParameter(
-                "limit",
-                "N",
-                1.0e6,
-                1.0e-6,
-                1.0e9,
-                "largest effort that arrives",
-                is_strength=True,
-                acts_on="effort",
-                vanishes_at_infinity=True,
+                "limit", "N", 1.0e6, 1.0e-6, 1.0e9, "largest effort that arrives", is_strength=True, acts_on="effort"
             ),
         ),
         "u -> min(max(u, -L), L)",
