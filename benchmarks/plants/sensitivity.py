@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 
 from plant_cases import Case  # noqa: E402
 from plant_files import files_of  # noqa: E402
-from plant_score import NAMING, Score, score  # noqa: E402
+from plant_score import Score, score  # noqa: E402
 from run import read_lines  # noqa: E402
 from scipy import stats  # noqa: E402
 
@@ -37,6 +37,7 @@ CRITERION_OF = {
     "strength over its reported standard error": "interval_z_score",
     "share that is surely predicted better": "min_predictable_share",
     "z-score beside the other effects": "min_z_score",
+    "z-score of a better prediction than": "min_z_score",
     "z-score beside its rival": "min_z_score",
     "size beyond the tolerance of the file": "interval_z_score",
     "held-out gap: z-score": "interval_z_score",
@@ -61,6 +62,8 @@ CRITERION_OF = {
 """Which criterion a test belongs to, by the beginning of its name."""
 FROM_OUTSIDE = "where the contact slides fast"
 """Part of the names of two tests: where both fail, a force acts that does not repeat."""
+COMPARISONS = ("z-score of a better prediction than ", "squared difference / (difference")
+"""Beginnings of the tests of an effect against its rivals: one that fails makes an alternative, and takes no name."""
 FACTORS = (0.5, 2.0)
 Tested = dict[str, Any]
 
@@ -126,23 +129,54 @@ def decided(result: dict[str, Any], criterion: str, factor: float) -> dict[str, 
         if name == "model":
             whole = group
         elif name in catalogue_names():
-            outcome[name] = outcome.get(name, False) or all(passes(test, criterion, factor) for test in group)
+            holds = all(passes(test, criterion, factor) for test in group if not rival_of(test))
+            outcome[name] = outcome.get(name, False) or holds
     was = [entry["name"] for entry in result["effects"]]
     again["effects"] = [entry for entry in again["effects"] if outcome.get(entry["name"], True)]
+    for entry in again["effects"]:
+        compared = [test for test in result["tests"] if test["of"] == entry["name"] and rival_of(test)]
+        is_better = {rival_of(test): passes(test, criterion, factor) for test in compared}
+        others = [rival for rival in entry["alternatives"] if not is_better.get(rival, False)]
+        entry["alternatives"] = others + [
+            rival for rival, better in is_better.items() if not better and rival not in others
+        ]
     tested = {name for name, group in hypotheses(result["tests"]) if all(test["passed"] for test in group)}
     fresh = [name for name, holds in outcome.items() if holds and name not in was and name not in tested]
     again["effects"] += [{"name": name, "alternatives": [], "parameters": {}} for name in fresh]
+    has_moved = any(passes(test, criterion, factor) != test["passed"] for test in whole)
+    if again["effects"]:
+        has_alternatives = any(entry["alternatives"] for entry in again["effects"])
+        again["verdict"] = "ambiguous" if has_alternatives else "effect_found"
+    elif was or has_moved:
+        again["verdict"] = verdict_without_names(whole, bool(result["learnt"]), criterion, factor)
+    return again
+
+
+def rival_of(test: Tested) -> str:
+    """Return the effect that a test compares a named one with, which becomes an alternative; empty for other tests."""
+    rival = str(test["name"]).rsplit(" ", 1)[-1]
+    return rival if test["name"].startswith(COMPARISONS) and rival in catalogue_names() else ""
+
+
+def verdict_without_names(whole: Sequence[Tested], is_learnt: bool, criterion: str, factor: float) -> str:
+    """Return the verdict where nothing has a name, by the order of ``diagnosis.answer.verdict_of``.
+
+    Args:
+        whole: tests of the model.
+        is_learnt: whether a map was learnt.
+        criterion: the one that moves.
+        factor: by which it moves.
+    """
     passed = {test["name"]: passes(test, criterion, factor) for test in whole}
     outside = [name for name in passed if FROM_OUTSIDE in name]
     predictable = [name for name in passed if name.startswith("surely predictable")]
-    acts_from_outside = bool(outside) and not any(passed[name] for name in outside)
-    is_told = acts_from_outside or not all(passed[name] for name in predictable)
-    is_doubtful = not all(passed[name] for name in passed if name not in (*outside, *predictable))
-    if again["effects"]:
-        again["verdict"] = result["verdict"] if result["verdict"] in NAMING else "effect_found"
-    else:
-        again["verdict"] = "unknown_effect" if is_told else "cannot_tell" if is_doubtful else "no_effect"
-    return again
+    unexplained = [name for name in passed if name.startswith("share of the effort")]
+    if not is_learnt and not all(passed[name] for name in unexplained):
+        return "cannot_tell"
+    if (outside and not any(passed[name] for name in outside)) or not all(passed[name] for name in predictable):
+        return "unknown_effect"
+    others = [name for name in passed if name not in (*outside, *predictable)]
+    return "no_effect" if all(passed[name] for name in others) else "cannot_tell"
 
 
 def rates(scores: Sequence[Score]) -> str:

@@ -23,6 +23,7 @@ from plant_files import Files, files_of, make_case, second_modules  # noqa: E402
 from plant_score import CATALOGUE_NAME, Score, score  # noqa: E402
 from plant_table import LINES, effects_text, table_text  # noqa: E402
 from run import read_lines, read_scores, run_cases  # noqa: E402
+from sensitivity import CRITERION_OF, decided  # noqa: E402
 
 needs_numba = pytest.mark.skipif(not HAS_NUMBA, reason="hundreds of thousands of steps in plain Python")
 GAP = {"before": 10.0, "after": 2.0, "floor": 1.0, "interval_after": [1.5, 2.5]}
@@ -163,6 +164,52 @@ def test_the_table_has_a_column_per_plant() -> None:
     assert rows["confidently wrong"] == ["0 % (0/2)", "33 % (1/3)", "20 % (1/5)"]
     assert len(rows) == len(LINES) + 2
     assert "| spring | 10-25 % | 1 | 0 | 0 | cogging (gantry) 1 |" in effects_text(scores)
+
+
+def tested(of: str, name: str, value: float, threshold: float, at_least: bool = True) -> dict[str, Any]:
+    passed = value >= threshold if at_least else value <= threshold
+    return {"of": of, "name": name, "value": value, "threshold": threshold, "passed": passed}
+
+
+WHOLE = (
+    tested("model", "share of the effort that is unexplained", 0.5, 0.333, at_least=False),
+    tested("model", "surely predictable share of the residual", 0.2, 0.1, at_least=False),
+)
+NAMED = (
+    tested("offset", "held-out gap: z-score", 2.0, 1.645),
+    tested("offset", "z-score of a better prediction than asymmetric_coulomb", 2.0, 3.0),
+    tested("cogging", "held-out gap: z-score", 1.0, 1.645),
+    *WHOLE,
+)
+
+
+@pytest.mark.parametrize("criterion", dict.fromkeys(CRITERION_OF.values()))
+@pytest.mark.parametrize(
+    ("verdict", "effects", "tests"),
+    [
+        ("ambiguous", [entry("offset", alternatives=["asymmetric_coulomb"])], NAMED),
+        ("cannot_tell", [], WHOLE),
+        ("no_effect", [], WHOLE[:0]),
+    ],
+)
+def test_criteria_that_do_not_move_decide_as_the_tool_did(
+    verdict: str, effects: list[dict[str, Any]], tests: tuple[dict[str, Any], ...], criterion: str
+) -> None:
+    result = {"verdict": verdict, "effects": effects, "learnt": [], "tests": list(tests)}
+    assert decided(result, criterion, 1.0) == result
+
+
+def test_a_criterion_that_moves_gives_and_takes_names_and_alternatives() -> None:
+    effects = [entry("offset", alternatives=["asymmetric_coulomb"])]
+    result = {"verdict": "ambiguous", "effects": effects, "learnt": [], "tests": list(NAMED)}
+    sure = decided(result, "min_z_score", 0.5)
+    assert sure["verdict"] == "effect_found" and sure["effects"][0]["alternatives"] == []
+    assert [one["name"] for one in decided(result, "interval_z_score", 0.5)["effects"]] == ["offset", "cogging"]
+    without = decided(result, "interval_z_score", 2.0)
+    assert without["effects"] == [] and without["verdict"] == "cannot_tell", "half of the effort is unexplained"
+    assert decided(result, "max_unexplained", 2.0)["verdict"] == "ambiguous"
+    explained = {"verdict": "cannot_tell", "effects": [], "learnt": [], "tests": list(WHOLE)}
+    assert decided(explained, "max_unexplained", 2.0)["verdict"] == "unknown_effect"
 
 
 @pytest.mark.parametrize("plant", [*PLANTS, SECOND])
