@@ -68,8 +68,12 @@ def sliding_shares(model: Model, evaluation: EvaluationData) -> list[Floats]:
 
 
 def _slides(model: Model, motions: Sequence[Motion]) -> list[Floats]:
-    """Return for each motion the share of the contact that slides at the samples of residuals."""
-    sticks = [motion.thinned(predict(model, motion).sticking) for motion in motions]
+    """Return for each motion the share of the contact that slides at the samples of residuals.
+
+    Samples at rest, or so slow that the encoder hardly shows the motion, do not count: they add more noise than they
+    tell.
+    """
+    sticks = [motion.thinned(motion.stick_indicator(predict(model, motion).sticking)) for motion in motions]
     return [1.0 - np.clip(stick, 0.0, 1.0) for stick in sticks]
 
 
