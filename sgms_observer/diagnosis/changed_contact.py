@@ -11,8 +11,6 @@ from sgms_observer.diagnosis.contact_start import contact_start
 from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.search import CONTACT_SHARE
 
-START_LAG = 0.01
-"""Start value of the time constant of GMS attraction for a file without one [s]."""
 MAX_DEFLECTION_RATIO = 10.0
 """Largest ratio between the slip deflections of the contact and those of the file."""
 CHANGE_HYPOTHESES = ("changed friction", "changed elements", "unsmoothed contact", "changed contact law")
@@ -21,6 +19,8 @@ CHANGE_HYPOTHESES = ("changed friction", "changed elements", "unsmoothed contact
 
 def freed_setup(setup: RefitSetup, name: str) -> RefitSetup:
     """Return the setup in which values of the file are free.
+
+    A file without GMS attraction gets none: its rate is a frictional lag, which is an effect and has a name.
 
     Args:
         setup: setup so far.
@@ -34,13 +34,7 @@ def freed_setup(setup: RefitSetup, name: str) -> RefitSetup:
     if name == CHANGE_HYPOTHESES[2]:
         return replace(setup, nominal=replace(setup.nominal, is_unsmoothed=True))
     whole = with_damping(freed_setup(setup, CHANGE_HYPOTHESES[1]))
-    friction = whole.nominal.friction
-    if friction.model == "gms":
-        return whole
-    attraction = friction.coulomb_force / START_LAG
-    return replace(
-        whole, nominal=replace(whole.nominal, friction=replace(friction, model="gms", attraction_rate=attraction))
-    )
+    return whole if whole.nominal.friction.model == "gms" else freed_setup(whole, CHANGE_HYPOTHESES[2])
 
 
 def with_damping(setup: RefitSetup) -> RefitSetup:

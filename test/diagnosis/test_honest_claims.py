@@ -8,7 +8,7 @@ import pytest
 from workflow_case import AXIS, PERIOD, evaluation_of, record, rich_position
 
 from sgms_observer.diagnosis.candidates import Candidate, finish_fit, first_fit
-from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, changed_candidate
+from sgms_observer.diagnosis.changed_contact import CHANGE_HYPOTHESES, changed_candidate, freed_setup
 from sgms_observer.diagnosis.decision import Decision, decide, strength_over_error
 from sgms_observer.diagnosis.diagnosis import FitState, Options, Recordings, Round, WrittenFits
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
@@ -53,6 +53,17 @@ def test_the_contact_is_read_off_the_recording_with_what_was_found_in_the_model(
     assert (
         is_better and decide(unsmoothed, found, evidence_of(found, evaluation), evaluation).tests[0].passed
     ) == is_unsmoothed
+
+
+@pytest.mark.parametrize("model", ["sgms", "gms"])
+def test_a_lag_that_the_file_has_not_is_an_effect_and_no_change_of_the_contact(model: str) -> None:
+    """Another contact law with a lag of its own predicted better than the frictional lag and took its name."""
+    nominal = replace(MODEL, friction=replace(MODEL.friction, model=model, attraction_rate=400.0))
+    data = data_with_own_noise((motion_of(record(duration=6.0)),), nominal)
+    for name in CHANGE_HYPOTHESES:
+        free = freed_setup(RefitSetup(data, nominal, 0.05), name).nominal
+        assert ("attraction_rate" in free.parameter_names()) == (model == "gms")
+    assert free.is_unsmoothed == (model == "sgms") and free.relaxation > 0.0
 
 
 def gained(before: Model, after: Model, motion: Motion) -> float:
