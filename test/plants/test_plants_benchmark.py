@@ -166,19 +166,19 @@ def test_the_table_has_a_column_per_plant() -> None:
     assert "| spring | 10-25 % | 1 | 0 | 0 | cogging (gantry) 1 |" in effects_text(scores)
 
 
-def tested(of: str, name: str, value: float, threshold: float, at_least: bool = True) -> dict[str, Any]:
+def outcome(of: str, name: str, value: float, threshold: float, at_least: bool = True) -> dict[str, Any]:
     passed = value >= threshold if at_least else value <= threshold
     return {"of": of, "name": name, "value": value, "threshold": threshold, "passed": passed}
 
 
 WHOLE = (
-    tested("model", "share of the effort that is unexplained", 0.5, 0.333, at_least=False),
-    tested("model", "surely predictable share of the residual", 0.2, 0.1, at_least=False),
+    outcome("model", "share of the effort that is unexplained", 0.5, 0.333, at_least=False),
+    outcome("model", "surely predictable share of the residual", 0.2, 0.1, at_least=False),
 )
 NAMED = (
-    tested("offset", "held-out gap: z-score", 2.0, 1.645),
-    tested("offset", "z-score of a better prediction than asymmetric_coulomb", 2.0, 3.0),
-    tested("cogging", "held-out gap: z-score", 1.0, 1.645),
+    outcome("offset", "held-out gap: z-score", 2.0, 1.645),
+    outcome("offset", "z-score of a better prediction than asymmetric_coulomb", 2.0, 3.0),
+    outcome("cogging", "held-out gap: z-score", 1.0, 1.645),
     *WHOLE,
 )
 
