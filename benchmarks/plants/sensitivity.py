@@ -136,10 +136,8 @@ def decided(result: dict[str, Any], criterion: str, factor: float) -> dict[str, 
     for entry in again["effects"]:
         compared = [test for test in result["tests"] if test["of"] == entry["name"] and rival_of(test)]
         is_better = {rival_of(test): passes(test, criterion, factor) for test in compared}
-        others = [rival for rival in entry["alternatives"] if not is_better.get(rival, False)]
-        entry["alternatives"] = others + [
-            rival for rival, better in is_better.items() if not better and rival not in others
-        ]
+        rivals = dict.fromkeys([*entry["alternatives"], *is_better])
+        entry["alternatives"] = [rival for rival in rivals if not is_better.get(rival, False)]
     tested = {name for name, group in hypotheses(result["tests"]) if all(test["passed"] for test in group)}
     fresh = [name for name, holds in outcome.items() if holds and name not in was and name not in tested]
     again["effects"] += [{"name": name, "alternatives": [], "parameters": {}} for name in fresh]

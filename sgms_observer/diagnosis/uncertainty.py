@@ -70,7 +70,7 @@ class RecordingEstimates:
         return np.asarray(np.hypot(self.errors[0], between), dtype=np.float64)
 
     def linear(self, effects: Sequence[EffectSettings]) -> RecordingEstimates:
-        """Return the estimates of values in which the effects are linear, see ``EffectParameter.linear``.
+        """Return the estimates of values that small effects are proportional to, see ``EffectParameter.linear``.
 
         Args:
             effects: of the fit.

@@ -77,8 +77,8 @@ class EffectParameter:
             is not longer than the stroke, a limit not above the effort. Empty where none does.
         may_end: whether a fitted value may lie at an end of the range, because a part of the effect is absent there.
             Elsewhere a value at an end means that the recordings do not show the parameter.
-        vanishes_at_infinity: whether the effect vanishes as this strength grows, as a lag does with its rate. Then the
-            reciprocal is linear in the effect.
+        vanishes_at_infinity: whether the effect vanishes as this strength grows, as a lag does with its rate. Then a
+            small effect is proportional to the reciprocal.
     """
 
     name: str
@@ -112,7 +112,7 @@ class EffectParameter:
             )
 
     def linear(self, values: Values) -> Values:
-        """Return values in which the effect is linear near none of it: their reciprocals if it vanishes at infinity.
+        """Return values that a small effect is proportional to: the reciprocals if it vanishes at infinity.
 
         Args:
             values: of the parameter [``unit``].
