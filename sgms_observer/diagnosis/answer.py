@@ -151,16 +151,17 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         return answer_of(replace(diagnosis, refused_contact_effects=failed[0]), axis, options, contradiction)
     effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_with)
     effects += measured_quantisation(diagnosis)
+    of_contact = [item for item in learnt if item.is_at_rest or (diagnosis.is_contact_hidden and item.is_of_contact)]
+    of_effect = [item for item in learnt if item not in of_contact]
     beyond_contact = []
-    if free and not (unnamed_rest.passed or learnt or unnamed):
+    if not (unnamed_rest.passed or of_effect or unnamed):
         beyond_contact = [_beyond_contact_test(data, data.evidence(final.after), final.fit.model, free)]
     sliding = None
     if whole.passed and not diagnosis.is_poor:
         sliding = sliding_residual(data, model, total, None if learnt else free)
     disturbance = sliding if sliding and sliding.is_disturbance else None
-    is_learnt = any(not (diagnosis.is_contact_hidden and item.is_of_contact) for item in learnt)
     verdict = verdict_of(
-        diagnosis, effects, unnamed_rest, is_learnt, whole, trust, beyond_contact, disturbance is not None
+        diagnosis, effects, unnamed_rest, bool(of_effect), whole, trust, beyond_contact, disturbance is not None
     )
     everywhere = locate(final.before, data.motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")
@@ -380,21 +381,25 @@ def _best_unnamed(diagnosis: Diagnosis, criteria: Criteria) -> Decision | None:
     return max(sure, key=lambda item: item.significant_share(criteria), default=None)
 
 
-def _beyond_contact_test(data: GapData, rest: WeightedResidual, model: Model, free: FreeForm) -> Test:
+def _beyond_contact_test(data: GapData, rest: WeightedResidual, model: Model, free: FreeForm | None) -> Test:
     """Return the test that a regression over all coordinates predicts surely better than one over those of a contact.
 
-    Where it does not, the remainder may be the difference between the contact law and that of the file.
+    Where it does not, the remainder may be the difference between the contact law and that of the file. It predicts no
+    better if it predicts nothing: then a map of what the contact holds at rest predicts all of the remainder.
 
     Args:
         data: recordings of the gap.
         rest: residual of ``model``, with the weights of the evidence.
         model: the model.
-        free: regression over all coordinates.
+        free: significant regression over all coordinates, or None.
     """
-    criteria, contact = data.options.criteria, data.free_form(CONTACT, rest, model)
-    left = [rest.minus(one.predicted).blocks(criteria.block) for one in (contact, free)]
+    criteria, z_score = data.options.criteria, 0.0
+    if free is not None:
+        contact = data.free_form(CONTACT, rest, model)
+        left = [rest.minus(one.predicted).blocks(criteria.block) for one in (contact, free)]
+        z_score = improvement(*left).z_score
     title = "z-score of a better prediction than over the coordinates of a contact"
-    return at_least("model", title, improvement(*left).z_score, criteria.min_z_score)
+    return at_least("model", title, z_score, criteria.min_z_score)
 
 
 def _share_added_by_refit(before: WeightedResidual, given: Sequence[Floats], criteria: Criteria) -> float:
@@ -425,7 +430,8 @@ def verdict_of(
         diagnosis: the diagnosis.
         effects: named effects.
         rest: test of the predictable share of the remaining residual.
-        is_learnt: whether a learnt map predicts a part of it that no hidden contact makes.
+        is_learnt: whether a learnt map predicts a part of it that is not the contact's: neither what a resting stage
+            holds nor, behind an encoder that hides the contact, what its coordinates predict.
         whole: test of the share of the effort that the final model leaves unexplained.
         trust: tests that ``no_effect`` needs as well.
         beyond_contact: tests that ``unknown_effect`` needs as well, where nothing was learnt.

@@ -27,6 +27,8 @@ from sgms_observer.settings.axis import EffectSettings
 
 MAX_LAG_WITHOUT_DELAY = HELD_LAG + MAX_STAMP_ERROR
 """Largest lag of the effort without a delay, in samples: the effort is held, and its stamps are inexact."""
+ENCODER_SHOWS_CONTACT = "friction that reverses within one encoder step, over the static force"
+"""Test that the recordings show the reversals of the contact, for hypotheses that need it."""
 HELD_OUT_GAP = "held-out gap: z-score"
 """Test that the gap of held-out recordings shrinks, both where the contact slides and as reported."""
 RANGE_END_TOLERANCE = 1.0e-6
@@ -68,6 +70,20 @@ class Decision:
         """Return whether every test was passed."""
         return all(test.passed for test in self.tests)
 
+    @property
+    def is_unrefuted(self) -> bool:
+        """Return whether no test speaks against the hypothesis; see the function of this name."""
+        return is_unrefuted(self.tests)
+
+
+def is_unrefuted(tests: Sequence[Test]) -> bool:
+    """Return whether no test speaks against a hypothesis. That the encoder hides the contact is no evidence against it.
+
+    Args:
+        tests: of the hypothesis.
+    """
+    return all(test.passed for test in tests if test.name != ENCODER_SHOWS_CONTACT)
+
 
 def decide(
     item: Candidate, before: Refit, earlier: Evidence, evaluation: EvaluationData, is_rival: bool = False
@@ -106,8 +122,7 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     tests += range_tests(item)
     if item.settings is None or needs_visible_contact(item.name):
-        title = "friction that reverses within one encoder step, over the static force"
-        tests.append(at_most(item.name, title, evaluation.hidden_by_encoder, HALF_A_REVERSAL))
+        tests.append(at_most(item.name, ENCODER_SHOWS_CONTACT, evaluation.hidden_by_encoder, HALF_A_REVERSAL))
     if item.settings is not None:
         found = strength(item)
         if found < criteria.min_z_score:
@@ -115,7 +130,7 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
         tests += physical_tests(item, found, evaluation)
         if is_rival and not is_confusable_with_contact(item.name):
             tests.append(_test_while_sliding(item, before, earlier, later, evaluation))
-        if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
+        if is_unrefuted(tests):  # the regression takes longer than all the other tests together
             tests += free_form_tests(item, before, gap, evaluation)
     candidate = replace(item, refit=item.refit.without_jacobian())
     return Decision(candidate, later, gain, gap, reported, tuple(tests))
@@ -395,9 +410,10 @@ def preferred(best: Decision, equal: Sequence[Decision], listed: Sequence[str]) 
 
 
 def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
-    """Return the other effects that pass every test and are another explanation than the best one.
+    """Return the other effects that no test refutes and that are another explanation than the best one.
 
-    An effect that contains the best one as a special case is no other explanation.
+    An effect that contains the best one as a special case is no other explanation. One that only the encoder keeps from
+    a name is: what the recordings cannot show is not refuted.
 
     Args:
         best: the accepted decision.
@@ -406,7 +422,7 @@ def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
     general = effect(best.candidate.name).special_case_of if best.candidate.settings else ""
     return [
         item for item in others
-        if item.candidate.settings is not None and item.passed
+        if item.candidate.settings is not None and item.is_unrefuted
         and item.candidate.name not in (best.candidate.name, general)
     ]  # fmt: skip
 

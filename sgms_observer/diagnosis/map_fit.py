@@ -64,6 +64,11 @@ class FittedMap:
         return set(self.coordinates) <= OF_CONTACT
 
     @property
+    def is_at_rest(self) -> bool:
+        """Return whether the force relaxes at rest. There a motionless stage shows what its contact holds."""
+        return self.coordinates in AT_REST
+
+    @property
     def settings(self) -> EffectSettings:
         """Return the map as an effect of the parameter file."""
         return self.map.settings()

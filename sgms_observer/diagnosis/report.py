@@ -136,15 +136,13 @@ def sentence(answer: Answer, units: Units) -> str:
                 outside = answer.disturbance.sentence(units)
                 return f"The model misses something that no recorded signal predicts: {outside}."
             where = f", most visibly over {answer.located[0].coordinate}" if answer.located else ""
-            sentences = "; and ".join(item.sentence for item in answer.learnt)
-            maps = "a learnt map of it was" if len(answer.learnt) == 1 else "learnt maps of them were"
-            learnt = f" It looks like {sentences}; {maps} added." if answer.learnt else ""
-            return f"The model misses something that has no name in the catalogue{where}.{learnt}"
+            return f"The model misses something that has no name in the catalogue{where}.{_learnt_sentence(answer)}"
         case "cannot_tell":
-            if answer.usable and answer.remainder == "unknown" and not answer.diagnosis.is_contact_hidden:
+            if answer.usable and answer.remainder != "none" and not answer.diagnosis.is_contact_hidden:
                 return (
                     "These recordings cannot show whether the model misses anything: what predicts the rest of the gap"
                     f" ({gap.after:.3g} % of the rms effort) may be another contact law than that of the file."
+                    f"{_learnt_sentence(answer)}"
                 )
             return "These recordings cannot show whether the model misses anything."
         case _:
@@ -157,6 +155,15 @@ def sentence(answer: Answer, units: Units) -> str:
             return (
                 f"Nothing is missing that these recordings could show; the gap is {gap.after:.3g} % of the rms effort."
             )
+
+
+def _learnt_sentence(answer: Answer) -> str:
+    """Return what was learnt as a sentence that follows another one; empty where nothing was."""
+    if not answer.learnt:
+        return ""
+    sentences = "; and ".join(item.sentence for item in answer.learnt)
+    maps = "a learnt map of it was" if len(answer.learnt) == 1 else "learnt maps of them were"
+    return f" It looks like {sentences}; {maps} added."
 
 
 def _listed(names: Sequence[str]) -> str:

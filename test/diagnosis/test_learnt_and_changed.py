@@ -18,6 +18,7 @@ from sgms_observer.diagnosis.gap import WeightedResidual, residuals, rms
 from sgms_observer.diagnosis.map_fit import AT_REST, fit_map
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.diagnosis.report import sentence
 from sgms_observer.diagnosis.result import result_of, write_augmented
 from sgms_observer.diagnosis.workflow import diagnose
 from sgms_observer.effects.catalogue import effect
@@ -111,10 +112,12 @@ def test_a_friction_level_along_the_rail_is_learnt_and_its_file_loads_and_closes
     )  # the file says what was learnt
 
 
+RELAXATION = LearntMap(("rest", "direction"), ((0.0, 1.0), ()), (0.0, 0.0, 2.0, -2.0)).settings()
+"""Friction that relaxes by 2 N a second while the stage rests, in the direction that it came from."""
+
+
 def test_a_relaxation_at_rest_is_learnt() -> None:
-    """The friction relaxes by 2 N a second while the stage rests, in the direction that it came from."""
-    hidden = LearntMap(("rest", "direction"), ((0.0, 1.0), ()), (0.0, 0.0, 2.0, -2.0)).settings()
-    model = Model.of(AXIS)
+    hidden, model = RELAXATION, Model.of(AXIS)
     known, judge = (
         WeightedResidual([motion], left := residuals(model, [motion]), [np.ones_like(part) for part in left])
         for motion in (motion_of(record((hidden,), seed=seed, duration=30.0)) for seed in (1, 2))
@@ -125,6 +128,17 @@ def test_a_relaxation_at_rest_is_learnt() -> None:
     grid = np.array(found.map.grids[0])
     for column, slope in zip(found.map.table().T, (2.0, -2.0), strict=True):
         assert np.polyfit(grid, column, 1)[0] == pytest.approx(slope, rel=0.2)
+
+
+def test_a_relaxation_at_rest_is_no_unknown_effect() -> None:
+    """A stage at rest shows what its contact holds: that may be another contact law."""
+    learn, judge = (made((RELAXATION,), seed, duration=24.0) for seed in (1, 2))
+    answer = answered((learn, judge), AXIS)
+    assert [item.coordinates for item in answer.learnt] == [("rest", "direction")]
+    assert answer.gap_with_learnt < 0.9 * answer.gap.after
+    assert (answer.verdict, answer.remainder) == ("cannot_tell", "learnt")
+    said = sentence(answer, AXIS.units)
+    assert "may be another contact law" in said and said.endswith("a learnt map of it was added.")
 
 
 def test_diagnose_learns_the_rail_and_takes_the_map_of_its_own_file_for_granted(
