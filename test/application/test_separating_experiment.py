@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from start_file import WINDOW, start_file
 
 from sgms_observer.application.commission.motion import Motion, learning_motion, representative_motion
@@ -19,6 +20,7 @@ from sgms_observer.application.commission.next_experiment import (
 )
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.simulate import Simulation, simulate
+from sgms_observer.diagnosis import workflow
 from sgms_observer.excitation.limits import limits_of
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.load import load_settings
@@ -31,13 +33,18 @@ HIDDEN = """      effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {sh
         force_noise: 0.4
 """
 PERIOD = 1.0e-3
+SEARCHED = ("asymmetric_coulomb", "offset", "spring", "cogging", "quadratic_drag", "actuator_gain")
+"""Effects that are looked for here: the pair, and one of every other kind."""
 
 
-def test_the_designed_motions_separate_what_the_first_recording_does_not(tmp_path: Path) -> None:
+def test_the_designed_motions_separate_what_the_first_recording_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """At a constant sliding force, one that depends on the direction is an offset; around the Stribeck velocity not.
 
     The evidence of one experiment scatters; as the command does, another one follows while the pair is ambiguous.
     """
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: SEARCHED)
     start = tmp_path / "start.yaml"
     start.write_text(START)
     (axis,) = load_settings(start).axes
