@@ -39,6 +39,7 @@ CRITERION_OF = {
     "z-score beside the other effects": "min_z_score",
     "z-score of a better prediction than": "min_z_score",
     "z-score beside its rival": "min_z_score",
+    "z-score beside another contact law": "min_z_score",
     "size beyond the tolerance of the file": "interval_z_score",
     "held-out gap: z-score": "interval_z_score",
     "gap as reported: z-score": "interval_z_score",

@@ -13,7 +13,8 @@ from sgms_observer.diagnosis.search import CONTACT_SHARE
 
 MAX_DEFLECTION_RATIO = 10.0
 """Largest ratio between the slip deflections of the contact and those of the file."""
-CHANGE_HYPOTHESES = ("changed friction", "changed elements", "unsmoothed contact", "changed contact law")
+CHANGED_CONTACT_LAW = "changed contact law"
+CHANGE_HYPOTHESES = ("changed friction", "changed elements", "unsmoothed contact", CHANGED_CONTACT_LAW)
 """Hypotheses on values of the file. Later ones free more parameters."""
 
 

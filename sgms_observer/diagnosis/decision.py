@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, alone
+from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, alone, finish_fit, with_effect
+from sgms_observer.diagnosis.changed_contact import CHANGED_CONTACT_LAW, can_be_freed, changed_candidate
 from sgms_observer.diagnosis.coordinates import free_form_coordinates, is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
 from sgms_observer.diagnosis.effort_lag import MAX_STAMP_ERROR
@@ -21,14 +22,13 @@ from sgms_observer.diagnosis.model import HALF_A_REVERSAL, STRIBECK_VELOCITY, VI
 from sgms_observer.diagnosis.motion import HELD_LAG
 from sgms_observer.diagnosis.ranges import plausible_range
 from sgms_observer.diagnosis.sliding import sliding_shares
+from sgms_observer.diagnosis.whitened import data_with_noise_of, data_with_own_noise
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.effect import Place
 from sgms_observer.settings.axis import EffectSettings
 
 MAX_LAG_WITHOUT_DELAY = HELD_LAG + MAX_STAMP_ERROR
 """Largest lag of the effort without a delay, in samples: the effort is held, and its stamps are inexact."""
-ENCODER_SHOWS_CONTACT = "friction that reverses within one encoder step, over the static force"
-"""Test that the recordings show the reversals of the contact, for hypotheses that need it."""
 HELD_OUT_GAP = "held-out gap: z-score"
 """Test that the gap of held-out recordings shrinks, both where the contact slides and as reported."""
 RANGE_END_TOLERANCE = 1.0e-6
@@ -70,20 +70,6 @@ class Decision:
         """Return whether every test was passed."""
         return all(test.passed for test in self.tests)
 
-    @property
-    def is_unrefuted(self) -> bool:
-        """Return whether no test speaks against the hypothesis; see the function of this name."""
-        return is_unrefuted(self.tests)
-
-
-def is_unrefuted(tests: Sequence[Test]) -> bool:
-    """Return whether no test speaks against a hypothesis. That the encoder hides the contact is no evidence against it.
-
-    Args:
-        tests: of the hypothesis.
-    """
-    return all(test.passed for test in tests if test.name != ENCODER_SHOWS_CONTACT)
-
 
 def decide(
     item: Candidate, before: Refit, earlier: Evidence, evaluation: EvaluationData, is_rival: bool = False
@@ -122,7 +108,8 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
     tests.append(at_least(item.name, "share of the closable squared gap", share, criteria.min_closed_share))
     tests += range_tests(item)
     if item.settings is None or needs_visible_contact(item.name):
-        tests.append(at_most(item.name, ENCODER_SHOWS_CONTACT, evaluation.hidden_by_encoder, HALF_A_REVERSAL))
+        title = "friction that reverses within one encoder step, over the static force"
+        tests.append(at_most(item.name, title, evaluation.hidden_by_encoder, HALF_A_REVERSAL))
     if item.settings is not None:
         found = strength(item)
         if found < criteria.min_z_score:
@@ -130,8 +117,9 @@ def _decided(item: Candidate, before: Refit, earlier: Evidence, evaluation: Eval
         tests += physical_tests(item, found, evaluation)
         if is_rival and not is_confusable_with_contact(item.name):
             tests.append(_test_while_sliding(item, before, earlier, later, evaluation))
-        if is_unrefuted(tests):  # the regression takes longer than all the other tests together
+        if all(test.passed for test in tests):  # the regression takes longer than all the other tests together
             tests += free_form_tests(item, before, gap, evaluation)
+            tests += hidden_contact_tests(item, before, evaluation)
     candidate = replace(item, refit=item.refit.without_jacobian())
     return Decision(candidate, later, gain, gap, reported, tuple(tests))
 
@@ -342,6 +330,30 @@ def free_form_tests(item: Candidate, before: Refit, closed: Improvement, evaluat
     return [test]
 
 
+def hidden_contact_tests(item: Candidate, before: Refit, evaluation: EvaluationData) -> list[Test]:
+    """Return the test that an effect predicts better beside another contact law, where the encoder hides the contact.
+
+    There no change of the contact is added, because the recordings do not show it. It may be in the residual all the
+    same, where any effect would stand in for it. The noise is that of the model with both: before, it contains both.
+
+    Args:
+        item: the hypothesis, an effect that a contact cannot imitate.
+        before: fit without it.
+        evaluation: the recordings.
+    """
+    if evaluation.hidden_by_encoder <= HALF_A_REVERSAL or not can_be_freed(item.setup, CHANGED_CONTACT_LAW):
+        return []
+    assert item.settings is not None
+    changed = changed_candidate(item.setup, before, CHANGED_CONTACT_LAW)
+    both = changed.setup.fit(with_effect(changed.refit.effects, item.settings), changed.refit.logs)
+    data = data_with_own_noise(evaluation.fit_motions, both.model)
+    held_out = data_with_noise_of(evaluation.held_out_data.motions, data, both.model)
+    setup, judged = replace(changed.setup, data=data), replace(evaluation, fit_data=data, held_out_data=held_out)
+    gain = improvement(*(evidence_of(finish_fit(setup, one), judged).all for one in (changed.refit, both)))
+    title = "z-score beside another contact law, where the encoder hides the contact"
+    return [at_least(item.name, title, gain.z_score, evaluation.criteria.min_z_score)]
+
+
 def _rest(model: Model, names: Sequence[str], evaluation: EvaluationData) -> WeightedResidual:
     """Return the residual of a model and a free-form regression on the evaluated recordings.
 
@@ -410,10 +422,9 @@ def preferred(best: Decision, equal: Sequence[Decision], listed: Sequence[str]) 
 
 
 def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
-    """Return the other effects that no test refutes and that are another explanation than the best one.
+    """Return the other effects that pass every test and are another explanation than the best one.
 
-    An effect that contains the best one as a special case is no other explanation. One that only the encoder keeps from
-    a name is: what the recordings cannot show is not refuted.
+    An effect that contains the best one as a special case is no other explanation.
 
     Args:
         best: the accepted decision.
@@ -422,7 +433,7 @@ def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
     general = effect(best.candidate.name).special_case_of if best.candidate.settings else ""
     return [
         item for item in others
-        if item.candidate.settings is not None and item.is_unrefuted
+        if item.candidate.settings is not None and item.passed
         and item.candidate.name not in (best.candidate.name, general)
     ]  # fmt: skip
 

@@ -92,10 +92,9 @@ def compared(state: FitState, item: Round, listed: Sequence[str], options: Optio
     """Compare an accepted effect with its rivals in the noise of the residual that it leaves.
 
     Before it was accepted, the fitted noise still contained it. A rival that now predicts significantly better takes
-    its place, unless the encoder hides what it acts on; among equals the rules of the first choice decide. Effects that
-    a contact law cannot imitate are compared while the contact slides. A change of the file has no place that an effect
-    could take. Where the model leaves more than noise, what is missing may make a small difference between two effects:
-    it has to be larger than that.
+    its place; among equals the rules of the first choice decide. Effects that a contact law cannot imitate are compared
+    while the contact slides. A change of the file has no place that an effect could take. Where the model leaves more
+    than noise, what is missing may make a small difference between two effects: it has to be larger than that.
 
     Args:
         state: state with everything that was accepted.
@@ -129,10 +128,10 @@ def compared(state: FitState, item: Round, listed: Sequence[str], options: Optio
             pair = pair[0].weighted(shares), pair[1].weighted(shares)
         return z_score_between(*pair, options.criteria)
 
-    best, may_have_name = name, {key: one for key, one in decisions.items() if one.passed}
-    for rival in may_have_name:
+    best = name
+    for rival in rivals:
         best = rival if z_score(rival, best) > 0.0 else best
-    equal = {key: one for key, one in may_have_name.items() if z_score(best, key) <= most}
+    equal = {key: one for key, one in decisions.items() if z_score(best, key) <= most}
     first = preferred(equal.get(name, decisions[best]), list(equal.values()), listed)
     best = first.candidate.name
     tests = {key: compare(best, key, z_score(best, key), options.criteria) for key in decisions if key != best}

@@ -12,7 +12,7 @@ from workflow_case import AXIS, FRICTION, PERIOD, record
 from sgms_observer.diagnosis.candidates import Candidate, fitted_candidates
 from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.diagnosis.criteria import Criteria, at_least
-from sgms_observer.diagnosis.decision import ENCODER_SHOWS_CONTACT, Decision, comparisons
+from sgms_observer.diagnosis.decision import Decision, comparisons
 from sgms_observer.diagnosis.evaluation import Evidence
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, refit
@@ -212,14 +212,14 @@ def test_mass_and_gain_are_effects_where_the_tolerance_does_not_reach_them(name:
     assert found.refit.cost < 0.5 * plain.cost
 
 
-def decision(name: str, scale: float, chance: float = 0.0, is_passed: bool = True, test_name: str = "any") -> Decision:
+def decision(name: str, scale: float, chance: float = 0.0, is_passed: bool = True) -> Decision:
     """Return a decision whose fit leaves ``scale`` of one and the same pattern in every block, and some chance."""
     series = scale * np.sin(np.arange(400.0)) + chance * np.random.default_rng(1).normal(size=400)
     blocks = np.array_split(series, 20)
     found: Any = SimpleNamespace(effects=(EffectSettings(name),))
     none: Any = None
     evidence = Evidence(blocks, [], blocks, blocks)
-    test = at_least(name, test_name, 1.0 if is_passed else 0.0, 0.5)
+    test = at_least(name, "any", 1.0 if is_passed else 0.0, 0.5)
     reduction = improvement(blocks, blocks)
     return Decision(Candidate(name, none, found, 1), evidence, reduction, reduction, reduction, (test,))
 
@@ -234,12 +234,6 @@ def test_alternatives_are_what_left_out_data_do_not_tell_from_the_best() -> None
     ]
     found = comparisons(best, others, Criteria())
     assert [name for name, test in found.items() if not test.passed] == ["cogging"]
-
-
-def test_what_only_the_encoder_keeps_from_a_name_is_an_alternative() -> None:
-    hidden = decision("quadratic_drag", 1.0, chance=0.01, is_passed=False, test_name=ENCODER_SHOWS_CONTACT)
-    found = comparisons(decision("position_dependent_friction", 1.0), [hidden], Criteria())
-    assert not hidden.passed and [name for name, test in found.items() if not test.passed] == ["quadratic_drag"]
 
 
 def test_residual_of_the_truth_is_noise() -> None:

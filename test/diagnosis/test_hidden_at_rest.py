@@ -7,11 +7,16 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from workflow_case import AXIS, record, rich_position
+from workflow_case import AXIS, evaluation_of, record, rich_position
 
 from sgms_observer.diagnosis.answer import verdict_of
+from sgms_observer.diagnosis.candidates import Candidate, finish_fit
 from sgms_observer.diagnosis.criteria import at_least, at_most
+from sgms_observer.diagnosis.decision import hidden_contact_tests
 from sgms_observer.diagnosis.diagnosis import Options, accepted_candidates
+from sgms_observer.diagnosis.evaluation import evidence_of
+from sgms_observer.diagnosis.evidence import improvement
+from sgms_observer.diagnosis.fit import RefitSetup
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.model import Model, friction_drop_after_reversal, hidden_by_encoder
@@ -91,6 +96,30 @@ def test_what_a_contact_can_imitate_has_a_name_only_where_the_encoder_shows_the_
     assert names == (["offset", "quadratic_drag"] if is_shown else ["offset"])
     assert found.is_contact_hidden is not is_shown
     assert any("too coarse for the contact" in text for text in found.warnings) is not is_shown
+
+
+@pytest.mark.parametrize("hidden, name", [((), "position_dependent_friction"), ((COGGING,), "cogging")])
+def test_behind_a_coarse_encoder_an_effect_also_has_to_improve_another_contact_law(
+    hidden: tuple[EffectSettings, ...], name: str
+) -> None:
+    """A smaller Coulomb force than that of the file is no friction that is smaller nearly everywhere."""
+    learn, judge = (motion_of(record(hidden, seed=seed, duration=12.0, period=0.004)) for seed in (1, 2))
+    friction = MODEL.friction
+    file = replace(
+        MODEL,
+        friction=replace(
+            friction, coulomb_force=1.3 * friction.coulomb_force, static_force=1.3 * friction.static_force
+        ),
+    )
+    shown = evaluation_of([learn], MODEL.with_effects(hidden), [judge])
+    setup = RefitSetup(shown.fit_data, file, 0.05)
+    before = finish_fit(setup, setup.fit(()))
+    start = COGGING if name == "cogging" else EffectSettings(name, (-0.2, 0.0, 0.03))
+    item = Candidate(name, setup, finish_fit(setup, setup.fit((start,), before.logs)), 1)
+    assert improvement(evidence_of(before, shown).all, evidence_of(item.refit, shown).all).z_score > 3.0
+    assert hidden_contact_tests(item, before, shown) == []
+    (test,) = hidden_contact_tests(item, before, replace(shown, hidden_by_encoder=1.5))
+    assert test.of == name and test.passed is bool(hidden)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from sgms_observer.diagnosis import pruning, workflow
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.candidates import MIN_REDUCTION_SHARE, Candidate, finish_fit
 from sgms_observer.diagnosis.criteria import Criteria, at_most
-from sgms_observer.diagnosis.decision import ENCODER_SHOWS_CONTACT, decide
+from sgms_observer.diagnosis.decision import decide
 from sgms_observer.diagnosis.diagnosis import Diagnosis, FitState, Options, Round, accepted_candidates
 from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.fit import Refit, RefitSetup
@@ -111,22 +111,6 @@ def test_a_rival_that_predicts_better_beside_the_later_effects_takes_the_place(
     other = {"offset": "asymmetric_coulomb", "asymmetric_coulomb": "offset"}[first]
     [(name, test)] = rounds[0].comparisons.items()
     assert (name, test.value, test.passed) == (other, abs(z_score), abs(z_score) >= Criteria().min_z_score)
-
-
-@pytest.mark.parametrize("z_score, is_alternative", [(-10.0, True), (0.0, True), (10.0, False)])
-def test_a_rival_that_the_encoder_hides_takes_no_place(search: Search, z_score: float, is_alternative: bool) -> None:
-    """It may be an alternative: what the recordings cannot show is not refuted."""
-    first = search.rounds[0]
-    hidden = at_most("asymmetric_coulomb", ENCODER_SHOWS_CONTACT, 1.5, 1.0)
-    decisions = tuple(
-        replace(item, tests=(*item.tests, hidden)) if item.candidate.name == hidden.of else item
-        for item in first.decisions
-    )
-    rounds = (replace(first, decisions=decisions), *search.rounds[1:])
-    _, rounds = compared(z_score, search.state, rounds, [], OPTIONS)
-    assert [item.name for item in accepted_candidates(rounds)] == ["offset", "spring"]
-    [(name, test)] = rounds[0].comparisons.items()
-    assert (name, test.passed) == ("asymmetric_coulomb", not is_alternative)
 
 
 def test_a_diagnosis_goes_on_with_the_rival_that_took_the_place(monkeypatch: pytest.MonkeyPatch) -> None:
