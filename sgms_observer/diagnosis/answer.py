@@ -191,7 +191,7 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         ),
         doubtful=tuple(test for test in by_coordinates if not test.passed),
         usable=whole.passed and not diagnosis.is_poor,
-        warnings=_warnings(diagnosis, effects, gap, verdict, whole, noise_test, disturbance, axis.units),
+        warnings=_warnings(diagnosis, effects, gap, verdict, whole, unnamed_rest, noise_test, disturbance, axis.units),
         model=model,
         diagnosis=diagnosis,
         motions=data.motions,
@@ -331,6 +331,7 @@ def _warnings(
     gap: Gap,
     verdict: str,
     whole: Test,
+    rest: Test,
     over_noise: Test,
     disturbance: SlidingResidual | None,
     units: Units,
@@ -353,7 +354,7 @@ def _warnings(
             "look for what moves the stage from outside (cables, compressed air, supply, floor):"
             f" {disturbance.sentence(units)}. The observer follows such a force; no model can predict it"
         )
-    is_judged = whole.passed and not (diagnosis.is_poor or diagnosis.is_contact_hidden)
+    is_judged = whole.passed and rest.passed and not (diagnosis.is_poor or diagnosis.is_contact_hidden)
     if verdict == "cannot_tell" and is_judged and not over_noise.passed:
         fit_what = (
             "Fit recordings with the same motion as the held-out ones"

@@ -334,7 +334,7 @@ def hidden_contact_tests(item: Candidate, before: Refit, evaluation: EvaluationD
     """Return the test that an effect predicts better beside another contact law, where the encoder hides the contact.
 
     There no change of the contact is added, because the recordings do not show it. It may be in the residual all the
-    same, where any effect would stand in for it. The noise is that of the model with both: before, it contains both.
+    same, where any effect would stand in for it. The noise is fitted to what the model with both leaves.
 
     Args:
         item: the hypothesis, an effect that a contact cannot imitate.

@@ -133,10 +133,13 @@ def test_a_relaxation_at_rest_is_learnt() -> None:
 def test_a_relaxation_at_rest_is_no_unknown_effect() -> None:
     """A stage at rest shows what its contact holds: that may be another contact law."""
     learn, judge = (made((RELAXATION,), seed, duration=24.0) for seed in (1, 2))
-    answer = answered((learn, judge), AXIS)
+    options = replace(OPTIONS, criteria=replace(OPTIONS.criteria, max_gap_over_noise=2.0))
+    answer = answer_of(diagnose([learn], [judge], AXIS, options), AXIS, options)
     assert [item.coordinates for item in answer.learnt] == [("rest", "direction")]
     assert answer.gap_with_learnt < 0.9 * answer.gap.after
     assert (answer.verdict, answer.remainder) == ("cannot_tell", "learnt")
+    (far,) = [test for test in answer.tests if test.name == "gap over noise, where nothing predicts it"]
+    assert not far.passed and not answer.warnings  # something predicts it: the recordings contain its cause
     said = sentence(answer, AXIS.units)
     assert "may be another contact law" in said and said.endswith("a learnt map of it was added.")
 
