@@ -348,8 +348,8 @@ def hidden_contact_tests(item: Candidate, before: Refit, evaluation: EvaluationD
     both = changed.setup.fit(with_effect(changed.refit.effects, item.settings), changed.refit.logs)
     data = data_with_own_noise(evaluation.fit_motions, both.model)
     held_out = data_with_noise_of(evaluation.held_out_data.motions, data, both.model)
-    setup, judged = replace(changed.setup, data=data), replace(evaluation, fit_data=data, held_out_data=held_out)
-    gain = improvement(*(evidence_of(finish_fit(setup, one), judged).all for one in (changed.refit, both)))
+    setup, evaluation = replace(changed.setup, data=data), replace(evaluation, fit_data=data, held_out_data=held_out)
+    gain = improvement(*(evidence_of(finish_fit(setup, one), evaluation).all for one in (changed.refit, both)))
     title = "z-score beside another contact law, where the encoder hides the contact"
     return [at_least(item.name, title, gain.z_score, evaluation.criteria.min_z_score)]
 

@@ -136,13 +136,13 @@ def sentence(answer: Answer, units: Units) -> str:
                 outside = answer.disturbance.sentence(units)
                 return f"The model misses something that no recorded signal predicts: {outside}."
             where = f", most visibly over {answer.located[0].coordinate}" if answer.located else ""
-            return f"The model misses something that has no name in the catalogue{where}.{_learnt_sentence(answer)}"
+            return f"The model misses something that has no name in the catalogue{where}.{_learnt_in_words(answer)}"
         case "cannot_tell":
             if answer.usable and answer.remainder != "none" and not answer.diagnosis.is_contact_hidden:
                 return (
                     "These recordings cannot show whether the model misses anything: what predicts the rest of the gap"
                     f" ({gap.after:.3g} % of the rms effort) may be another contact law than that of the file."
-                    f"{_learnt_sentence(answer)}"
+                    f"{_learnt_in_words(answer)}"
                 )
             return "These recordings cannot show whether the model misses anything."
         case _:
@@ -157,7 +157,7 @@ def sentence(answer: Answer, units: Units) -> str:
             )
 
 
-def _learnt_sentence(answer: Answer) -> str:
+def _learnt_in_words(answer: Answer) -> str:
     """Return what was learnt as a sentence that follows another one; empty where nothing was."""
     if not answer.learnt:
         return ""
