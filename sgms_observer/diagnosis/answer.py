@@ -151,17 +151,16 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
         return answer_of(replace(diagnosis, refused_contact_effects=failed[0]), axis, options, contradiction)
     effects = named_effects(diagnosis, final.accepted, final.fit, gap, gap_with)
     effects += measured_quantisation(diagnosis)
-    of_contact = [item for item in learnt if item.is_at_rest or (diagnosis.is_contact_hidden and item.is_of_contact)]
-    of_effect = [item for item in learnt if item not in of_contact]
+    is_learnt = not all(item.is_at_rest or (diagnosis.is_contact_hidden and item.is_of_contact) for item in learnt)
     beyond_contact = []
-    if not (unnamed_rest.passed or of_effect or unnamed):
+    if not (unnamed_rest.passed or is_learnt or unnamed):
         beyond_contact = [_beyond_contact_test(data, data.evidence(final.after), final.fit.model, free)]
     sliding = None
     if whole.passed and not diagnosis.is_poor:
         sliding = sliding_residual(data, model, total, None if learnt else free)
     disturbance = sliding if sliding and sliding.is_disturbance else None
     verdict = verdict_of(
-        diagnosis, effects, unnamed_rest, bool(of_effect), whole, trust, beyond_contact, disturbance is not None
+        diagnosis, effects, unnamed_rest, is_learnt, whole, trust, beyond_contact, disturbance is not None
     )
     everywhere = locate(final.before, data.motions, options.seed)
     is_alarm = verdict not in ("no_effect", "cannot_tell")

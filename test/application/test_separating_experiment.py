@@ -34,7 +34,7 @@ HIDDEN = """      effects: {names: [asymmetric_coulomb], asymmetric_coulomb: {sh
 """
 PERIOD = 1.0e-3
 SEARCHED = ("asymmetric_coulomb", "offset", "spring", "cogging", "quadratic_drag", "actuator_gain")
-"""Effects that are looked for here: the pair, and one of every other kind."""
+"""Effects that are looked for here: the pair, and some of other kinds."""
 
 
 def test_the_designed_motions_separate_what_the_first_recording_does_not(
