@@ -34,7 +34,7 @@ CRITERION_OF = {
     "z-score over all recordings": "min_z_score",
     "strength over its standard error": "min_z_score",
     "strength over its scatter": "min_z_score",
-    "strength over its reported standard error": "interval_z_score",
+    "strength over its error with any significant scatter": "interval_z_score",
     "share that is surely predicted better": "min_predictable_share",
     "z-score beside the other effects": "min_z_score",
     "z-score of a better prediction than": "min_z_score",

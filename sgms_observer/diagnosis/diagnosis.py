@@ -337,14 +337,18 @@ class WrittenFits:
         found = (self.strengths if has_fixed_shape else self.estimates).linear(self.after.effects)
         return self._largest(name, found, found.strength_over_scatter)
 
-    def strength_over_error(self, name: str) -> float:
-        """Return the strength of an effect over its reported standard error; infinite without a free strength.
+    def strength_over_error(self, name: str, z_score: float) -> float:
+        """Return the strength of an effect over its standard error, with any significant scatter between recordings.
 
         Args:
             name: the effect.
+            z_score: above which a difference of two recordings is significant.
+
+        Returns:
+            Infinite if the effect has no free strength parameter.
         """
         found = self.estimates.linear(self.after.effects)
-        errors = found.std_errors
+        errors = found.errors_with_significant_scatter(z_score)
         return self._largest(name, found, lambda column, zero: found.size_over(column, zero, float(errors[column])))
 
     def _largest(self, name: str, found: RecordingEstimates, value: Callable[[int, float], float]) -> float:

@@ -265,8 +265,9 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
             title = "largest likely share of the delay in the response to the reference"
             tests.append(at_least(name, title, most, criteria.min_imitable_share))
         if needs_visible_contact(name):
-            title = "strength over its reported standard error"
-            tests.append(at_least(name, title, written.strength_over_error(name), criteria.interval_z_score))
+            title = "strength over its error with any significant scatter between recordings"
+            strength = written.strength_over_error(name, criteria.interval_z_score)
+            tests.append(at_least(name, title, strength, criteria.interval_z_score))
         if needs_visible_contact(name) and not describes_contact:
             if closed_gap.has_other_contact_law:
                 closed = closed_gap.closed_by_instead_of_contact_law(name)

@@ -69,8 +69,26 @@ class RecordingEstimates:
         between = [between_deviation(*pair) for pair in zip(self.values.T, self.errors.T, strict=True)]
         return np.asarray(np.hypot(self.errors[0], between), dtype=np.float64)
 
+    def errors_with_significant_scatter(self, z_score: float) -> Floats:
+        """Return the standard error of each parameter of the fit, with the scatter between recordings where it is
+        significant, SI units.
+
+        A recording that hardly determines a parameter differs by much without telling anything.
+
+        Args:
+            z_score: above which a difference of two recordings is significant.
+
+        Source: Cochran 1954, Biometrics 10(1): the weighted sum of squares as a test of homogeneity.
+        """
+        pairs = list(zip(self.values.T, self.errors.T, strict=True))
+        between = [between_deviation(*pair) if has_scatter(*pair, z_score) else 0.0 for pair in pairs]
+        return np.asarray(np.hypot(self.errors[0], between), dtype=np.float64)
+
     def linear(self, effects: Sequence[EffectSettings]) -> RecordingEstimates:
         """Return the estimates of values that small effects are proportional to, see ``EffectParameter.linear``.
+
+        A recording determines the logarithm of a rate. Its reciprocal has the error that it would have at the value of
+        the fit: at values of their own, the smallest reciprocal would have the smallest error and the largest weight.
 
         Args:
             effects: of the fit.
@@ -80,6 +98,8 @@ class RecordingEstimates:
         for column, parameter in enumerate(parameters):
             values[:, column] = parameter.linear(self.values[:, column])
             errors[:, column] = parameter.linear_error(self.values[:, column], self.errors[:, column])
+            if parameter.vanishes_at_infinity:
+                errors[:, column] *= values[0, column] / values[:, column]
         return RecordingEstimates(self.free, values, errors)
 
     def smaller_z_score(self, column: int, default: float, least: float) -> float:
@@ -252,12 +272,30 @@ def between_variance(values: Floats, errors: Floats) -> float:
         errors: standard error of each; 0 if a recording does not determine the parameter.
     """
     is_informative = _is_informative(values, errors)
-    values, weights = values[is_informative], 1.0 / errors[is_informative] ** 2
-    if len(values) < 2:
+    weights = 1.0 / errors[is_informative] ** 2
+    if len(weights) < 2:
         return 0.0
     total = float(weights.sum())
-    scatter = float(weights @ (values - float(weights @ values) / total) ** 2)
     second = total - float(weights @ weights) / total
     if second <= MIN_OTHER_WEIGHT * total:
         return 0.0
-    return max(0.0, (scatter - (len(values) - 1)) / second)
+    return max(0.0, (_scatter(values, errors) - (len(weights) - 1)) / second)
+
+
+def has_scatter(values: Floats, errors: Floats, z_score: float) -> bool:
+    """Return whether one parameter differs between recordings by significantly more than its standard errors.
+
+    Args:
+        values: estimate from each recording, the reported one first.
+        errors: standard error of each; 0 if a recording does not determine the parameter.
+        z_score: above which a difference of two recordings is significant.
+    """
+    degrees = int(np.sum(_is_informative(values, errors))) - 1
+    return degrees > 0 and bool(stats.chi2.sf(_scatter(values, errors), degrees) < stats.chi2.sf(z_score**2, 1))
+
+
+def _scatter(values: Floats, errors: Floats) -> float:
+    """Return the weighted sum of squares of one parameter around its mean over the recordings that determine it."""
+    is_informative = _is_informative(values, errors)
+    values, weights = values[is_informative], 1.0 / errors[is_informative] ** 2
+    return float(weights @ (values - float(weights @ values) / float(weights.sum())) ** 2)

@@ -201,7 +201,7 @@ def test_a_delay_that_closes_less_than_half_shows_in_the_response_to_the_referen
 
 DELAY, OTHER_LAW = "smallest likely share of the delay", "share of the squared gap above the noise in the place"
 SCATTER = "strength over its scatter between recordings"
-REPORTED = "strength over its reported standard error"
+WITH_SCATTER = "strength over its error with any significant scatter between recordings"
 REPLICATED = "strength over its standard error, in held-out recordings too"
 
 
@@ -255,14 +255,26 @@ def test_two_recordings_hardly_tell_how_much_a_size_scatters() -> None:
     """Each shows a gain surely. They differ by a quarter of it, of which Student's distribution makes all."""
     found = estimates((0.84, 0.002), (0.88, 0.002))
     assert found.strength_over_scatter(0, 1.0) > 3.0
-    assert found.size_over(0, 1.0, float(found.std_errors[0])) < 1.645
+    assert found.size_over(0, 1.0, float(found.errors_with_significant_scatter(1.645)[0])) < 1.645
+
+
+def test_a_recording_that_hardly_determines_a_strength_does_not_refuse_it() -> None:
+    """Two estimates differ by 1.5 standard errors, as one pair of seven does where nothing differs."""
+    found = estimates((0.6, 0.05), (0.27, 0.21))
+    assert found.size_over(0, 0.0, float(found.std_errors[0])) < 1.645, "Student's distribution makes that of it"
+    assert found.errors_with_significant_scatter(1.645)[0] == pytest.approx(0.05)
+    assert found.errors_with_significant_scatter(1.5)[0] == pytest.approx(found.std_errors[0])
+    assert estimates((0.6, 0.05)).errors_with_significant_scatter(1.645)[0] == pytest.approx(0.05)
+    others = [(0.4 + 0.1 * k, 0.1) for k in range(5)]
+    three = estimates((0.6, 0.05), *others)
+    assert three.errors_with_significant_scatter(1.645)[0] > 0.05, "five others do"
 
 
 @pytest.mark.parametrize(
     ("owner", "method", "title", "value", "is_named"),
     [
-        (WrittenFits, "strength_over_error", REPORTED, 1.6, False),
-        (WrittenFits, "strength_over_error", REPORTED, 1.7, True),
+        (WrittenFits, "strength_over_error", WITH_SCATTER, 1.6, False),
+        (WrittenFits, "strength_over_error", WITH_SCATTER, 1.7, True),
         (RecordingEstimates, "strength_over_scatter", SCATTER, 2.9, False),
         (RecordingEstimates, "strength_over_scatter", SCATTER, 3.1, True),
     ],
@@ -270,7 +282,7 @@ def test_two_recordings_hardly_tell_how_much_a_size_scatters() -> None:
 def test_a_strength_of_another_size_in_each_recording_is_not_named(
     owner: type, method: str, title: str, value: float, is_named: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A contact can imitate a gain, so its reported interval has to exclude zero, too."""
+    """A contact can imitate a gain, so its interval with the scatter has to exclude zero, too."""
     monkeypatch.setattr(owner, method, lambda *_: value)
     gain = EffectSettings("actuator_gain", (0.8,))
     learn, held = (record((gain,), seed, 12.0) for seed in (1, 2))
@@ -302,7 +314,7 @@ def test_the_strength_of_a_lag_is_how_far_its_time_is_from_zero() -> None:
     found = RecordingEstimates(((0, 0),), np.array([[200.0], [250.0]]), np.array([[20.0], [25.0]]))
     times = found.linear([lag])
     assert times.values[:, 0] == pytest.approx([5e-3, 4e-3])
-    assert times.errors[:, 0] == pytest.approx([5e-4, 4e-4])
+    assert times.errors[:, 0] == pytest.approx([5e-4, 5e-4]), "of the same logarithm, at the value of the fit"
     offset = RecordingEstimates(((0, 0),), np.array([[0.6]]), np.array([[0.1]]))
     assert offset.linear([OFFSET]).values == offset.values
 
