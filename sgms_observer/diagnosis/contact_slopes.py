@@ -20,12 +20,14 @@ from sgms_observer.diagnosis.model import (
     factor_on_sliding_force,
     needed_command,
     parts_of,
+    phase_slopes,
     predict,
     step_speed,
     stribeck,
 )
 from sgms_observer.diagnosis.motion import Motion
-from sgms_observer.effects.catalogue import is_built_in
+from sgms_observer.effects.catalogue import effect, is_built_in
+from sgms_observer.effects.effect import Place
 from sgms_observer.identification.problem import SHARED, ElementShape, friction_and_slopes_along
 
 Floats = NDArray[np.float64]
@@ -37,11 +39,14 @@ PATH_STEP = 1.0e-4
 def contact_parameters(model: Model) -> list[int]:
     """Return the numbers of the parameters of ``Model.shifted`` whose derivatives ``contact_slopes`` gives.
 
-    The list is empty if a periodic disturbance has a phase to fit, or with an effect of the user. Where an effect
-    depends on the sliding force in its own way, it holds only those that do not change the sliding force of the file.
+    The list is empty with an effect of the user, or if a periodic disturbance, whose phase is fitted, passes an effect
+    on the path of the effort. Where an effect depends on the sliding force in its own way, it holds only those that do
+    not change the sliding force of the file.
     """
     names, n_z = model.parameter_names(), len(model.friction.element_stiffness)
-    if any(item.name == PERIODIC_DISTURBANCE or not is_built_in(item.name) for item in model.effects):
+    listed = [item.name for item in model.effects]
+    is_bent = PERIODIC_DISTURBANCE in listed and any(effect(name).place is Place.EFFORT_PATH for name in listed)
+    if is_bent or not all(is_built_in(name) for name in listed):
         return []
     rate = [len(SCALAR_PARAMETERS)] if model.friction.model == "gms" else []
     of_elements = [*rate, *range(len(names) - 2 * n_z, len(names))]
@@ -79,7 +84,7 @@ def contact_slopes(nominal: Model, logs: Floats, motion: Motion) -> Floats:
     if model.relaxation > 0.0:
         columns += model.relaxation * np.gradient(columns, motion.period, axis=1)
     if not parts.on_path:
-        return -columns
+        return -columns - (phase_slopes(model, motion, columns) if parts.periodic else 0.0)
     needed = predict(model, motion).needed
     command = needed_command(parts.on_path, needed, motion)
     moved = [needed_command(parts.on_path, needed + PATH_STEP * column, motion) for column in columns]

@@ -327,6 +327,34 @@ def _phase_in(
     return float(np.arctan2(cosine, sine))
 
 
+def phase_slopes(model: Model, motion: Motion, columns: Floats) -> Floats:
+    """Return the derivatives of the force of the periodic disturbances with respect to parameters of the other forces.
+
+    Its phase fits the recording best, so it follows what the other forces leave: the derivative of the least-squares
+    solution of ``_phase_in``. No effect on the path of the effort may be in the model.
+
+    Args:
+        model: the model.
+        motion: the recording.
+        columns: derivatives of the other forces, shape (parameters, n).
+
+    Returns:
+        Shape (parameters, n).
+    """
+    found, slopes = predict(model, motion), np.zeros_like(columns)
+    periodic = (item for item in model.effects if item.name == PERIODIC_DISTURBANCE)
+    for item, phase in zip(periodic, found.phases, strict=True):
+        if item.values[0] == 0.0:
+            continue
+        sides = np.array([_periodic_force(item, one, motion) for one in (0.0, 0.5 * np.pi)])
+        left = found.residual + _periodic_force(item, phase, motion)
+        sine, cosine = np.linalg.solve(sides @ sides.T, sides @ left)
+        by_sine, by_cosine = np.linalg.solve(sides @ sides.T, -sides @ columns.T)
+        turn = (sine * by_cosine - cosine * by_sine) / (sine**2 + cosine**2)
+        slopes += turn[:, None] * _periodic_force(item, phase + 0.5 * np.pi, motion)
+    return slopes
+
+
 def _periodic_force(item: EffectSettings, phase: float, motion: Motion) -> Floats:
     """Return the force of a periodic disturbance with a phase along a recording [N]."""
     return np.asarray(periodic_disturbance(motion.time, (*item.values[:PHASE], phase)), dtype=np.float64)

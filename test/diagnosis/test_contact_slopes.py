@@ -21,6 +21,7 @@ ON_FRICTION = (
 ON_PATH = (EffectSettings("actuator_dead_zone", (0.3,)), EffectSettings("actuator_gain", (1.1,)))
 LAG = EffectSettings("frictional_lag", (50.0, 1.0e-5))
 BACKLASH = EffectSettings("backlash", (1.0e-5, 0.1, 1.0e-6))
+PERIODIC = EffectSettings("periodic_disturbance", (0.1, 5.0, 0.0))
 MODELS = {
     "S-GMS": SGMS,
     "reset of the paper": replace(SGMS, friction=replace(FRICTION, reset="paper")),
@@ -32,6 +33,7 @@ MODELS = {
     "effects on the path of the effort": replace(SGMS, effects=ON_PATH),
     "frictional lag": replace(SGMS, effects=(LAG,)),
     "backlash, GMS": replace(SGMS, friction=replace(FRICTION, model="gms"), effects=(BACKLASH,)),
+    "a phase that fits the recording": replace(SGMS, effects=(PERIODIC,)),
     "unknown elements": SGMS.with_log_spaced_elements(1.0e-7, 1.0e-3),
 }
 
@@ -59,7 +61,7 @@ def test_an_effect_with_a_sliding_force_of_its_own_leaves_the_elements(item: Eff
     assert alone == ["coulomb_force", "static_force", "stribeck_velocity", *beside]
 
 
-def test_a_phase_that_is_fitted_is_differentiated_numerically() -> None:
-    model = replace(SGMS, effects=(EffectSettings("periodic_disturbance", (0.1, 5.0, 0.0)),))
+def test_a_phase_that_is_fitted_behind_the_path_of_the_effort_is_differentiated_numerically() -> None:
+    model = replace(SGMS, effects=(PERIODIC, *ON_PATH))
     assert np.isfinite(predict(model, MOTION).residual).all()
-    assert contact_parameters(model) == []
+    assert contact_parameters(model) == [] != contact_parameters(replace(SGMS, effects=(PERIODIC,)))
