@@ -91,7 +91,7 @@ def homing_warnings(models: Sequence[Model], evaluation: EvaluationData, units: 
         gain = improvement(*(in_blocks([part], [motion], criteria.block) for part in (here, after)))
         if gain.z_score > criteria.z_score_of(OFFSETS_PER_PITCH) and gain.decrease > MIN_CLOSED_SHARE * closable:
             warnings.append(
-                f"the position of {motion.name} is shifted by {units.readable(offset)}. Home the axis before each"
-                f" recording; position-dependent effects cannot be judged on {motion.name}"
+                f"the position of {motion.name} seems shifted by {units.readable(offset)}. If the axis was not homed"
+                f" before each recording, home it; position-dependent effects cannot be judged on {motion.name}"
             )
     return warnings

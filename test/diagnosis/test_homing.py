@@ -37,7 +37,7 @@ def test_the_ripple_tells_where_a_recording_counts_from() -> None:
 
 def test_a_recording_that_counts_from_elsewhere_is_told_and_a_homed_one_is_not() -> None:
     (sentence,) = homing_warnings([RIPPLED], evaluation(LACKS), UNITS)
-    assert "shifted by 3.67 mm. Home the axis" in sentence
+    assert "seems shifted by 3.67 mm. If the axis was not homed" in sentence
     assert homing_warnings([RIPPLED], evaluation(0.0), UNITS) == []
     assert homing_warnings([Model.of(AXIS).with_effects([OFFSET])], evaluation(LACKS), UNITS) == []
     assert homing_warnings([RIPPLED], evaluation(LACKS, is_unseen=False), UNITS) == []
