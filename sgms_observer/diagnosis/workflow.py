@@ -163,6 +163,11 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
         state, rounds, written = without_insignificant_effects(file.state, file.state, (), nominal, options)
     else:
         state, rounds, written = _search_and_prune(file.state, nominal, file.known_effects, options, report)
+        if _may_need_wide_elements(file.state, rounds):
+            wide = replace(file, state=with_wide_elements(file.state))
+            found = _search_and_prune(wide.state, nominal, wide.known_effects, options, report)
+            if any(one.settings is not None for one in accepted_candidates(found[1])):
+                file, (state, rounds, written) = wide, found
     warnings = list(audited.warnings)
     if file.axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
@@ -171,6 +176,27 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
         (*audited.notes, *notes_on_changes([*state.fit_motions, *state.held_out_motions])), tuple(warnings),
         audited.is_poor,
     )  # fmt: skip
+
+
+def with_wide_elements(state: FitState) -> FitState:
+    """Return the state refitted with the wide tolerance of elements."""
+    wide = replace(state, setup=replace(state.setup, freedom=Freedom()))
+    return wide.refitted(wide.current).converged()
+
+
+def _may_need_wide_elements(state: FitState, rounds: Sequence[Round]) -> bool:
+    """Return whether a search with narrow elements added nothing although an effect surely predicts.
+
+    Which elements predict better was decided with that effect in the residual.
+
+    Args:
+        state: state before the search.
+        rounds: its rounds.
+    """
+    if not state.setup.freedom.has_narrow_elements or accepted_candidates(rounds):
+        return False
+    effects = [one for item in rounds for one in item.decisions if one.candidate.settings is not None]
+    return any(one.tests[0].passed for one in effects)
 
 
 def _search_and_prune(
