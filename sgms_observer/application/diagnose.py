@@ -19,7 +19,6 @@ from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.compensation_check import SKIPPED, CompensationCheck, can_look_ahead, check_compensation
 from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.diagnosis import Options
-from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.motion import EDGE_TIME, long_enough, motion_of
 from sgms_observer.diagnosis.report import Run, diagnosis_page
 from sgms_observer.diagnosis.residual_log import RESIDUAL_LOG, write_residual_log
@@ -250,9 +249,8 @@ class _CompensationStep:
 
     def growth(self, of: str, later: CompensationCheck, earlier: CompensationCheck) -> Test:
         """Return the test that the feedforward of the later model leaves no more than that of the earlier one."""
-        z_score = improvement(later.blocks, earlier.blocks).z_score
-        most = self.options.criteria.min_z_score
-        return at_most(of, "friction not cancelled by the feedforward: z-score of its growth", z_score, most)
+        title = "friction not cancelled by the feedforward: z-score of its growth"
+        return at_most(of, title, later.growth(earlier), self.options.criteria.min_z_score)
 
     def worst(self, written: AxisSettings, later: CompensationCheck, answer: Answer) -> Test | None:
         """Return the failed test of the added effect whose feedforward does most harm, or None."""

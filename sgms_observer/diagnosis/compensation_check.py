@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sgms_observer.compensation.feedforward_kernel import standstill_velocity
-from sgms_observer.diagnosis.evidence import blocks_of
+from sgms_observer.diagnosis.evidence import blocks_of, improvement
 from sgms_observer.diagnosis.model import Model, with_phases_of
 from sgms_observer.diagnosis.motion import HELD_LAG, EffortLag, Motion, contact_position, delayed, motion_of
 from sgms_observer.observer.axis_observer import AxisObserver
@@ -34,6 +34,7 @@ class CompensationCheck:
             stage rests, because the effort at rest does not show what the feedforward should have been. The feedforward
             takes the motion, without encoder jitter, for a reference: neither the measured effort nor a filter with a
             lag hides an error of the model.
+        reference_blocks: the same along the recorded reference, 0 while that rests; empty without a reference.
         share: share of the time in which the feedforward follows the motion.
         has_reference: whether ``friction_not_cancelled`` is computed along the recorded reference.
     """
@@ -41,6 +42,7 @@ class CompensationCheck:
     innovation: float
     friction_not_cancelled: float
     blocks: tuple[NDArray[np.float64], ...] = ()
+    reference_blocks: tuple[NDArray[np.float64], ...] = ()
     share: float = 1.0
     has_reference: bool = False
 
@@ -48,6 +50,21 @@ class CompensationCheck:
     def along(self) -> str:
         """Return the motion that the feedforward was computed along, in words."""
         return "the recorded reference" if self.has_reference else "the measured motion"
+
+    def growth(self, earlier: CompensationCheck) -> float:
+        """Return the z-score by which the feedforward leaves more than that of an earlier model.
+
+        It has to grow along the measured motion and along a recorded reference: the tracking error hides differences
+        of two models along the reference, and an effect that resonates makes a force of the encoder's noise along the
+        measured motion, which a feedforward along the reference does not.
+
+        Args:
+            earlier: the same of the earlier model.
+        """
+        pairs = [(self.blocks, earlier.blocks)]
+        if self.reference_blocks:
+            pairs.append((self.reference_blocks, earlier.reference_blocks))
+        return min(improvement(*pair).z_score for pair in pairs)
 
 
 def check_compensation(record: Recording, axis: AxisSettings, band: float, block: float) -> CompensationCheck:
@@ -90,10 +107,15 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
     left, follows = left_along_measured, slides
     if reference is not None:
         left, follows = left_along(reference), moves(reference, motion)[counted]
+
+    def in_blocks(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        return tuple(blocks_of(values, motion.residual_period, block))
+
     return CompensationCheck(
         innovation=float(np.sqrt(np.mean(innovation**2))),
         friction_not_cancelled=float(np.sqrt(np.mean(left[follows] ** 2))) if np.any(follows) else math.nan,
-        blocks=tuple(blocks_of(np.where(slides, left_along_measured, 0.0), motion.residual_period, block)),
+        blocks=in_blocks(np.where(slides, left_along_measured, 0.0)),
+        reference_blocks=() if reference is None else in_blocks(np.where(follows, left, 0.0)),
         share=float(np.mean(follows)),
         has_reference=reference is not None,
     )
