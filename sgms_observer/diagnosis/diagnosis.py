@@ -14,7 +14,7 @@ from sgms_observer.diagnosis.criteria import Criteria, Test
 from sgms_observer.diagnosis.decision import Decision
 from sgms_observer.diagnosis.effort_lag import changes_of_lag, fitted_effort_lags, with_real_changes
 from sgms_observer.diagnosis.evaluation import EvaluationData
-from sgms_observer.diagnosis.fit import Refit, RefitSetup
+from sgms_observer.diagnosis.fit import Freedom, Refit, RefitSetup
 from sgms_observer.diagnosis.gap import WeightedResidual, noise_floor, residuals, rms, weighted
 from sgms_observer.diagnosis.model import HALF_A_REVERSAL, Model
 from sgms_observer.diagnosis.motion import EffortLag, Motion, motion_of
@@ -111,6 +111,11 @@ class FitState:
         """Return the state refitted from ``start``, with the noise of the residual of ``start``."""
         setup = replace(self.setup, data=data_with_own_noise(self.fit_motions, start.model))
         return replace(self, setup=setup, current=setup.fit(start.effects, start.logs))
+
+    def with_freedom(self, freedom: Freedom) -> FitState:
+        """Return the state refitted with another freedom of the file's values, until nothing changes any more."""
+        state = replace(self, setup=replace(self.setup, freedom=freedom))
+        return state.refitted(state.current).converged()
 
     def without(self, name: str) -> FitState:
         """Return the state fitted without an effect; one of the file has the file's values again."""

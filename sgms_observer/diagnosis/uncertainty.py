@@ -66,8 +66,7 @@ class RecordingEstimates:
         Source: DerSimonian and Laird 1986, Controlled Clinical Trials 7(3): variance between studies from their
         scatter.
         """
-        between = [between_deviation(*pair) for pair in zip(self.values.T, self.errors.T, strict=True)]
-        return np.asarray(np.hypot(self.errors[0], between), dtype=np.float64)
+        return self.errors_with_significant_scatter(0.0)
 
     def errors_with_significant_scatter(self, z_score: float) -> Floats:
         """Return the standard error of each parameter of the fit, with the scatter between recordings where it is
@@ -81,7 +80,7 @@ class RecordingEstimates:
         Source: Cochran 1954, Biometrics 10(1): the weighted sum of squares as a test of homogeneity.
         """
         pairs = list(zip(self.values.T, self.errors.T, strict=True))
-        between = [between_deviation(*pair) if has_scatter(*pair, z_score) else 0.0 for pair in pairs]
+        between = [between_deviation(*pair) if _has_scatter(*pair, z_score) else 0.0 for pair in pairs]
         return np.asarray(np.hypot(self.errors[0], between), dtype=np.float64)
 
     def linear(self, effects: Sequence[EffectSettings]) -> RecordingEstimates:
@@ -282,7 +281,7 @@ def between_variance(values: Floats, errors: Floats) -> float:
     return max(0.0, (_scatter(values, errors) - (len(weights) - 1)) / second)
 
 
-def has_scatter(values: Floats, errors: Floats, z_score: float) -> bool:
+def _has_scatter(values: Floats, errors: Floats, z_score: float) -> bool:
     """Return whether one parameter differs between recordings by significantly more than its standard errors.
 
     Args:

@@ -164,10 +164,10 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
     else:
         state, rounds, written = _search_and_prune(file.state, nominal, file.known_effects, options, report)
         if _may_need_wide_elements(file.state, rounds):
-            wide = replace(file, state=with_wide_elements(file.state))
-            found = _search_and_prune(wide.state, nominal, wide.known_effects, options, report)
-            if any(one.settings is not None for one in accepted_candidates(found[1])):
-                file, (state, rounds, written) = wide, found
+            wide = replace(file, state=file.state.with_freedom(Freedom()))
+            again, added, with_added = _search_and_prune(wide.state, nominal, wide.known_effects, options, report)
+            if any(one.settings is not None for one in accepted_candidates(added)):
+                file, state, rounds, written = wide, again, added, with_added
     warnings = list(audited.warnings)
     if file.axis.filter.effort_is_held and max(max(lag.values) for lag in state.lags) < MIN_HELD_LAG:
         warnings.append("the effort is not held between samples; set filter.effort_is_held to false")
@@ -176,12 +176,6 @@ def diagnose_from(file: FittedFile, options: Options, report: Report) -> Diagnos
         (*audited.notes, *notes_on_changes([*state.fit_motions, *state.held_out_motions])), tuple(warnings),
         audited.is_poor,
     )  # fmt: skip
-
-
-def with_wide_elements(state: FitState) -> FitState:
-    """Return the state refitted with the wide tolerance of elements."""
-    wide = replace(state, setup=replace(state.setup, freedom=Freedom()))
-    return wide.refitted(wide.current).converged()
 
 
 def _may_need_wide_elements(state: FitState, rounds: Sequence[Round]) -> bool:
@@ -258,8 +252,7 @@ def choose_element_freedom(state: FitState, options: Options) -> FitState:
         state: state with wide elements.
         options: options of the diagnosis.
     """
-    narrow = replace(state, setup=replace(state.setup, freedom=Freedom(has_narrow_elements=True)))
-    narrow = narrow.refitted(narrow.current).converged()
+    narrow = state.with_freedom(Freedom(has_narrow_elements=True))
     evaluation = narrow.evaluation(options)
     earlier, later = evidence_of(narrow.current, evaluation), evidence_of(state.current, evaluation)
     pair = (earlier.held_out, later.held_out) if evaluation.has_held_out else (earlier.all, later.all)

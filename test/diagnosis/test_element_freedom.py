@@ -45,7 +45,6 @@ HEAVIER = """
 def simulated(folder: Path, name: str, reference: str, duration: float, seed: int) -> tuple[Recording, AxisSettings]:
     """Return a recording of a stage that is heavier than its file, and the settings of the file."""
     given, heavier = folder / "given.yaml", folder / f"{name}.yaml"
-    given.write_text(FILE, encoding="utf-8")
     heavier.write_text(f"{FILE}{HEAVIER}        reference: {reference}\n        seed: {seed}\n", encoding="utf-8")
     command = ["simulate", "--config", str(heavier), "--out", str(folder / name), "--duration", str(duration)]
     assert main([*command, "--quiet"]) == 0
@@ -55,11 +54,11 @@ def simulated(folder: Path, name: str, reference: str, duration: float, seed: in
 
 
 def test_a_wrong_mass_is_found_beside_elements_that_were_narrow_with_it_in_the_residual(tmp_path: Path) -> None:
-    assert main([
-        "excite", "--config", str(_written(tmp_path)), "--for", "diagnose", "--duration", "40",
-        "--out", str(tmp_path / "motion.csv"), "--quiet",
-    ]) == 0  # fmt: skip
-    learn, axis = simulated(tmp_path, "learn", f"{{kind: file, file: {tmp_path / 'motion.csv'}}}", 40.0, 10)
+    given, motion = tmp_path / "given.yaml", tmp_path / "motion.csv"
+    given.write_text(FILE, encoding="utf-8")
+    designed = ["excite", "--config", str(given), "--for", "diagnose", "--duration", "40", "--out", str(motion)]
+    assert main([*designed, "--quiet"]) == 0
+    learn, axis = simulated(tmp_path, "learn", f"{{kind: file, file: {motion}}}", 40.0, 10)
     sines = "{kind: multi_sine, amplitudes: [8.0e-3, 1.0e-3, 1.0e-4], frequencies: [0.23, 1.3, 4.1]}"
     held_out, _ = simulated(tmp_path, "held_out", sines, 25.0, 11)
     others = frozenset(name for name in names() if name != "mass_error") | frozenset(CHANGE_HYPOTHESES)
@@ -67,10 +66,3 @@ def test_a_wrong_mass_is_found_beside_elements_that_were_narrow_with_it_in_the_r
     assert not found.file_state.setup.freedom.has_narrow_elements
     (mass,) = [item.accepted.candidate.settings for item in found.accepted if item.accepted]
     assert mass is not None and mass.values[0] == pytest.approx(2.0, rel=0.05)
-
-
-def _written(folder: Path) -> Path:
-    """Return the parameter file, written."""
-    path = folder / "owner.yaml"
-    path.write_text(FILE, encoding="utf-8")
-    return path

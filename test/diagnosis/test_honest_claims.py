@@ -266,8 +266,8 @@ def test_a_recording_that_hardly_determines_a_strength_does_not_refuse_it() -> N
     assert found.errors_with_significant_scatter(1.5)[0] == pytest.approx(found.std_errors[0])
     assert estimates((0.6, 0.05)).errors_with_significant_scatter(1.645)[0] == pytest.approx(0.05)
     others = [(0.4 + 0.1 * k, 0.1) for k in range(5)]
-    three = estimates((0.6, 0.05), *others)
-    assert three.errors_with_significant_scatter(1.645)[0] > 0.05, "five others do"
+    all_six = estimates((0.6, 0.05), *others)
+    assert all_six.errors_with_significant_scatter(1.645)[0] > 0.05, "five others do"
 
 
 @pytest.mark.parametrize(
