@@ -38,7 +38,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from excitation_recipe import build_recipe
 from identification import START, compare, random_table, record, truth
 
-from sgms_observer.application.commission.learn import LONGEST_RECORD, largest_deflection
+from sgms_observer.application.commission.learn import MAX_RECORD_TIME, largest_deflection
 from sgms_observer.application.commission.motion import learning_motion
 from sgms_observer.diagnosis.fit import fixed_parameters, refit
 from sgms_observer.diagnosis.model import Model
@@ -125,7 +125,7 @@ def evidence(acting: EffectSettings, rival: EffectSettings, position: Floats) ->
 def learning_reference() -> Floats:
     """Return the first motion that ``sgms commission`` makes from the wrong start file."""
     presliding = largest_deflection(START.friction)
-    return learning_motion(LIMITS, 1.0 / RATE, presliding, START.friction.stribeck_velocity, LONGEST_RECORD).position
+    return learning_motion(LIMITS, 1.0 / RATE, presliding, START.friction.stribeck_velocity, MAX_RECORD_TIME).position
 
 
 def compare_pairs(recipe: Floats, is_for_all: bool) -> list[dict[str, Any]]:

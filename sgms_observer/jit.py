@@ -49,15 +49,15 @@ def _look_for_blas_later() -> None:
     """Spare the start scipy.linalg: numba imports it with the first kernel, only to see whether it is there.
 
     That takes 0.2 s, as much as all of numba. Its first question is answered without importing anything; a kernel that
-    uses linear algebra (none of ours does) asks again and gets numba's own answer.
+    uses linear algebra (none of ours does) asks again and gets numba's original answer.
     """
     linalg = importlib.import_module("numba.np.linalg")
-    own = getattr(linalg, "ensure_blas", None)
-    if own is None or "numba.np.arraymath" in sys.modules or importlib.util.find_spec("scipy") is None:
+    original = getattr(linalg, "ensure_blas", None)
+    if original is None or "numba.np.arraymath" in sys.modules or importlib.util.find_spec("scipy") is None:
         return
 
     def ensure_blas() -> None:
-        linalg.ensure_blas = own  # type: ignore[attr-defined]
+        linalg.ensure_blas = original  # type: ignore[attr-defined]
 
     linalg.ensure_blas = ensure_blas  # type: ignore[attr-defined]
 
@@ -100,14 +100,14 @@ def _imports(module: str) -> frozenset[str]:
 @cache
 def _sources(module: str) -> tuple[Path, ...]:
     """Return the files of the module and of all that it imports, in a fixed order."""
-    seen: set[str] = set()
+    visited: set[str] = set()
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        if name not in seen:
-            seen.add(name)
+        if name not in visited:
+            visited.add(name)
             waiting.extend(_imports(name))
-    return tuple(path for path in map(_file_of, sorted(seen)) if path is not None)
+    return tuple(path for path in map(_file_of, sorted(visited)) if path is not None)
 
 
 @cache
@@ -217,16 +217,16 @@ def _compile(function: Kernel, **options: Any) -> Kernel:
 
 def _do_without_room(compiled: Any) -> None:
     """Let a kernel work, uncached, where the disk that would keep it is full: numba would end with an error."""
-    kept = getattr(compiled, "_cache", None)
-    save = getattr(kept, "save_overload", None)
-    if kept is None or save is None:
+    kernel_cache = getattr(compiled, "_cache", None)
+    save = getattr(kernel_cache, "save_overload", None)
+    if kernel_cache is None or save is None:
         return
 
     def save_if_there_is_room(signature: Any, data: Any) -> None:
         with suppress(OSError):
             save(signature, data)
 
-    kept.save_overload = save_if_there_is_room
+    kernel_cache.save_overload = save_if_there_is_room
 
 
 def njit(function: Kernel) -> Kernel:

@@ -237,12 +237,12 @@ def run_samples(
         disturbance = sample_plan[PLAN_DISTURBANCE, planned]
         for part in range(constants.ticks_per_sample):
             column = planned * constants.ticks_per_sample + part
-            seen = motion.position + tick_plan[PLAN_ENCODER_NOISE, column]
+            measured = motion.position + tick_plan[PLAN_ENCODER_NOISE, column]
             if has_effects:
-                seen = measured_position(effects.kinds, effects.p_at, effects.parameters, seen)
-            seen = quantised(seen, constants.resolution)
+                measured = measured_position(effects.kinds, effects.p_at, effects.parameters, measured)
+            measured = quantised(measured, constants.resolution)
             command, controller = control(
-                gains, controller, seen, tick_plan[PLAN_POSITION, column], tick_plan[PLAN_VELOCITY, column],
+                gains, controller, measured, tick_plan[PLAN_POSITION, column], tick_plan[PLAN_VELOCITY, column],
                 tick_plan[PLAN_ACCELERATION, column], compensation[k],
             )  # fmt: skip
             effort = command
@@ -258,7 +258,7 @@ def run_samples(
                     element_force[k, i] = memory.force[i]
                 recorded[k, POSITION] = motion.position
                 recorded[k, VELOCITY] = motion.velocity
-                recorded[k, MEASURED] = seen
+                recorded[k, MEASURED] = measured
                 recorded[k, CONTROL] = command + sample_plan[PLAN_FORCE_NOISE, planned]
                 recorded[k, FRICTION] = total
                 recorded[k, REFERENCE_POSITION] = tick_plan[PLAN_POSITION, column]

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 COAST = 0.02
 """How long the stage goes on at the velocity of the last set-point when the next one is overdue [s]; then it stops."""
 
-LONGEST_STEP = 0.25
+MAX_SET_POINT_INTERVAL = 0.25
 """Set-points further apart than this are steps, not points of one motion [s]."""
 
 FOREIGN_CLOCK = 10.0
@@ -143,7 +143,7 @@ def _piece(points: Sequence[tuple[float, float, float]], i: int) -> _Piece:
     if i + 1 == len(points):
         return _Piece(start, position, slope, 0.0, 0.0, COAST if slope != 0.0 else 0.0)
     span = points[i + 1][0] - start
-    if span > LONGEST_STEP:
+    if span > MAX_SET_POINT_INTERVAL:
         return _Piece(start, position, 0.0, 0.0, 0.0, 0.0)
     rise = (points[i + 1][1] - position) / span
     next_slope = _slope(points, i + 1)
@@ -162,7 +162,7 @@ def _slope(points: Sequence[tuple[float, float, float]], i: int) -> float:
     before = max(i - 1, 0)
     if before == after:
         return 0.0
-    if any(points[k + 1][0] - points[k][0] > LONGEST_STEP for k in range(before, after)):
+    if any(points[k + 1][0] - points[k][0] > MAX_SET_POINT_INTERVAL for k in range(before, after)):
         return 0.0
     return (points[after][1] - points[before][1]) / (points[after][0] - points[before][0])
 

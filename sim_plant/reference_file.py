@@ -147,9 +147,9 @@ def join(durations: Floats, coefficients: Floats) -> PiecewiseCubic:
         durations: length of each piece [s], shape (n,).
         coefficients: as in ``PiecewiseCubic``, shape (n, 4).
     """
-    kept = durations > 0.0
-    knots = np.concatenate([[0.0], np.cumsum(durations[kept])])
-    return PiecewiseCubic(knots, coefficients[kept])
+    has_length = durations > 0.0
+    knots = np.concatenate([[0.0], np.cumsum(durations[has_length])])
+    return PiecewiseCubic(knots, coefficients[has_length])
 
 
 def write_reference_file(path: str | Path, time: Floats, position: Floats, velocity: Floats) -> None:
@@ -217,9 +217,9 @@ def through_points(
         pieces = (spline.c[::-1] * np.array([[1.0], [1.0], [2.0], [6.0]])).T
     if gap:
         durations, back = s_curve(position[-1], gap, velocity, acceleration, jerk)
-        kept = durations > 0.0
-        time = np.concatenate([time, time[-1] + np.cumsum(durations[kept])])
-        pieces = np.concatenate([pieces, back[kept]])
+        has_length = durations > 0.0
+        time = np.concatenate([time, time[-1] + np.cumsum(durations[has_length])])
+        pieces = np.concatenate([pieces, back[has_length]])
     return PiecewiseCubic(time, np.ascontiguousarray(pieces))
 
 

@@ -226,9 +226,9 @@ def presliding(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
 
     def make(strength: float) -> Hidden:
         shares = np.concatenate((np.array(stage.shares) * (1.0 - strength), strength * weights))
-        reaches = np.concatenate((stage.reaches, soft))
+        slip_deflections = np.concatenate((stage.slip_deflections, soft))
         truth = {"force": strength * stage.coulomb_force}
-        return Hidden(stage, stage.with_elements(shares, reaches), truth=truth)
+        return Hidden(stage, stage.with_elements(shares, slip_deflections), truth=truth)
 
     return make
 

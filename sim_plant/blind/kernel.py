@@ -120,7 +120,7 @@ def run(
     is_slipping = np.zeros(springs.shape[0], dtype=np.bool_)
     link_mass = p[s.LINK_MASS]
     body = mass + p[s.EXTRA_MASS] - link_mass
-    kept = 1.0 - p[s.LINK_FRICTION_SHARE]
+    carriage_share = 1.0 - p[s.LINK_FRICTION_SHARE]
     x = goal[0]
     v = 0.0
     x2 = x
@@ -220,7 +220,7 @@ def run(
                     if has_left:
                         bump = max(bump, math.exp(-(((x - ridge_newer) / width) ** 2)))
                 factor *= 1.0 + p[s.RIDGE_A] * bump
-            either = level * factor * kept
+            either = level * factor * carriage_share
             level = either * sided_factor(v, remembered, p)
             # --- forces on the carriage
             viscous = curve[3] * viscous_series[k] * v

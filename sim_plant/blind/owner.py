@@ -34,15 +34,15 @@ class NominalModel:
     attraction: float
 
 
-def virgin_curve(deflection: Floats, shares: Floats, reaches: Floats) -> Floats:
+def virgin_curve(deflection: Floats, shares: Floats, slip_deflections: Floats) -> Floats:
     """Return the share of the sliding level reached after ``deflection`` [m] from rest."""
-    return np.asarray(np.minimum(deflection[:, None] / reaches[None, :], 1.0).dot(shares))
+    return np.asarray(np.minimum(deflection[:, None] / slip_deflections[None, :], 1.0).dot(shares))
 
 
-def reduce_contact(shares: Floats, reaches: Floats, count: int = ELEMENTS) -> tuple[Floats, Floats]:
-    """Return shares and reaches [m] of the ``count`` elements whose virgin curve is closest."""
-    grid = np.geomspace(0.3 * reaches.min(), 1.1 * reaches.max(), 200)
-    goal = virgin_curve(grid, shares, reaches)
+def reduce_contact(shares: Floats, slip_deflections: Floats, count: int = ELEMENTS) -> tuple[Floats, Floats]:
+    """Return shares and slip_deflections [m] of the ``count`` elements whose virgin curve is closest."""
+    grid = np.geomspace(0.3 * slip_deflections.min(), 1.1 * slip_deflections.max(), 200)
+    goal = virgin_curve(grid, shares, slip_deflections)
 
     def unpack(x: Floats) -> tuple[Floats, Floats]:
         weights = np.exp(x[:count] - np.max(x[:count]))
@@ -51,7 +51,7 @@ def reduce_contact(shares: Floats, reaches: Floats, count: int = ELEMENTS) -> tu
     def misfit(x: Floats) -> Floats:
         return virgin_curve(grid, *unpack(x)) - goal
 
-    start = np.concatenate((np.zeros(count), np.log(np.quantile(reaches, (np.arange(count) + 0.5) / count))))
+    start = np.concatenate((np.zeros(count), np.log(np.quantile(slip_deflections, (np.arange(count) + 0.5) / count))))
     found = unpack(np.asarray(least_squares(misfit, start).x))
     order = np.argsort(found[1])
     return found[0][order], found[1][order]
@@ -68,13 +68,13 @@ def nominal_model(
         tolerance: largest relative error of a friction figure.
         mass_tolerance: largest relative error of the mass; None for the same.
     """
-    shares, reaches = reduce_contact(np.array(stage.shares), np.array(stage.reaches))
+    shares, slip_deflections = reduce_contact(np.array(stage.shares), np.array(stage.slip_deflections))
     mass_share = tolerance if mass_tolerance is None else mass_tolerance
 
     def off(value: float, largest: float = tolerance) -> float:
         return float(value * (1.0 + largest * rng.uniform(-1.0, 1.0)))
 
-    stiffness = [off(one) for one in shares * stage.coulomb_force / reaches]
+    stiffness = [off(one) for one in shares * stage.coulomb_force / slip_deflections]
     fraction = np.array([off(one) for one in shares])
     coulomb = off(stage.coulomb_force)
     return NominalModel(

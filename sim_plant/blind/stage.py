@@ -23,7 +23,7 @@ class TrueStage:
     Attributes:
         mass: moving mass [kg].
         shares: share of the sliding level of each element.
-        reaches: deflection at which each element slips at the Coulomb force [m].
+        slip_deflections: deflection at which each element slips at the Coulomb force [m].
         static_force: sliding friction toward zero speed [N].
         coulomb_force: sliding friction at high speed [N].
         knee: speed of the fall between them [m/s].
@@ -38,7 +38,7 @@ class TrueStage:
 
     mass: float
     shares: tuple[float, ...]
-    reaches: tuple[float, ...]
+    slip_deflections: tuple[float, ...]
     static_force: float
     coulomb_force: float
     knee: float
@@ -53,7 +53,9 @@ class TrueStage:
     @property
     def springs(self) -> Floats:
         """Return the stiffness of each element [N/m]."""
-        return np.asarray(np.array(self.shares) * self.coulomb_force / np.array(self.reaches), dtype=np.float64)
+        return np.asarray(
+            np.array(self.shares) * self.coulomb_force / np.array(self.slip_deflections), dtype=np.float64
+        )
 
     @property
     def curve(self) -> Floats:
@@ -74,9 +76,13 @@ class TrueStage:
             ]
         )
 
-    def with_elements(self, shares: Floats, reaches: Floats) -> TrueStage:
+    def with_elements(self, shares: Floats, slip_deflections: Floats) -> TrueStage:
         """Return the same stage with another contact."""
-        return replace(self, shares=tuple(float(one) for one in shares), reaches=tuple(float(one) for one in reaches))
+        return replace(
+            self,
+            shares=tuple(float(one) for one in shares),
+            slip_deflections=tuple(float(one) for one in slip_deflections),
+        )
 
 
 def draw_stage(rng: Generator) -> TrueStage:
@@ -84,7 +90,7 @@ def draw_stage(rng: Generator) -> TrueStage:
     coulomb = float(np.exp(rng.uniform(np.log(3.0), np.log(14.0))))
     mass = coulomb * float(rng.uniform(0.7, 1.6))
     count = int(rng.integers(10, 13))
-    reaches = np.sort(np.exp(rng.uniform(np.log(5.0e-7), np.log(1.5e-5), count)))
+    slip_deflections = np.sort(np.exp(rng.uniform(np.log(5.0e-7), np.log(1.5e-5), count)))
     shares = rng.dirichlet(np.full(count, 3.0) * np.linspace(0.6, 1.8, count))
     top_speed = float(rng.uniform(0.12, 0.3))
     model = "gms" if rng.random() < 0.25 else "sgms"
@@ -92,7 +98,7 @@ def draw_stage(rng: Generator) -> TrueStage:
     return TrueStage(
         mass=mass,
         shares=tuple(float(one) for one in shares),
-        reaches=tuple(float(one) for one in reaches),
+        slip_deflections=tuple(float(one) for one in slip_deflections),
         static_force=coulomb * float(rng.uniform(1.05, 1.3)),
         coulomb_force=coulomb,
         knee=float(np.exp(rng.uniform(np.log(6.0e-4), np.log(4.0e-3)))),
@@ -186,33 +192,33 @@ def tones(stage: TrueStage, rng: Generator, lowest: float, highest: float, count
 
 def rich_motion(stage: TrueStage, rng: Generator, duration: float = 30.0) -> Motion:
     """Return everything an identification wants: tones, log-spaced speeds, traverses, dwells, small swings, moves."""
-    reach, fast, hard = stage.half_stroke, stage.top_speed, stage.top_acceleration
+    half_stroke, max_speed, max_acceleration = stage.half_stroke, stage.top_speed, stage.top_acceleration
     path = Path(0.0)
 
     def log_speeds() -> None:
-        for speed in np.geomspace(1.0e-4, 0.5 * fast, 7) * rng.uniform(0.8, 1.25, 7):
-            length = min(0.45 * speed, 0.8 * reach)
-            path.go(path.place + length, speed, hard)
-            path.go(path.place - length, speed, hard)
+        for speed in np.geomspace(1.0e-4, 0.5 * max_speed, 7) * rng.uniform(0.8, 1.25, 7):
+            length = min(0.45 * speed, 0.8 * half_stroke)
+            path.go(path.place + length, speed, max_acceleration)
+            path.go(path.place - length, speed, max_acceleration)
         path.rest(0.05)
 
     def traverses() -> None:
         for crossing_time in (2.0, 1.1):
-            speed = 2.0 * reach / crossing_time
-            path.go(-reach, fast, hard)
-            path.go(reach, speed, hard)
-            path.go(-reach, speed * rng.uniform(0.85, 1.15), hard)
-        path.go(0.0, fast, hard)
+            speed = 2.0 * half_stroke / crossing_time
+            path.go(-half_stroke, max_speed, max_acceleration)
+            path.go(half_stroke, speed, max_acceleration)
+            path.go(-half_stroke, speed * rng.uniform(0.85, 1.15), max_acceleration)
+        path.go(0.0, max_speed, max_acceleration)
 
     def swings() -> None:
-        path.go(rng.uniform(-0.3, 0.3) * reach, fast, hard)
+        path.go(rng.uniform(-0.3, 0.3) * half_stroke, max_speed, max_acceleration)
         path.sines(max(4.0, duration - 22.0), *tones(stage, rng, 0.4, 40.0, 10))
 
     def dwells() -> None:
         for wait in rng.permutation([0.1, 0.2, 0.4, 0.8, 1.5]):
             side = 1.0 if rng.random() < 0.5 else -1.0
             path.rest(wait)
-            path.go(path.place + side * 1.2e-3, 4.0e-3, hard)
+            path.go(path.place + side * 1.2e-3, 4.0e-3, max_acceleration)
 
     def small_swings() -> None:
         for amplitude in (4.0e-6, 1.2e-5, 4.0e-5):
@@ -220,7 +226,7 @@ def rich_motion(stage: TrueStage, rng: Generator, duration: float = 30.0) -> Mot
 
     def moves() -> None:
         for target in (0.9, -0.9, 0.5, -0.2):
-            path.go(target * reach, fast, hard)
+            path.go(target * half_stroke, max_speed, max_acceleration)
             path.rest(0.06)
 
     pieces = [log_speeds, traverses, swings, dwells, small_swings, moves]
@@ -236,15 +242,19 @@ def held_out_motion(kind: str, stage: TrueStage, rng: Generator, duration: float
     Raises:
         ValueError: for a kind not in ``HELD_OUT``.
     """
-    reach, fast, hard = stage.half_stroke, stage.top_speed, stage.top_acceleration
+    half_stroke, max_speed, max_acceleration = stage.half_stroke, stage.top_speed, stage.top_acceleration
     path = Path(0.0)
     path.rest(0.15)
     if kind == "staircase":  # steps of many sizes with waits, as in inspection
         while path.duration < duration:
             target = float(
-                np.clip(path.place + rng.choice([-1, 1]) * reach * rng.uniform(0.02, 0.8), -0.95 * reach, 0.95 * reach)
+                np.clip(
+                    path.place + rng.choice([-1, 1]) * half_stroke * rng.uniform(0.02, 0.8),
+                    -0.95 * half_stroke,
+                    0.95 * half_stroke,
+                )
             )
-            path.go(target, fast * rng.uniform(0.15, 1.0), hard)
+            path.go(target, max_speed * rng.uniform(0.15, 1.0), max_acceleration)
             path.rest(rng.choice([0.05, 0.15, 0.6]))
     elif kind == "wander":  # band-limited random walk
         frequencies = np.sort(np.exp(rng.uniform(np.log(0.15), np.log(12.0), 40)))
@@ -253,23 +263,23 @@ def held_out_motion(kind: str, stage: TrueStage, rng: Generator, duration: float
         t = PERIOD * np.arange(round(duration / PERIOD))
         swing = np.sin(2.0 * np.pi * np.outer(t, frequencies) + phases).dot(amplitudes)
         excess = max(
-            np.ptp(swing) / (1.6 * reach),
-            np.max(np.abs(np.gradient(swing, PERIOD))) / (0.9 * fast),
-            np.max(np.abs(np.gradient(np.gradient(swing, PERIOD), PERIOD))) / (1.2 * hard),
+            np.ptp(swing) / (1.6 * half_stroke),
+            np.max(np.abs(np.gradient(swing, PERIOD))) / (0.9 * max_speed),
+            np.max(np.abs(np.gradient(np.gradient(swing, PERIOD), PERIOD))) / (1.2 * max_acceleration),
         )
         path.sines(duration - 0.4, amplitudes / excess, frequencies, phases)
     elif kind == "triangle":  # scanning to and fro with sharp turns
         while path.duration < duration:
-            half = reach * rng.uniform(0.1, 0.95)
-            speed = fast * float(np.exp(rng.uniform(np.log(0.1), 0.0)))
-            path.go(half, speed, hard)
-            path.go(-half, speed, hard)
+            half = half_stroke * rng.uniform(0.1, 0.95)
+            speed = max_speed * float(np.exp(rng.uniform(np.log(0.1), 0.0)))
+            path.go(half, speed, max_acceleration)
+            path.go(-half, speed, max_acceleration)
     elif kind == "chirp":  # a swept swing, its speed held
         t = PERIOD * np.arange(round((duration - 0.4) / PERIOD) + 1)
         rate = np.log(15.0 / 0.4) / t[-1]
         frequency = 0.4 * np.exp(rate * t)
         omega = 2.0 * np.pi * frequency
-        size = np.minimum(np.minimum(0.8 * fast / omega, 0.8 * hard / omega**2), 0.7 * reach)
+        size = np.minimum(np.minimum(0.8 * max_speed / omega, 0.8 * max_acceleration / omega**2), 0.7 * half_stroke)
         edge = np.clip(np.minimum(t, t[-1] - t) / 0.4, 0.0, 1.0)
         path.add(
             np.diff(edge**2 * (3.0 - 2.0 * edge) * size * np.sin(2.0 * np.pi * 0.4 * np.expm1(rate * t) / rate))

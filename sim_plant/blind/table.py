@@ -167,7 +167,7 @@ def per_effect_text(scores: Sequence[CaseScore]) -> str:
         key = ("+".join(one.effects), size) if one.effects else ("nothing", "-")
         groups.setdefault(key, []).append(one)
     rows = [
-        "| hidden | size | cases | right first | in the set | what it said instead | closure (median) |",
+        "| hidden | size | cases | right first | in the set | reported first instead | closure (median) |",
         "|---|---|---|---|---|---|---|",
     ]
     for (name, size), group in sorted(groups.items()):
@@ -176,28 +176,28 @@ def per_effect_text(scores: Sequence[CaseScore]) -> str:
         for one in group:
             if one.first not in one.effects:
                 wrong[one.first] = wrong.get(one.first, 0) + 1
-        said = ", ".join(f"{word} {number}" for word, number in sorted(wrong.items(), key=lambda item: -item[1]))
+        others = ", ".join(f"{word} {number}" for word, number in sorted(wrong.items(), key=lambda item: -item[1]))
         right = sum(one.first in one.effects for one in group)
         inside = sum(bool(set(one.effects) & one.reported) for one in group)
         closed = f"{median(closures):.2f}" if closures else "-"
-        rows.append(f"| {name} | {size} | {len(group)} | {right} | {inside} | {said} | {closed} |")
+        rows.append(f"| {name} | {size} | {len(group)} | {right} | {inside} | {others} | {closed} |")
     return "\n".join(rows)
 
 
 def matrix(scores: Sequence[CaseScore]) -> tuple[list[str], list[str], NDArray[np.int64]]:
-    """Return rows (hidden), columns (said first) and counts; cases with two effects are left out.
+    """Return rows (hidden), columns (reported first) and counts; cases with two effects are left out.
 
     Args:
         scores: all cases of a set.
     """
-    kept = [one for one in scores if len(one.effects) < 2]
-    present = {one.effects[0] if one.effects else "nothing" for one in kept}
+    single = [one for one in scores if len(one.effects) < 2]
+    present = {one.effects[0] if one.effects else "nothing" for one in single}
     rows = [name for name in (*INSIDE, *OUTSIDE, "nothing") if name in present]
-    said = {one.first for one in kept}
-    columns = [name for name in INSIDE if name in present or name in said]
-    columns += sorted(said - set(columns) - set(VERDICT_COLUMNS)) + list(VERDICT_COLUMNS)
+    answers = {one.first for one in single}
+    columns = [name for name in INSIDE if name in present or name in answers]
+    columns += sorted(answers - set(columns) - set(VERDICT_COLUMNS)) + list(VERDICT_COLUMNS)
     counts = np.zeros((len(rows), len(columns)), dtype=np.int64)
-    for one in kept:
+    for one in single:
         counts[rows.index(one.effects[0] if one.effects else "nothing"), columns.index(one.first)] += 1
     return rows, columns, counts
 
@@ -232,6 +232,6 @@ def confusion_picture(scores: Sequence[CaseScore], path: Path) -> None:
         share = counts[i, j] / counts[i].sum()
         colour = "white" if share > 0.5 else "black"
         axes.text(j, i, str(counts[i, j]), ha="center", va="center", fontsize=6, color=colour)
-    axes.set_xlabel("said first")
+    axes.set_xlabel("reported first")
     axes.set_ylabel("hidden")
     figure.savefig(path, dpi=130)

@@ -46,7 +46,7 @@ def draw_law(law: str, rng: Generator, curve: Floats, distance: float, mass: flo
 
 def rested_state() -> Floats:
     """Return the state of an unloaded contact that has rested for a second."""
-    state = np.zeros(leuven.STACK + 2 * leuven.MOST_OPEN)
+    state = np.zeros(leuven.STACK + 2 * leuven.MAX_OPEN)
     state[rate_state.AGE] = 1.0
     return state
 

@@ -25,8 +25,8 @@ NOMINAL_DURATION = 30.0
 
 
 @dataclass(frozen=True)
-class Reach:
-    """What the machine's learning motion reaches, measured on the machine with nothing hidden.
+class Peaks:
+    """Largest speed, acceleration and effort rate of the machine's learning motion, measured with nothing hidden.
 
     Attributes:
         speed: largest speed [m/s].
@@ -60,11 +60,11 @@ class Hidden:
     wander: float = 0.0
 
 
-Draw = Callable[[Machine, Reach, float, Generator], "tuple[dict[int, float], dict[str, float]]"]
-"""Takes machine, reach, share of the Coulomb force and chance; returns slots and the figures that can be compared."""
+Draw = Callable[[Machine, Peaks, float, Generator], "tuple[dict[int, float], dict[str, float]]"]
+"""Takes machine, peaks of its motion, share of the Coulomb force and random generator; returns slots and figures."""
 
 
-def _ripple(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _ripple(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw cogging: two harmonics over a pitch of a third to a sixth of the stroke."""
     pitch = 2.0 * m.half_stroke / rng.uniform(3.0, 8.0)
     ratio, first, second = rng.uniform(0.0, 0.4), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 2.0 * np.pi)
@@ -76,68 +76,68 @@ def _ripple(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dic
     return places, {"pitch": pitch, "amplitude": size}
 
 
-def _asymmetry(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _asymmetry(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw friction that is larger in one direction."""
     value = share * rng.choice([-1.0, 1.0])
     return {s.SIDE_SHARE: value}, {"share": value}
 
 
-def _offset(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _offset(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw a constant force."""
     force = share * m.coulomb_force * rng.choice([-1.0, 1.0])
     return {s.CONSTANT: force}, {"force": force}
 
 
-def _tight_spot(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _tight_spot(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw a place of higher friction: a raised cosine."""
     places = {s.TIGHT_SHARE: share, s.TIGHT_CENTRE: m.half_stroke * rng.uniform(-0.45, 0.45)}
     return places | {s.TIGHT_HALF_WIDTH: m.half_stroke * rng.uniform(0.2, 0.5)}, {}
 
 
-def _spring(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _spring(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw a spring that reaches its size at the farther end of the stroke."""
     centre = m.half_stroke * rng.uniform(-0.2, 0.2)
     stiffness = share * m.coulomb_force / (m.half_stroke + abs(centre))
     return {s.SPRING: stiffness, s.SPRING_CENTRE: centre}, {"stiffness": stiffness}
 
 
-def _mass(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _mass(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw an added mass whose inertia at the top acceleration has the size."""
-    mass = share * m.coulomb_force / reach.acceleration
+    mass = share * m.coulomb_force / peaks.acceleration
     return {s.ADDED_MASS: mass}, {"mass": mass}
 
 
-def _quadratic(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _quadratic(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw a drag that reaches its size at the top speed."""
-    drag = share * m.coulomb_force / reach.speed**2
+    drag = share * m.coulomb_force / peaks.speed**2
     return {s.DRAG: drag}, {"coefficient": drag}
 
 
-def _thermal(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _thermal(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw friction that falls while running in; anew in each recording."""
     tau = rng.uniform(4.0, 12.0)
     fall = share / -np.expm1(-NOMINAL_DURATION / tau)
     return {s.WARM_SHARE: fall, s.WARM_TIME: tau}, {"time_constant": tau}
 
 
-def _delay(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _delay(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw a delay of the effort whose force error at the largest rate of the effort has the size."""
-    delay = share * m.coulomb_force / reach.effort_rate
+    delay = share * m.coulomb_force / peaks.effort_rate
     return {s.DELAY: delay}, {"delay": delay}
 
 
-def _gain(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _gain(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw a loss of gain; its size is the share of the effort, not of the Coulomb force."""
     return {s.LOST_GAIN: share}, {"gain": 1.0 - share}
 
 
-def _dead_zone(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _dead_zone(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw an amplifier that loses a constant part of the effort."""
     width = share * m.coulomb_force
     return {s.DEAD_WIDTH: width}, {"width": width}
 
 
-def _flexible(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _flexible(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw a part of the mass behind a spring; ``sizing`` scales the part."""
     part = share * m.mass
     frequency = m.bandwidth * rng.uniform(1.3, 2.2)
@@ -147,32 +147,32 @@ def _flexible(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[d
     return places, {"frequency": frequency, "mass": part}
 
 
-def _dwell(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _dwell(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw friction that grows with the logarithm of rest, to its size after 1 s, and is lost by sliding."""
     return {s.AGE_SHARE: share, s.AGE_TIME: rng.uniform(0.02, 0.05), s.AGE_LENGTH: 3.0 * m.distance}, {}
 
 
-def _vibration(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _vibration(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw a force of one frequency in time."""
     size, frequency = share * m.coulomb_force, rng.uniform(4.0, 18.0)
     places = {s.SHAKE: size, s.SHAKE_FREQUENCY: frequency, s.SHAKE_PHASE: rng.uniform(0.0, 2.0 * np.pi)}
     return places, {"amplitude": size, "frequency": frequency}
 
 
-def _gravity(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _gravity(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw the weight of an arm; its torque is largest where the arm lies level, inside the stroke."""
     angle = 0.5 * np.pi - m.half_stroke * rng.uniform(-0.6, 0.6)
     size = share * m.coulomb_force
     return {s.WEIGHT: size, s.WEIGHT_ANGLE: float(angle)}, {"amplitude": size}
 
 
-def _slack(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _slack(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw a spring with hysteresis, such as a cable chain: it pulls harder on the way out."""
     places = {s.SLACK_FORCE: share * m.coulomb_force / 1.6, s.SLACK_REACH: m.half_stroke}
     return places | {s.SLACK_DISTANCE: 0.08 * m.half_stroke * rng.uniform(0.6, 1.4)}, {}
 
 
-def _none(m: Machine, reach: Reach, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
+def _none(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
     """Draw nothing in the slots: the effect lies in a map or in time."""
     return {}, {}
 
@@ -226,12 +226,12 @@ def menu(machine: Machine) -> tuple[str, ...]:
     return tuple(name for name, kind in KINDS.items() if machine.is_rotary or not kind.is_rotary)
 
 
-def draw_hidden(machine: Machine, reach: Reach, effects: dict[str, float], seed: int) -> Hidden:
+def draw_hidden(machine: Machine, peaks: Peaks, effects: dict[str, float], seed: int) -> Hidden:
     """Return what is hidden.
 
     Args:
         machine: where.
-        reach: of its learning motion.
+        peaks: of its learning motion.
         effects: shares of the Coulomb force by name.
         seed: of the effects' chance.
 
@@ -247,7 +247,7 @@ def draw_hidden(machine: Machine, reach: Reach, effects: dict[str, float], seed:
         if name not in menu(machine):
             raise ValueError(f"effect {name!r} is unknown on this machine; use one of {', '.join(menu(machine))}")
         rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
-        places, figures[name] = KINDS[name].draw(machine, reach, share, rng)
+        places, figures[name] = KINDS[name].draw(machine, peaks, share, rng)
         for place, value in places.items():
             p[place] = value
         if name in maps:

@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 LARGEST, DISTANCE, POWER = 0, 1, 2
 DEFLECTION, SIDE, DEPTH, STACK = 0, 2, 3, 4
 """Places in the state: z [m], direction of its motion, number of open reversals, then their z_r [m] and F_r [N]."""
-MOST_OPEN = 30
+MAX_OPEN = 30
 """Reversals that are remembered; a smaller loop inside so many is forgotten."""
 
 
@@ -72,7 +72,7 @@ def turn(force: float, state: Floats) -> None:
         state: changed.
     """
     depth = int(state[DEPTH])
-    if depth >= MOST_OPEN:
+    if depth >= MAX_OPEN:
         depth -= 2
     state[STACK + 2 * depth] = state[DEFLECTION]
     state[STACK + 2 * depth + 1] = force

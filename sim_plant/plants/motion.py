@@ -97,14 +97,18 @@ def _pace(count: int, period: float, rng: Generator) -> Floats:
 
 def _steps(machine: Machine, count: int, period: float, rng: Generator) -> Floats:
     """Return minimum-jerk moves of random length with dwells between."""
-    reach = 0.9 * machine.half_stroke
-    place = rng.uniform(-reach, reach)
+    amplitude = 0.9 * machine.half_stroke
+    place = rng.uniform(-amplitude, amplitude)
     pieces = [np.full(round(0.1 / period), place)]
     total = pieces[0].size
     while total < count:
-        goal = rng.uniform(-reach, reach)
+        goal = rng.uniform(-amplitude, amplitude)
         if rng.random() < 0.3:  # a short one
-            goal = float(np.clip(place + rng.choice([-1.0, 1.0]) * 0.05 * reach * rng.uniform(0.2, 1.0), -reach, reach))
+            goal = float(
+                np.clip(
+                    place + rng.choice([-1.0, 1.0]) * 0.05 * amplitude * rng.uniform(0.2, 1.0), -amplitude, amplitude
+                )
+            )
         distance = abs(goal - place)
         fastest = max(1.875 * distance / machine.speed, np.sqrt(5.7735 * distance / machine.acceleration), 0.05)
         samples = int(fastest * rng.uniform(1.0, 2.0) / period)

@@ -74,18 +74,18 @@ def step(velocity: float, duration: float, scale: float, curve: Floats, law: Flo
     v_0, length = law[REFERENCE_VELOCITY], law[LENGTH]
     unit = scale * law[DIRECT]
     stress = (curve[COULOMB] + law[EVOLUTION] * math.log(state[AGE] * v_0 / length)) / law[DIRECT]
-    reach = law[STIFFNESS] * duration / unit
+    slip_gain = law[STIFFNESS] * duration / unit
     goal = law[STIFFNESS] * (state[DEFLECTION] + velocity * duration) / unit
     side = 1.0 if goal >= 0.0 else -1.0
     goal = abs(goal)
-    # y + reach * slip(y) = goal is convex and rising: Newton from above falls onto the root.
+    # y + slip_gain * slip(y) = goal is convex and rising: Newton from above falls onto the root.
     load = goal
     if goal > 0.0:
-        load = min(goal, stress + math.log(goal / (reach * v_0) + math.exp(-stress)) + 1.0e-9)
+        load = min(goal, stress + math.log(goal / (slip_gain * v_0) + math.exp(-stress)) + 1.0e-9)
         load = max(load, 0.0)
         for _ in range(30):
             rise = v_0 * (math.exp(load - stress) + math.exp(-load - stress))
-            change = (load + reach * slip_speed(load, stress, v_0) - goal) / (1.0 + reach * rise)
+            change = (load + slip_gain * slip_speed(load, stress, v_0) - goal) / (1.0 + slip_gain * rise)
             load -= change
             if abs(change) < 1.0e-9 * (1.0 + load):
                 break

@@ -16,7 +16,7 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from sgms_observer.bags.writer import BagWriter
 from sim_plant.plants import kernel
 from sim_plant.plants.contact import LAWS, rested_state
-from sim_plant.plants.effects import Hidden, Reach, draw_hidden, outside_force
+from sim_plant.plants.effects import Hidden, Peaks, draw_hidden, outside_force
 from sim_plant.plants.machine import Machine
 from sim_plant.plants.motion import make_motion
 
@@ -79,7 +79,7 @@ def record(
 
 
 @lru_cache(maxsize=64)
-def reach_of(machine: Machine) -> Reach:
+def peaks_of(machine: Machine) -> Peaks:
     """Return what a learning motion of the machine reaches with nothing hidden.
 
     Args:
@@ -90,7 +90,7 @@ def reach_of(machine: Machine) -> Reach:
     velocity = low_passed(empty.true_velocity, machine.log_rate)
     effort = low_passed(empty.effort, machine.log_rate)
     signals = (velocity, np.gradient(velocity, period), np.gradient(effort, period))
-    return Reach(*(float(np.quantile(np.abs(one), 0.995)) for one in signals))
+    return Peaks(*(float(np.quantile(np.abs(one), 0.995)) for one in signals))
 
 
 @lru_cache(maxsize=64)
@@ -104,18 +104,18 @@ def hidden_in(machine: Machine, effects: tuple[str, ...], share: float) -> Hidde
     """
     sizes = dict.fromkeys(effects, share)
     if not effects:
-        return draw_hidden(machine, Reach(1.0, 1.0, 1.0), sizes, machine.seed)
-    reach = reach_of(machine)
+        return draw_hidden(machine, Peaks(1.0, 1.0, 1.0), sizes, machine.seed)
+    peaks = peaks_of(machine)
     if "flexible_mode" in effects:
-        sizes["flexible_mode"] = _flexible_part(machine, reach, share)
-    return draw_hidden(machine, reach, sizes, machine.seed)
+        sizes["flexible_mode"] = _flexible_part(machine, peaks, share)
+    return draw_hidden(machine, peaks, sizes, machine.seed)
 
 
-def _flexible_part(machine: Machine, reach: Reach, share: float) -> float:
+def _flexible_part(machine: Machine, peaks: Peaks, share: float) -> float:
     """Return the part of the mass behind the spring whose missed force has the size; at most ``LARGEST_LOAD_PART``."""
     part = 0.2
     for _ in range(4):
-        hidden = draw_hidden(machine, reach, {"flexible_mode": part}, machine.seed)
+        hidden = draw_hidden(machine, peaks, {"flexible_mode": part}, machine.seed)
         size = force_size(run(machine, hidden, machine.seed, "rich", CALIBRATION_DURATION), machine)
         part = min(max(part * share * machine.coulomb_force / size, 0.25 * part), 4.0 * part, LARGEST_LOAD_PART)
     return part

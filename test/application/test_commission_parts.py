@@ -24,7 +24,7 @@ from sgms_observer.application.commission.motion import (
     representative_motion,
     sign_motion,
 )
-from sgms_observer.application.commission.table import LONGEST_GAP, Guard, Heard, HeldUp, Topics
+from sgms_observer.application.commission.table import MAX_GAP, Guard, Heard, HeldUp, Topics
 from sgms_observer.application.commission.tracking import Tracker
 from sgms_observer.errors import ConfigurationError, DataError
 from sgms_observer.excitation.limits import ExcitationLimits
@@ -117,7 +117,7 @@ def test_a_gap_is_no_fault_of_the_axis() -> None:
     guard = Guard(AXIS, LIMITS, 0.0, 0.0)
     guard(heard([0.0, 1e-3], 0.0, 0.0))
     with pytest.raises(HeldUp):
-        guard(heard([2e-3 + LONGEST_GAP], 0.0, 0.0))
+        guard(heard([2e-3 + MAX_GAP], 0.0, 0.0))
 
 
 @pytest.mark.parametrize("delay", [-0.2, 0.0, 0.012, 0.15])

@@ -97,7 +97,7 @@ def test_held_force_does_not_make_it_drift() -> None:
     )  # fmt: skip
     place = out[:, kernel.TRUE_X]
     cycle = round(2.0 * np.pi / 0.05)
-    assert abs(place[-1 - cycle] - place[-1 - 10 * cycle]) < 0.02 * max(stage.reaches)
+    assert abs(place[-1 - cycle] - place[-1 - 10 * cycle]) < 0.02 * max(stage.slip_deflections)
 
 
 @needs_numba
@@ -188,11 +188,13 @@ def test_references_stay_within_the_stage() -> None:
 
 def test_owner_is_off_by_at_most_five_percent() -> None:
     stage = draw_stage(chance(7, 1))
-    shares, reaches = reduce_contact(np.array(stage.shares), np.array(stage.reaches))
+    shares, slip_deflections = reduce_contact(np.array(stage.shares), np.array(stage.slip_deflections))
     grid = np.geomspace(1.0e-7, 2.0e-5, 100)
-    goal = virgin_curve(grid, np.array(stage.shares), np.array(stage.reaches))
-    alike = virgin_curve(grid, np.full(4, 0.25), np.quantile(np.array(stage.reaches), [0.125, 0.375, 0.625, 0.875]))
-    misfit = np.linalg.norm(virgin_curve(grid, shares, reaches) - goal)
+    goal = virgin_curve(grid, np.array(stage.shares), np.array(stage.slip_deflections))
+    alike = virgin_curve(
+        grid, np.full(4, 0.25), np.quantile(np.array(stage.slip_deflections), [0.125, 0.375, 0.625, 0.875])
+    )
+    misfit = np.linalg.norm(virgin_curve(grid, shares, slip_deflections) - goal)
     assert misfit < np.linalg.norm(alike - goal)
     assert misfit < 0.05 * np.linalg.norm(goal)
     for seed in range(20):

@@ -9,7 +9,7 @@ import numpy as np
 from sgms_observer.application.commission.motion import Motion, sign_motion
 from sgms_observer.application.commission.session import Session
 from sgms_observer.application.commission.table import LEAD, STROKE_MARGIN, WRONG_SIGN, Guard, Topics, stall
-from sgms_observer.application.commission.tracking import LONGEST_DELAY, Tracker
+from sgms_observer.application.commission.tracking import MAX_DELAY, Tracker
 from sgms_observer.application.init import FIRST_LIMIT_SHARE
 from sgms_observer.errors import ConfigurationError, DataError
 from sgms_observer.settings.axis import AxisSettings
@@ -122,7 +122,7 @@ def connect(session: Session) -> str:
 
 def _sign_run(session: Session, motion: Motion) -> tuple[Guard, Tracker]:
     """Play the motion; return what judged the sign, and the samples."""
-    slack = LONGEST_DELAY * motion.peak_speed
+    slack = MAX_DELAY * motion.peak_speed
     guards: list[Guard] = []
 
     def fresh_guard() -> Guard:

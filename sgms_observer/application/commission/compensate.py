@@ -35,7 +35,7 @@ WORSE_RMS = 1.02
 """A gain whose rms or peak is this many times that of the gain before it is not kept: 2 % is what repeats differ by."""
 MIN_IMPROVEMENT = 0.98
 """The compensated rms must be below this multiple of the one without for the file to be of use."""
-MOST_CORRECTIONS = 3
+MAX_CORRECTIONS = 3
 """How often estimator.measurement_std is corrected by the root of NIS."""
 OBSERVER_START = 10.0
 """Time until an observer that is started is active [s]."""
@@ -43,8 +43,8 @@ OBSERVER_START = 10.0
 
 def time_to_compensate(session: Session) -> float:
     """Return about how long the steps of this page take, from ``observe`` to ``before_and_after`` [s]."""
-    own = session.duration_of(load_motion(session, OWN_MOTION))
-    return (1 + len(GAIN_STEPS) + 2) * own + 2.0 * OBSERVER_START
+    motion_seconds = session.duration_of(load_motion(session, OWN_MOTION))
+    return (1 + len(GAIN_STEPS) + 2) * motion_seconds + 2.0 * OBSERVER_START
 
 
 class TrackingWatch:
@@ -128,15 +128,16 @@ def _consistent(session: Session, settings: Settings, changes: dict[str, dict[st
     name, candidate = session.axis.name, session.path(CANDIDATE)
     axis = settings.wanted_axes([name], str(candidate))[0]
     warn_of_limit(session, axis)
-    deviation, told = axis.estimator.measurement_std, ""
+    deviation, correction = axis.estimator.measurement_std, ""
     found = consistency_of(session.path(OWN_BAG), candidate, name)
-    for _ in range(MOST_CORRECTIONS):
+    for _ in range(MAX_CORRECTIONS):
         if not found.is_too_sure:
             break
         deviation = float(f"{deviation * math.sqrt(found.nis):.3g}")
         changes[name]["estimator.measurement_std"] = deviation
         write_settings(settings, candidate, changes)
-        told = f" with estimator.measurement_std {session.axis.units.readable(deviation, 'N')} in place of the file's"
+        readable = session.axis.units.readable(deviation, "N")
+        correction = f" with estimator.measurement_std {readable} in place of the file's"
         found = consistency_of(session.path(OWN_BAG), candidate, name)
     if found.std_share > MAX_STD_SHARE:
         raise DataError(
@@ -149,7 +150,7 @@ def _consistent(session: Session, settings: Settings, changes: dict[str, dict[st
             f"Warning: NIS is {found.nis:.2g} and should be at most {MAX_NIS:g}; the innovations are larger than the"
             " observer expects: identify the model anew."
         )
-    return f"NIS {found.nis:.2g}{told}, friction_std {100 * found.std_share:.2g} % of the Coulomb force"
+    return f"NIS {found.nis:.2g}{correction}, friction_std {100 * found.std_share:.2g} % of the Coulomb force"
 
 
 def compensate(session: Session) -> Found:
@@ -161,13 +162,13 @@ def compensate(session: Session) -> Found:
     session.confirm_motion(motion, f"compensation, {len(GAIN_STEPS)} times with rising gain", len(GAIN_STEPS))
     baseline = ledger.facts["baseline"]
     best_gain, best = 0.0, (float(baseline["rms"]), float(baseline["peak"]))
-    told = [f"0: {readable(best[0])}"]
+    rms_by_gain = [f"0: {readable(best[0])}"]
     reason = ""
     for share in GAIN_STEPS:
         gain = round(share * axis.compensation.gain, 4)
         watch = TrackingWatch(session, float(baseline["peak"]), gain)
         tracking = session.play(motion, watch, prepare=watch.begin).tracking()
-        told.append(f"{gain:.2g}: {readable(tracking.rms)}")
+        rms_by_gain.append(f"{gain:.2g}: {readable(tracking.rms)}")
         session.say(f"  gain {gain:.2g}: tracking error {readable(tracking.rms)} rms, {readable(tracking.peak)} peak")
         if watch.has_released or tracking.rms > WORSE_RMS * best[0] or tracking.peak > WORSE_RMS * baseline["peak"]:
             session.table.compensate(0.0)
@@ -184,7 +185,7 @@ def compensate(session: Session) -> Found:
     )
     write_settings(load_settings(session.path(CANDIDATE)), session.path(COMMISSIONED), {axis.name: changes}, {"": head})
     ledger.yaml = COMMISSIONED
-    return f"rms tracking error by gain: {', '.join(told)}{reason}; gain {best_gain:.2g} is kept", [COMMISSIONED]
+    return f"rms tracking error by gain: {', '.join(rms_by_gain)}{reason}; gain {best_gain:.2g} is kept", [COMMISSIONED]
 
 
 def before_and_after(session: Session) -> Found:

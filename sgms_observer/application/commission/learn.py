@@ -72,7 +72,7 @@ def own_rows(path: Path, axis: AxisSettings) -> tuple[Floats, Floats]:
     return (stamps[known] - stamps[0]) * 1e-9, position[known]
 
 
-LONGEST_RECORD, RECORD_SHARE = 25.0, 0.08
+MAX_RECORD_TIME, RECORD_SHARE = 25.0, 0.08
 """Length of the recording to learn from [s], and at most this share of the time for everything."""
 OFFSET = "offset"
 """The effect that identification adds to a file."""
@@ -94,52 +94,52 @@ def excite(session: Session) -> Found:
     """Build the motions: the one to learn from, and the user's own or the one that stands for it."""
     plan, axis = session.plan, session.axis
     period, limits = plan.settings.sample_period, plan.limits
-    seconds = min(LONGEST_RECORD, RECORD_SHARE * plan.request.seconds)
+    seconds = min(MAX_RECORD_TIME, RECORD_SHARE * plan.request.seconds)
     presliding, stribeck_velocity = largest_deflection(axis.friction), axis.friction.stribeck_velocity
     learn = learning_motion(limits, period, presliding, stribeck_velocity, seconds)
     if plan.request.motion:
         source = Path(plan.request.motion)
-        own = read_motion(source, own_rows(source, axis), session.origin, period)
-        own_name = str(source)
+        user_motion = read_motion(source, own_rows(source, axis), session.origin, period)
+        motion_name = str(source)
     else:
-        own, own_name = representative_motion(limits, period), "the motion that stands for your own"
+        user_motion, motion_name = representative_motion(limits, period), "the motion that stands for your own"
     checked(learn, limits, session.origin, "the excitation")
-    checked(own, limits, session.origin, own_name)
+    checked(user_motion, limits, session.origin, motion_name)
     learn.write(session.path(EXCITATION))
-    own.write(session.path(OWN_MOTION))
+    user_motion.write(session.path(OWN_MOTION))
     readable = axis.units.readable
     return (
         f"excitation of {learn.duration:.1f} s over {readable(float(np.ptp(learn.position)))}, at up to"
-        f" {readable(learn.peak_speed, 'm/s')} and {readable(learn.peak_acceleration, 'm/s^2')}; {own_name}:"
-        f" {own.duration:.1f} s over {readable(float(np.ptp(own.position)))}, at up to"
-        f" {readable(own.peak_speed, 'm/s')} and {readable(own.peak_acceleration, 'm/s^2')}",
+        f" {readable(learn.peak_speed, 'm/s')} and {readable(learn.peak_acceleration, 'm/s^2')}; {motion_name}:"
+        f" {user_motion.duration:.1f} s over {readable(float(np.ptp(user_motion.position)))}, at up to"
+        f" {readable(user_motion.peak_speed, 'm/s')} and {readable(user_motion.peak_acceleration, 'm/s^2')}",
         [EXCITATION, OWN_MOTION],
     )
 
 
 def record(session: Session) -> Found:
     """Play both motions and record them."""
-    excitation, own = (load_motion(session, name) for name in (EXCITATION, OWN_MOTION))
-    session.need(session.duration_of(excitation) + session.duration_of(own), "record")
+    excitation, user_motion = (load_motion(session, name) for name in (EXCITATION, OWN_MOTION))
+    session.need(session.duration_of(excitation) + session.duration_of(user_motion), "record")
     for motion, bag, purpose in (
         (excitation, LEARN_BAG, "excitation"),
-        (own, OWN_BAG, "own motion, without compensation"),
+        (user_motion, OWN_BAG, "own motion, without compensation"),
     ):
         session.confirm_motion(motion, purpose)
         session.record(motion, bag)
-    return f"recorded {excitation.duration + own.duration:.0f} s in two bags", [LEARN_BAG, OWN_BAG]
+    return f"recorded {excitation.duration + user_motion.duration:.0f} s in two bags", [LEARN_BAG, OWN_BAG]
 
 
 def identify(session: Session) -> Found:
     """Identify the axis; its values replace the file's where they predict the own motion clearly better."""
     request, axis = session.plan.request, session.axis
-    learn, own = str(session.path(LEARN_BAG)), str(session.path(OWN_BAG))
+    learn, own_bag = str(session.path(LEARN_BAG)), str(session.path(OWN_BAG))
     job = IdentifyJob(
         (learn,), request.config, str(session.path(IDENTIFIED)), (axis.name,), axis.friction.model, is_overwriting=True
     )
     identified = identify_bags(job, _titled(session))
     found = next(one for one in load_settings(identified.path).axes if one.name == axis.name)
-    given, fitted = (unexplained(own, one) for one in (axis, found))
+    given, fitted = (unexplained(own_bag, one) for one in (axis, found))
     is_better = fitted < CLEARLY_BETTER * given
     if is_better:
         session.ledger.facts["model"] = _without_new_offset(session, found)
@@ -163,11 +163,11 @@ def _without_new_offset(session: Session, found: AxisSettings) -> str:
     While the axis slides, an offset stands for every force that depends on the direction. The diagnosis says which one
     it is, and what else it may be; an offset in its file would hide that.
     """
-    own = {item.name for item in session.axis.effects}
-    kept = [item.name for item in found.effects if item.name != OFFSET or item.name in own]
-    if len(kept) == len(found.effects):
+    file_effects = {item.name for item in session.axis.effects}
+    names = [item.name for item in found.effects if item.name != OFFSET or item.name in file_effects]
+    if len(names) == len(found.effects):
         return IDENTIFIED
-    changes: dict[str, Any] = {"effects.names": kept, "effects.offset": None}
+    changes: dict[str, Any] = {"effects.names": names, "effects.offset": None}
     write_settings(load_settings(session.path(IDENTIFIED)), session.path(WITHOUT_OFFSET), {session.axis.name: changes})
     return WITHOUT_OFFSET
 

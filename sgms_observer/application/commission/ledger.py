@@ -109,7 +109,7 @@ class Ledger:
             lists = ("files", "warnings")
             entries = [{**entry, **{name: tuple(entry[name]) for name in lists}} for entry in found["steps"]]
             steps = {entry["name"]: Step(**entry) for entry in entries}
-            kept = (found["facts"], found["effects"], found["tracking"], found["usable"], found["yaml"])
+            results = (found["facts"], found["effects"], found["tracking"], found["usable"], found["yaml"])
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise RecordingError(f"{path} cannot be read ({error}); give another --out, or --overwrite") from None
         differing = [name for name in request if request[name] != earlier.get(name)]
@@ -127,7 +127,7 @@ class Ledger:
                     " on, another --out, or --overwrite to start anew"
                 ]
             )
-        return cls(folder, request, steps, *kept)
+        return cls(folder, request, steps, *results)
 
     @property
     def reason(self) -> str | None:
@@ -190,12 +190,12 @@ class Ledger:
             files: what it wrote, relative to the folder.
             warnings: what the user should look at.
         """
-        kept = {}
+        earlier = {}
         for known, step in self.steps.items():
             if known == name:
                 break
-            kept[known] = step
-        self.steps = {**kept, name: Step(name, state, round(seconds, 2), sentence, tuple(files), tuple(warnings))}
+            earlier[known] = step
+        self.steps = {**earlier, name: Step(name, state, round(seconds, 2), sentence, tuple(files), tuple(warnings))}
         self.write()
 
     def repeat(self, name: str) -> None:

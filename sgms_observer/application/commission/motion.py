@@ -171,9 +171,9 @@ def learning_motion(
         path.cycles(float(amplitude), 2, 4.0)
     creep = 0.05 * seconds
     for speed in np.geomspace(max(0.1 * stribeck_velocity, presliding / creep), 0.1 * limits.speed, 4):
-        reach = min(PRESLIDING_MULTIPLE * presliding, float(speed) * creep)
-        path.move(path.at + reach, float(speed), gentle)
-        path.move(path.at - reach, float(speed), gentle)
+        traverse = min(PRESLIDING_MULTIPLE * presliding, float(speed) * creep)
+        path.move(path.at + traverse, float(speed), gentle)
+        path.move(path.at - traverse, float(speed), gentle)
     longest = min(half, 0.5 * math.pi * limits.speed**2 / limits.acceleration)
     for share in (1.0, 0.5, 0.2):
         path.move(share * longest, limits.speed, limits.acceleration)

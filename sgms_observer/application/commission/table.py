@@ -34,7 +34,7 @@ STALL_SHARE = 0.1
 """An axis that goes less than this share of its set-point's way stalls."""
 STALL_WAY = 0.01
 """Way of the set-point over which a stall is judged, as a share of the stroke."""
-LONGEST_GAP = 0.1
+MAX_GAP = 0.1
 """Longest time between two stamps of the position [s]: behind a longer one the set-point has jumped."""
 WRONG_SIGN = -0.2
 """Correlation of effort and velocity below which the effort is reversed: friction takes power, it gives none."""
@@ -216,7 +216,7 @@ class Guard:
         before = stamp_ns[0] if self._latest_ns is None else self._latest_ns
         gap = 1e-9 * float(np.max(np.diff(stamp_ns, prepend=before)))
         self._latest_ns = int(stamp_ns[-1])
-        if gap > LONGEST_GAP:
+        if gap > MAX_GAP:
             raise HeldUp(
                 f"position of axis {self._axis.name} has a gap of {gap:.2f} s during the motion, which was stopped;"
                 " start again when the machine's computer is less busy"
@@ -238,7 +238,7 @@ class Guard:
         fresh = np.stack([(stamp_ns - self._first_ns) * 1e-9, position, set_point])
         self._kept = np.concatenate([self._kept, fresh], axis=1)
         time, places, points = self._kept
-        since = float(time[-1]) - max(SPEED_WINDOW, abs(self._delay)) - 2.0 * SPEED_WINDOW - LONGEST_GAP
+        since = float(time[-1]) - max(SPEED_WINDOW, abs(self._delay)) - 2.0 * SPEED_WINDOW - MAX_GAP
         self._kept = self._kept[:, np.searchsorted(time, since) :]
         time, places, points = self._kept
         readable, name = self._axis.units.readable, self._axis.name
@@ -257,7 +257,7 @@ class Guard:
         if self._way_from is None:
             self._way_from = (meant, here)
         way, gone = meant - self._way_from[0], here - self._way_from[1]
-        recent = points[time >= time[-1] - self._delay - LONGEST_GAP] - self._way_from[0]
+        recent = points[time >= time[-1] - self._delay - MAX_GAP] - self._way_from[0]
         is_late = bool(np.min(recent) <= gone <= np.max(recent))  # it is where it was told to be a moment ago
         if abs(way) > self._stall_way and not is_late:
             if gone * math.copysign(1.0, way) < -STALL_SHARE * abs(way):

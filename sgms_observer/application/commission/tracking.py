@@ -16,7 +16,7 @@ from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]
 
-LONGEST_DELAY = 0.3
+MAX_DELAY = 0.3
 """Largest delay between a set-point's stamp and the motion that is looked for [s]."""
 
 
@@ -85,7 +85,7 @@ class Tracker:
     def best_delay(self) -> float:
         """Return the delay with the smallest tracking error [s], on the grid of the motion's period."""
         period = self._motion.period
-        count = round(LONGEST_DELAY / period)
+        count = round(MAX_DELAY / period)
         coarse = max(1, count // 60)
         tried = {k: self.tracking(k * period).rms for k in range(-count, count + 1, coarse)}
         centre = min(tried, key=lambda k: tried[k])
@@ -110,7 +110,7 @@ def recorded_tracking(bag: Path, axis: AxisSettings, delay: float) -> Tracking:
         columns.append((stamps, axis.position_scale * states.position[rows, states.names.index(axis.name)]))
     (stamps, position), (given, points) = columns
     time = (stamps - given[0]) * 1e-9
-    own = (given - given[0]) * 1e-9
-    inside = (time >= 0.0) & (time <= own[-1])
-    meant = np.interp(time[inside] - delay, own, points)
+    reference_time = (given - given[0]) * 1e-9
+    inside = (time >= 0.0) & (time <= reference_time[-1])
+    meant = np.interp(time[inside] - delay, reference_time, points)
     return Tracking(time[inside], position[inside] - meant, position[inside])
