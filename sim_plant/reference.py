@@ -237,9 +237,9 @@ def _multi_sine(settings: ReferenceSettings, name: str) -> Sines:
     if len(counts) != 1 or 0 in counts:
         raise ConfigurationError(
             [
-                f"{name}.stage.reference: a multi_sine needs amplitudes and frequencies of one length (and phases, or"
-                f" none), got {len(settings.amplitudes)}, {len(settings.frequencies)} and {len(settings.phases)}; give"
-                " one entry per sine"
+                f"{name}.stage.reference of kind multi_sine has {len(settings.amplitudes)} amplitudes,"
+                f" {len(settings.frequencies)} frequencies and {len(settings.phases)} phases; give one of each per"
+                " sine, or no phases"
             ]
         )
     phases = np.array(settings.phases or [0.0] * len(settings.frequencies))
@@ -249,7 +249,7 @@ def _multi_sine(settings: ReferenceSettings, name: str) -> Sines:
 def _point_to_point(settings: ReferenceSettings, name: str) -> PiecewiseCubic:
     if settings.amplitude == 0.0:
         raise ConfigurationError(
-            [f"{name}.stage.reference.amplitude = 0 leaves a point_to_point move no way to go; give it a stroke"]
+            [f"{name}.stage.reference.amplitude = 0 gives a point_to_point motion no stroke; set it to the stroke"]
         )
     return back_and_forth(settings.amplitude, settings.velocity, settings.acceleration, settings.jerk, settings.dwell)
 

@@ -230,8 +230,8 @@ def _read_columns(path: Path) -> tuple[Floats, Floats]:
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(
             [
-                f"stage.reference.file: {path} cannot be read ({error}); sgms excite writes such a file, and a relative"
-                " path starts at the folder of the parameter file"
+                f"stage.reference.file = {path} cannot be read ({error}); check the path, which starts at the folder of"
+                " the parameter file; sgms excite writes such a file"
             ]
         ) from error
     rows: list[tuple[float, float]] = []
@@ -239,25 +239,43 @@ def _read_columns(path: Path) -> tuple[Floats, Floats]:
     for number, line in enumerate(lines, start=1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        cells = line.replace(";", ",").split(",")
-        try:
-            row = float(cells[0]), float(cells[1])
-        except (ValueError, IndexError):
-            if titles_allowed:
-                titles_allowed = False
-                continue
-            raise ConfigurationError(
-                [f"{path}, line {number}: expected time [s] and position separated by a comma, got {line[:60]!r}"]
-            ) from None
+        cells = [cell.strip() for cell in line.replace(";", ",").split(",")[:2]]
+        row = [value for value in map(_number, cells) if value is not None]
+        if len(row) < 2 and titles_allowed:
+            titles_allowed = False
+            continue
         titles_allowed = False
-        if not np.isfinite(row).all():
-            raise ConfigurationError([f"{path}, line {number}: {line[:60]!r} is not finite; remove the row"])
-        if rows and row[0] <= rows[-1][0]:
+        if len(row) < 2:
+            wrong = [cell[:60] for cell in cells if _number(cell) is None]
             raise ConfigurationError(
-                [f"{path}, line {number}: time {row[0]} s does not come after {rows[-1][0]} s; sort the rows by time"]
+                [
+                    f"{path}, line {number}: {wrong[0]!r} is not a number; correct or remove the line"
+                    if wrong
+                    else f"{path}, line {number}: the position is missing; write time [s] and position with a comma"
+                    " between them"
+                ]
             )
-        rows.append(row)
+        if not np.isfinite(row).all():
+            raise ConfigurationError(
+                [f"{path}, line {number}: {line[:60]!r} is not finite; correct or remove the line"]
+            )
+        time, position = row
+        if rows and time <= rows[-1][0]:
+            raise ConfigurationError(
+                [f"{path}, line {number}: time {time} s does not come after {rows[-1][0]} s; sort the lines by time"]
+            )
+        rows.append((time, position))
     if len(rows) < 2:
-        raise ConfigurationError([f"{path} has {len(rows)} rows of time and position; a reference needs at least two"])
+        raise ConfigurationError(
+            [f"{path} has {len(rows)} lines of time and position, and a reference needs at least two; add lines"]
+        )
     table = np.array(rows)
     return table[:, 0], table[:, 1]
+
+
+def _number(cell: str) -> float | None:
+    """Return a cell as a number, None where it is not one."""
+    try:
+        return float(cell)
+    except ValueError:
+        return None

@@ -155,8 +155,8 @@ class SimulatedStage:
         if total <= 0.0:
             raise ConfigurationError(
                 [
-                    f"{self.axis.name}: the stage's mass of {mass:g} {unit} with {effects.added_mass:g} {unit} from its"
-                    " effects leaves nothing to move; lower the mass of flexible_mode or mass_error"
+                    f"{self.axis.name}: the stage's mass of {mass:g} {unit} and the {effects.added_mass:g} {unit} of"
+                    " its effects have no positive sum; lower the mass of flexible_mode or mass_error"
                 ]
             )
         return total

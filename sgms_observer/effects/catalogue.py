@@ -39,7 +39,7 @@ def effect(name: str) -> Effect:
         ConfigurationError: when the catalogue has none of that name.
     """
     if name not in _effects:
-        raise ConfigurationError([f"effect {name} is not in the catalogue; it knows {', '.join(names())}"])
+        raise ConfigurationError([f"effect {name} is not in the catalogue; use one of {', '.join(names())}"])
     return _effects[name]
 
 
@@ -85,7 +85,10 @@ def register(entry: Effect) -> None:
         raise ConfigurationError([f"effect {entry.name} is already in the catalogue; give yours another name"])
     if entry.place not in USER_PLACES:
         raise ConfigurationError(
-            [f"effect {entry.name} acts on {entry.place.value}; effects of one's own are added forces or level factors"]
+            [
+                f"effect {entry.name} acts on {entry.place.value}; give it Place.ADDED_FORCE or Place.LEVEL_FACTOR, the"
+                " places that a user's effect can have"
+            ]
         )
     _effects[entry.name] = entry
 

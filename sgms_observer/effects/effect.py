@@ -101,7 +101,10 @@ class EffectParameter:
         """
         if self.acts_on not in ("", *QUANTITIES):
             raise ConfigurationError(
-                [f"effect parameter {self.name}: acts_on = {self.acts_on!r} must be one of {', '.join(QUANTITIES)}"]
+                [
+                    f"effect parameter {self.name}: acts_on = {self.acts_on!r} must be one of {', '.join(QUANTITIES)};"
+                    " choose one"
+                ]
             )
         if not self.minimum <= self.default <= self.maximum:
             raise ConfigurationError(
@@ -230,7 +233,7 @@ class Effect:
                 f"effect {self.name}: coordinate {unknown[0]!r} is unknown; use some of {', '.join(COORDINATES)}"
             )
         if (self.advance is None) != (not self.initial_state):
-            faults.append(f"effect {self.name}: give both advance and initial_state, or neither")
+            faults.append(f"effect {self.name} has only one of advance and initial_state; give both, or neither")
         if faults:
             raise ConfigurationError(faults)
 
@@ -260,7 +263,7 @@ class Effect:
             if parameter.name == name:
                 return parameter
         names = ", ".join(parameter.name for parameter in self.parameters)
-        raise ConfigurationError([f"effect {self.name} has no parameter {name}; it has {names}"])
+        raise ConfigurationError([f"effect {self.name} has no parameter {name}; use one of {names}"])
 
     def check(self, values: tuple[float, ...], where: str) -> list[str]:
         """Return one sentence per value that breaks its range.

@@ -87,7 +87,7 @@ def map_faults(lists: Mapping[str, tuple[Any, ...]], where: str) -> list[str]:
             " point, the last coordinate running fastest"
         )
     if len(values) > MAX_VALUES:
-        faults.append(f"{where}.values has {len(values)} entries and may have {MAX_VALUES}; use a coarser grid")
+        faults.append(f"{where}.values has {len(values)} entries and may have {MAX_VALUES} at most; use a coarser grid")
     return faults
 
 

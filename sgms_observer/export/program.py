@@ -105,7 +105,9 @@ class Program(ABC):
         origin = _origin(scope.get("__name__", ""), name, found).rsplit(".", 1)[-1]
         label = f"{origin}_{name.strip('_')}".upper()
         if self.constants.setdefault(label, found) != found:
-            raise ConfigurationError([f"sgms export: two constants are named {label}; rename one of the modules"])
+            raise ConfigurationError(
+                [f"sgms export cannot write {name} in C: two modules define {label}; rename one of the modules"]
+            )
         return Value(label, REAL if isinstance(found, float) else INT, const=found)
 
 
@@ -124,7 +126,9 @@ def source_of(python: Any) -> Source | None:
     ast.increment_lineno(tree, first - 1)
     found = tree.body[0]
     if not isinstance(found, ast.FunctionDef):
-        raise ConfigurationError([f"sgms export: {python.__name__} is no plain function; define it with def"])
+        raise ConfigurationError(
+            [f"sgms export cannot write {python.__name__} in C: it is no plain function; define it with def"]
+        )
     summary = (inspect.getdoc(python) or "").split("\n\n")[0].replace("\n", " ").replace("``", "")
     scope = {**python.__globals__, **inspect.getclosurevars(python).nonlocals}
     return Source(python.__name__, f"{python.__module__.replace('.', '/')}.py", summary, scope, found)

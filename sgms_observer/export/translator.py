@@ -140,7 +140,12 @@ class Translator(Program):
         label = f"{source.name} in {source.file}"
         names = [item.arg for item in source.tree.args.args]
         if len(names) != len(arguments):
-            raise ConfigurationError([f"sgms export: {label} takes {len(names)} arguments, not {len(arguments)}"])
+            raise ConfigurationError(
+                [
+                    f"sgms export cannot write {label} in C: it takes {len(names)} arguments and the call gives"
+                    f" {len(arguments)}; correct the call"
+                ]
+            )
         parameters = [Parameter(name, _inside(name, item)) for name, item in zip(names, arguments, strict=True)]
         changed = assigned_in(source.tree.body)
         types: dict[str, Any] = {}

@@ -309,7 +309,7 @@ def _taken_apart(argv: Sequence[str], node_name: str) -> tuple[list[str], list[t
             continue
         value = next(arguments, None)
         if value is None:
-            raise ConfigurationError([f"{argument} = (nothing) must have a value; write it behind {argument}"])
+            raise ConfigurationError([f"{argument} = (nothing) must have a value; write it after {argument}"])
         if kind == _REMAP:
             other_arguments += [argument, value]
             rules.append(value)

@@ -172,7 +172,9 @@ def text_of(tree: Any) -> str:
         return str(yaml.dump(tree, Dumper=_Writer, sort_keys=False, width=sys.maxsize, allow_unicode=True))
     except (RecursionError, yaml.YAMLError) as error:
         reason = " ".join(str(error).split())[:200]
-        raise ConfigurationError([f"the parameters cannot be written as YAML: {reason}; make them plain"]) from None
+        raise ConfigurationError(
+            [f"the parameters cannot be written as YAML ({reason}); use plain numbers, texts, lists and groups"]
+        ) from None
 
 
 @dataclass(frozen=True)

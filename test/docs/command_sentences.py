@@ -13,11 +13,8 @@ ERRORS = (
     "ConfigurationError", "RecordingError", "DataError", "SgmsError", "HiddenError", "HeldUp", "_Silence", "OutOfTime"
 )  # fmt: skip
 PREFIX = "Warning: "
-ELSEWHERE = ("settings", "nodes", "effects", "formulas")
-"""Folders whose sentences are of one kind each, which the page explains as one, or that `node_sentences` reads."""
-
-AXES = "sgms_observer/settings/axis.py"
-"""Where every command looks up the names of --axis."""
+ELSEWHERE = ("nodes",)
+"""Folders whose sentences `node_sentences` reads."""
 
 NOT_MESSAGES = {
     "axis … moves between … and … for … s, at up to … and",
@@ -28,20 +25,20 @@ NOT_MESSAGES = {
     "rms … error on held-out chunks by number of elements […]",
     "% of the rms … unexplained on held-out chunks",
     "% of the rms … unexplained on held-out bags",
+    "from sgms_observer.formulas import",
 }
-"""What the scan finds beside them: a question before a motion, next experiments, and results."""
+"""What the scan finds beside them: a question before a motion, next experiments, results, and a line of a program."""
 
 _HEAD = re.compile(r"^(.*?)(?:[;:(]| - |\. (?=[A-Z])|$)")
-_FEWEST_LETTERS = 12
+_FEWEST_LETTERS = 11
 
 
 def command_sentences() -> dict[str, str]:
     """Return the fixed beginning of each error and warning with the file that it stands in."""
     found: dict[str, str] = {}
-    for path in sorted(ROOT.glob("sgms_observer/**/*.py")):
+    for path in sorted([*ROOT.glob("sgms_observer/**/*.py"), *ROOT.glob("sim_plant/**/*.py")]):
         file = path.relative_to(ROOT)
-        is_elsewhere = file.parts[1] in ELSEWHERE or file.as_posix() in PLACES
-        if is_elsewhere and file.as_posix() != AXES:
+        if file.parts[1] in ELSEWHERE or file.as_posix() in PLACES:
             continue
         for sentence in _sentences(path):
             head = beginning(sentence)
@@ -90,7 +87,7 @@ def _sentences(path: Path) -> Iterator[str]:
 LISTS = ("warning", "warnings", "_warnings", "faults", "fault", "doubts", "out", "poor", "said", "found", "sentence",
          "sentences")  # fmt: skip
 """Names of variables, attributes and arguments that hold messages."""
-RETURNED = r"_sentence$|^caution$|warnings?$|^_reason_against_"
+RETURNED = r"_sentence$|^caution$|warnings?$|^_reason_against_|^_missing$"
 """Names of functions that return a message, or several."""
 
 
@@ -104,6 +101,8 @@ def _texts(node: ast.AST) -> Iterator[str]:
         yield from _texts(node.orelse)
     elif isinstance(node, ast.ListComp | ast.GeneratorExp):
         yield from _texts(node.elt)
+    elif isinstance(node, ast.Subscript):
+        yield from _texts(node.value)
     elif isinstance(node, ast.Call) and _name(node.func) in ("tuple", "list") and node.args:
         yield from _texts(node.args[0])
     elif text := _text(node):

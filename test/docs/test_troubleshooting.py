@@ -62,7 +62,7 @@ def test_every_error_and_warning_of_a_command_has_its_row() -> None:
 
 
 def test_the_scan_finds_messages_in_every_form() -> None:
-    """Lists of doubts, a returned caution, a list of warnings, an argument, and the folder of the export."""
+    """Lists of doubts, a returned caution, lists of warnings, arguments, and every folder but the nodes'."""
     said = command_sentences()
     for message, file in {
         "pauses lack samples, the longest … s": "sgms_observer/application/bag_info.py",
@@ -73,6 +73,10 @@ def test_the_scan_finds_messages_in_every_form() -> None:
         "the recording has no reference, so nothing shows whether stage.controller of the file is the controller of the"
         " recording": "sgms_observer/diagnosis/tracking.py",
         "estimator.kind is …, and C has the EKF only": "sgms_observer/export/c_target.py",
+        "is not YAML": "sgms_observer/settings/yaml_text.py",
+        "axes must be given": "sgms_observer/settings/node_parameters.py",
+        "must rise from entry to entry, but entry … is … after": "sgms_observer/effects/map_entries.py",
+        "line … … is not a number": "sim_plant/reference_file.py",
     }.items():
         assert said[message] == file
 

@@ -50,7 +50,7 @@ def test_multi_sine_is_the_sum_of_its_sines() -> None:
 @pytest.mark.parametrize("fault", [{"amplitudes": (1e-4,)}, {"amplitudes": ()}, {"phases": (0.0, 0.0, 0.0)}])
 def test_multi_sine_says_when_its_lists_do_not_match(fault: dict[str, tuple[float, ...]]) -> None:
     settings = ReferenceSettings(kind="multi_sine", amplitudes=(1e-4, 1e-4), frequencies=(1.0, 2.0))
-    with pytest.raises(ConfigurationError, match=r"y\.stage\.reference: a multi_sine needs"):
+    with pytest.raises(ConfigurationError, match=r"y\.stage\.reference of kind multi_sine has"):
         make_reference(replace(settings, **fault), "y")
 
 
@@ -131,12 +131,13 @@ def test_closed_file_is_smooth_across_its_end(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "0 rows"),
-        ("0,1\n", "1 rows"),
+        ("", "0 lines"),
+        ("0,1\n", "1 lines"),
         ("0,1\n0,2\n", r"line 2: time 0\.0 s does not come after"),
         ("0,1\n1,nan\n", "line 2: .* is not finite"),
-        ("t,x\n0,1\nend,of file\n", "line 3: expected time"),
-        ("0\n1\n", "line 2: expected time"),
+        ("t,x\n0,1\nend,of file\n", "line 3: 'end' is not a number"),
+        ("0\n1\n", "line 2: the position is missing"),
+        ("t,x\n0,1\n1,abc\n", r"bad\.csv, line 3: 'abc' is not a number; correct or remove the line$"),
     ],
 )
 def test_unusable_file_is_refused_in_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
@@ -149,7 +150,7 @@ def test_missing_file_and_missing_stroke() -> None:
         make_reference(ReferenceSettings(kind="file", file="nowhere.csv"))
     with pytest.raises(ConfigurationError, match=r"x\.stage\.reference\.file is empty"):
         make_reference(ReferenceSettings(kind="file"))
-    with pytest.raises(ConfigurationError, match="leaves a point_to_point move no way to go"):
+    with pytest.raises(ConfigurationError, match="gives a point_to_point motion no stroke"):
         make_reference(ReferenceSettings(kind="point_to_point", amplitude=0.0))
 
 

@@ -80,7 +80,7 @@ def test_added_mass_is_felt() -> None:
     balance = heavy.effort_applied - 5.0 * heavy.acceleration - heavy.friction
     wrong = heavy.effort_applied - 3.0 * heavy.acceleration - heavy.friction
     assert np.abs(balance[1000:]).max() < 0.1 < np.abs(wrong[1000:]).max()
-    with pytest.raises(ConfigurationError, match="leaves nothing to move"):
+    with pytest.raises(ConfigurationError, match="have no positive sum"):
         SimulatedStage(with_effect(paper_axis(), "mass_error", mass=-3.0), 1e-4)
 
 

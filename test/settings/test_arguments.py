@@ -172,7 +172,7 @@ def test_faults_of_all_files_and_values_at_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("argv", "sentence"),
     [
-        (["--params-file"], "--params-file = (nothing) must have a value; write it behind --params-file"),
+        (["--params-file"], "--params-file = (nothing) must have a value; write it after --params-file"),
         (["-p", "x.mass=3"], "-p x.mass=3 must have the form name:=value; write for instance -p x.mass:=10.0"),
         (["-p", ":=3"], "-p :=3 must have the form name:=value; write for instance -p x.mass:=10.0"),
         (["-p", "use_sim_time:=3"], "use_sim_time = 3 must be true or false; write one of the two"),
