@@ -134,7 +134,7 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         ("        parameters: []", "[kappa] to follow the stiffness on line; [] to hold the values above"),
         ("", ""),
         ("      compensation:", "feedforward on friction_compensation"),
-        ("        enabled: false", "switch on after a look at friction_estimate and friction_std"),
+        ("        enabled: false", "switch on after a look at friction_estimate and friction_std, with gain 0.3 first"),
         ("        gain: 0.9", "share of the predicted friction; 1 leaves no margin against overshoot"),
         (f"        limit: {number(FIRST_LIMIT_SHARE * draft.static)}", f"{force}, never more than this"),
         (f"        slew_limit: {number(5.0e3 * draft.coulomb)}", f"{units.of('N/s')}, never faster than this"),

@@ -44,6 +44,39 @@ def test_pages_give_one_first_limit_and_the_gains_of_commission(page: str) -> No
     assert re.search(rf"{first}(?:,| to)(?: then)? {second},? (?:and |then )*{third}", text)
 
 
+ENABLES = re.compile(r"compensation\.enabled(?: |:=)true")
+
+
+@pytest.mark.parametrize("page", [name for name, text in PAGES.items() if ENABLES.search(text)])
+def test_each_page_that_enables_sets_the_first_gain_before(page: str) -> None:
+    blocks = re.findall(r"^ *```\w*\n(.*?)^ *```", PAGES[page], re.DOTALL | re.MULTILINE)
+    enabling = [block for block in blocks if ENABLES.search(block)]
+    assert len(enabling) == len(ENABLES.findall(PAGES[page])), "enable in a block of commands, with its gain"
+    for block in enabling:
+        before = ENABLES.split(block)[0]
+        assert re.findall(r"compensation\.gain(?: |:=)([\d.]+)", before)[-1:] == GAINS[:1]
+    assert re.search(rf"{GAINS[1]},? (?:and )?(?:then )?(?:to )?{GAINS[2]}", _flat(page))
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_paragraph_that_enables_in_a_file_is_about_a_simulation(page: str) -> None:
+    for paragraph in PAGES[page].split("\n\n"):
+        if re.search(r"`compensation\.enabled` to `true`", paragraph):
+            assert "simulation" in paragraph and f"starts at {GAINS[0]}" in " ".join(paragraph.split())
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "config").glob("*.yaml")), ids=lambda path: path.stem)
+def test_shipped_files_say_the_first_gain_and_where_another_limit_is_for(path: Path) -> None:
+    axes = load_settings(path).axes if "ros__parameters" in path.read_text(encoding="utf-8") else ()
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if re.match(r" *enabled: false", line) and path.stem in ("table", "joint", "ros2_control") and "#" in line:
+            assert GAINS[0] in line
+        if limit := re.match(r" *limit: ([\d.]+)", line):
+            first = [FIRST_LIMIT_SHARE * axis.friction.static_force for axis in axes]
+            is_first = any(float(limit.group(1)) == pytest.approx(one) for one in first)
+            assert is_first or re.search("this (?:simulation|fixed data set)", line), line
+
+
 def test_no_page_gives_another_first_limit() -> None:
     first = load_settings(ROOT / "config" / "table.yaml").axes[0].friction.static_force * FIRST_LIMIT_SHARE
     for name, text in PAGES.items():
