@@ -56,7 +56,7 @@ class WrittenBag:
 
 @dataclass(frozen=True)
 class Converted:
-    """What became of a log.
+    """Result of a conversion.
 
     Attributes:
         bags: the bags.

@@ -136,7 +136,7 @@ class DiagnoseRequest:
         bags: fitted recordings.
         config: parameter file.
         out: folder of ``FILES``.
-        holdout: recordings to judge on, never fitted to.
+        holdout: recordings to evaluate the model on, never fitted to.
         axis: axis to diagnose; the first of the file if None.
         topics: names of the input topics where they differ.
         tolerance: how far the file's mass and friction may be off, as a share.
@@ -173,7 +173,7 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
 
     Args:
         request: what to diagnose.
-        show: told how much is done, from 0 to 1.
+        show: called with the completed share, 0 to 1.
 
     Raises:
         SgmsError: something cannot be read, written or made sense of.

@@ -40,7 +40,7 @@ _STALE = ("(95 %)", "not identifiable")
 
 @dataclass(frozen=True)
 class IdentifyJob:
-    """What to identify from what.
+    """Inputs of an identification.
 
     Attributes:
         bags: fitted recordings.
@@ -50,7 +50,7 @@ class IdentifyJob:
         model: ``sgms``, ``gms`` or ``least_squares``.
         elements: number of elements; 0 lets the held-out error choose.
         cutoff: corner of the band [Hz]; 0 chooses it.
-        holdout: held-out recordings: the model is judged on them and not fitted to them.
+        holdout: held-out recordings: the model is evaluated on them and not fitted to them.
         topics: names of the inputs where they differ.
         is_overwriting: replace a file that is there.
     """
@@ -175,7 +175,7 @@ def _identified(
 
 
 def _least_squares(pieces: Recordings, unseen: Recordings, axis: AxisSettings, cutoff: float) -> tuple[Answer, Traces]:
-    """Fit the inverse dynamic model; a reversed effort is turned round and told."""
+    """Fit the inverse dynamic model; reverse an effort with the wrong sign and report it."""
     fit = fit_inverse_model(pieces, cutoff=cutoff, is_revolute=axis.units.is_revolute)
     opposed = is_reversed(fit)
     if opposed:

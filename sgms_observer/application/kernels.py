@@ -141,7 +141,7 @@ def compile_ahead(names: Sequence[str] = tuple(PARTS), show: Callable[[float], N
 
     Args:
         names: parts that are needed.
-        show: told how much is done, from 0 to 1.
+        show: called with the completed share, 0 to 1.
 
     Returns:
         A sentence about what could not be compiled or kept; empty if all is well.

@@ -18,21 +18,21 @@ if TYPE_CHECKING:
 Given = TypeVar("Given")
 _READ_AHEAD = 64  # blocks that are read before they are asked for, some 7 MB: reading begins while kernels are fetched
 _WAITING = 2  # blocks of estimates that wait to be written
-_LOOK = 0.01  # s between two looks at a thread that is to end
+_LOOK = 0.01  # s between two checks of a thread that is to end
 _TURN = 5e-4  # s that a thread may keep Python's lock while another one wants it
 
 
 @dataclass(frozen=True)
 class Replayed:
-    """What became of a replayed bag.
+    """Result of a replay.
 
     Attributes:
-        tallies: name of each axis to what is said of it.
+        tallies: statistics of each axis by its name.
         warnings: sentences about the recording.
         messages: messages written.
         duration: time from the first message of the recording to the last [s].
-        views: what the page shows of each axis; empty if none is wanted.
-        settings: what the observer ran with.
+        views: pictures and tables of each axis for the page; empty without a page.
+        settings: settings of the observer.
     """
 
     tallies: dict[str, Tally]
@@ -81,7 +81,7 @@ def replay_bag(
         out: folder of the new bag.
         storage: ``mcap`` or ``sqlite3``.
         topics: names of the input topics where they differ.
-        show: told how much is done, from 0 to 1.
+        show: called with the completed share, 0 to 1.
         axes: axes of the file to observe; None for all.
         is_overwriting: replace a bag that is there.
         has_report: gather what ``write_report`` shows.
@@ -168,7 +168,7 @@ def _blocks_of_all_axes(source: Iterable[tuple[str, Samples]], names: Sequence[s
 
 @contextmanager
 def _short_turns() -> Iterator[None]:
-    """Let threads change places sooner than after Python's own 5 ms: what lies between two kernels takes less."""
+    """Shorten Python's thread switch interval (5 ms): the code between two kernels takes less time."""
     usual = sys.getswitchinterval()
     sys.setswitchinterval(_TURN)
     try:
@@ -181,8 +181,8 @@ def _short_turns() -> Iterator[None]:
 def in_own_thread(given: Iterable[Given], most: int) -> Iterator[Iterator[Given]]:
     """Yield the items, in order, each made in a thread of its own that begins at once and ends with the block.
 
-    The kernels, numpy and the files leave Python's lock alone, so that reading, estimating and writing share the cores.
-    Memory stays as it is however long the bag. What goes wrong in the thread is raised where its items are taken.
+    Kernels, numpy and file access release Python's lock, so that reading, estimating and writing use several cores. The
+    memory does not depend on the length of the bag. An error of the thread is raised where its items are taken.
 
     Args:
         given: makes the items.

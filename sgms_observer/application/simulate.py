@@ -54,7 +54,7 @@ class Simulation:
 
 @dataclass(frozen=True)
 class Simulated:
-    """What became of it.
+    """Result of a simulation.
 
     Attributes:
         messages: messages written.

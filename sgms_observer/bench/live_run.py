@@ -1,10 +1,10 @@
-"""Samples over the graph, one process per node: what is lost, and how long from a sample to its compensation.
+"""Samples over the graph, one process per node: lost samples, and the latency from a sample to its compensation.
 
-A relay runs beside the observer: a node with the same executor that takes in both topics and gives out one message for
-each sample, with nothing computed. What it takes is what the middleware, the executor and the machine take.
+A relay node runs beside the observer. It has the same executor, subscribes to both topics and publishes one message for
+each sample, and it computes nothing. Its latency is that of middleware, executor and machine.
 
-A publisher hands each message to one reader after the other, and to wake a process takes as long as to estimate. So
-each run has two halves: in one the publisher meets the observer first, in the other the relay.
+A publisher delivers each message to one subscriber after the other, and waking a process takes as long as an estimate.
+So each run has two halves: in one the publisher serves the observer first, in the other the relay.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ RELAYED = "bench_relayed"
 """Topic of the relay."""
 
 _COMPENSATION = "friction_compensation"
-_LOOK = 1.0  # s between two looks at a process
-_IDLE = 0.05  # share of a core below which it has nothing left to do
+_LOOK = 1.0  # s between two checks of a process
+_IDLE = 0.05  # share of a core below which a process counts as idle
 _LONGEST_WAIT = 60.0  # s
 
 
@@ -76,7 +76,7 @@ def time_live(folder: Path, seconds: float, publish_every: int = 1, rate: int = 
 
 @dataclass(frozen=True)
 class _Way:
-    """What became of the samples of a run in one process.
+    """Counts and latencies of a run in one process.
 
     Attributes:
         count: samples sent.
@@ -116,7 +116,7 @@ def _ratio(observer: _Way, relay: _Way) -> dict[str, float]:
 
 
 def _run(folder: Path, config: Path, count: int, rate: int, axes: int, order: Sequence[str]) -> dict[str, _Way]:
-    """Publish samples to the observer and the relay, which the publisher meets in the given order."""
+    """Publish samples to the observer and the relay, which start in the given order and are served in it."""
     from sgms_observer.nodes.conductor import Conductor
 
     folder.mkdir()
@@ -164,7 +164,7 @@ def _percentiles(times: NDArray[np.float64]) -> dict[str, float]:
 
 
 def _wait_until_idle(process_id: int) -> None:
-    """Wait until a process has worked off what is on its way."""
+    """Wait until a process has processed all of its messages."""
     end = time.monotonic() + _LONGEST_WAIT
     before = -1.0
     while time.monotonic() < end:

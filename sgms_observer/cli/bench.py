@@ -1,4 +1,4 @@
-"""``sgms bench``: how fast the estimators are, beside other solvers, and live runs beside a bare relay."""
+"""``sgms bench``: run times of the estimators and of other solvers, and the latency of live runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ from sgms_observer.cli.warn import warn
 if TYPE_CHECKING:
     from sgms_observer.cli.progress import Progress
 
-HELP = "measure run times of the estimators, beside other solvers, and of live runs, beside a bare relay"
+HELP = (
+    "measure run times of the estimators and of other solvers, and the latency of live runs, compared with a relay node"
+    " that computes nothing"
+)
 
 PARTS = ("speed", "accuracy", "peers", "growth", "start", "replay", "live")
 _NEED_CASADI = ("accuracy", "peers")
@@ -92,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def machine() -> str:
-    """Return a sentence about the machine: processor, cores, load, Python and the libraries that count."""
+    """Return a sentence about the machine: processor, cores, load, Python and the numerical libraries."""
     import numpy as np
 
     from sgms_observer.jit import HAS_NUMBA
@@ -125,7 +128,7 @@ def _has_casadi() -> bool:
 
 
 def _can_run(part: str) -> bool:
-    """Return whether a part has what it needs; say in a sentence what is missing."""
+    """Return whether the libraries of a part are installed; warn of a missing one."""
     if part not in _NEED_CASADI or _has_casadi():
         return True
     warn([f"bench leaves out {part}, because CasADi is not installed; install it with: pip install casadi"])
@@ -150,7 +153,7 @@ def _empty() -> dict[str, Any]:
 
 
 def _tell(part: str, progress: Progress, number: int) -> None:
-    """Tell which part begins: with a bar over the parts on a terminal, by a line in a pipe."""
+    """Show which part begins: by a bar over the parts on a terminal, by a line in a pipe."""
     if sys.stderr.isatty():
         progress.show(number)
     else:

@@ -1,4 +1,4 @@
-"""``sgms check``: whether a parameter file, and a recording, fit together."""
+"""``sgms check``: check a parameter file, and whether it fits a recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``sgms commission``: from an axis that moves to a compensation that is switched on, in one command."""
+"""``sgms commission``: identify, diagnose and compensate one axis of a machine, in one command."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments, as ``main.Command``."""
     parser.add_argument("--config", required=True, metavar="YAML", help="parameter file to start from")
     parser.add_argument(
-        "--out", required=True, metavar="DIR", help="folder of all files; a rerun goes on where the last one ended"
+        "--out",
+        required=True,
+        metavar="DIR",
+        help="folder of all files; the same command continues after the last finished step",
     )
     add_axis_option(parser, ONE_AXIS)
     add_live_topic_option(parser, TOPICS)
@@ -39,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=1800.0,
         metavar="S",
-        help="time for everything [s]: what cannot end in it is not begun, or is given up (default: 1800)",
+        help="time for everything [s]: a step that would not finish in time is skipped; running work is stopped"
+        " (default: 1800)",
     )
     add_limit_options(parser)
     parser.add_argument(
@@ -101,7 +105,7 @@ def asked(sentence: str) -> bool:
     """Ask on stderr, which --quiet and --json leave alone, whether the axis may move; anything but yes is no.
 
     Args:
-        sentence: what it will do.
+        sentence: describes the motion.
     """
     print(f"{sentence}\nMove? [y/N] ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip().lower() in ("y", "yes")

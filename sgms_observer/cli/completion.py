@@ -1,4 +1,4 @@
-"""``sgms completion``: what a shell needs to complete commands, options and their choices."""
+"""``sgms completion``: print the script with which a shell completes commands, options and their choices."""
 
 from __future__ import annotations
 

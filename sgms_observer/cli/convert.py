@@ -23,9 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         action="extend",
         metavar="KEY=COLUMN[*FACTOR]",
-        help="which columns are time [s], position [m or rad], control_effort [N or N m] and reference (as"
-        " position); the"
-        " last two are optional. Columns go by name, in a table without names by number (1, 2, ...), in a matrix by"
+        help="which columns are time [s], position [m or rad], control_effort [N or N m] and reference (as position);"
+        " the last two are optional. Columns go by name, in a table without names by number (1, 2, ...), in a matrix by"
         " NAME[k]; FACTOR is a number, pi or a single number of the file; sums are possible, as in"
         " control_effort=q1*10.69-q2/2",
     )

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="folder for result.json, augmented.yaml, report.html, residual.mcap"
     )
-    add_holdout_option(parser, "recordings to judge on, never fitted to")
+    add_holdout_option(parser, "recordings to evaluate the model on, never fitted to")
     add_bag_options(parser, ONE_AXIS)
     parser.add_argument(
         "--tolerance",

@@ -22,7 +22,10 @@ from sgms_observer.outcome import Outcome
 if TYPE_CHECKING:
     from sgms_observer.excitation.reference import Excitation, Floats
 
-HELP = "design the motion that shows most of what is asked for, within the machine's limits; write or publish it"
+HELP = (
+    "design the motion that identifies the asked parameters or effects best, within the machine's limits; write or"
+    " publish it"
+)
 
 TOPICS = ("position", "reference")
 """Topics that publishing needs."""
@@ -38,8 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--for",
         dest="asked",
         metavar="WHAT",
-        help="identify (narrow intervals of all parameters), diagnose (no effect stays hidden), or effects of the"
-        " catalogue to tell from each other, separated by commas (default: identify,diagnose)",
+        help="identify (narrow intervals of all parameters), diagnose (every effect of the catalogue is detectable), or"
+        " names of effects to separate from each other, with commas between them (default: identify,diagnose)",
     )
     parser.add_argument("--duration", type=float, metavar="S", help="longest duration (default: 60 s)")
     parser.add_argument(
@@ -50,8 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="start",
         type=float,
         metavar="POSITION",
-        help="where the table stands, and the reference starts and ends [m; rad] (default: the middle; the position"
-        " that the table publishes when publishing)",
+        help="position of the table, where the reference starts and ends [m; rad] (default: the middle of the stroke;"
+        " with --publish the position that the table publishes)",
     )
     add_axis_option(parser, ONE_AXIS)
     add_limit_options(parser)
@@ -102,7 +105,7 @@ def run(args: argparse.Namespace) -> Outcome:
     made: list[Excitation] = []
 
     def reference_from(start: float) -> tuple[Floats, Floats]:
-        """Design the reference, tell about it and write it."""
+        """Design the reference, print its summary and write it."""
         with Progress(f"design of {seconds:g} s of motion", 1.0) as progress:
             reference = design_excitation(axis, limits, asked, start, seconds, rate, args.centre, progress.show)
         made.append(reference)

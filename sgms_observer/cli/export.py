@@ -1,4 +1,4 @@
-"""``sgms export``: the identified model, observer and compensation for where the loop and the simulation run."""
+"""``sgms export``: write observer and compensation as C, or the simulated stage as an FMU."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands over many recordings: options, jobs, a progress bar, the summary, and what the terminal says.
+"""Commands over many recordings: options, jobs, a progress bar and the summary.
 
 Imports nothing heavy at its top: ``sgms --help`` reads this.
 """
@@ -41,7 +41,7 @@ def replay_many(args: argparse.Namespace, topics: Mapping[str, str]) -> int:
     """Replay several bags.
 
     Args:
-        args: what the user gave to ``sgms replay``.
+        args: arguments of ``sgms replay``.
         topics: names of the input topics where they differ.
 
     Returns:
@@ -70,7 +70,7 @@ def diagnose_each(args: argparse.Namespace) -> int:
     """Diagnose several bags, each by itself.
 
     Args:
-        args: what the user gave to ``sgms diagnose``.
+        args: arguments of ``sgms diagnose``.
 
     Returns:
         The exit code, 0 only if every recording gave a result.
@@ -89,12 +89,12 @@ def diagnose_each(args: argparse.Namespace) -> int:
 
 
 def _do(label: str, title: str, jobs: Sequence[Job], args: argparse.Namespace, out: Path) -> int:
-    """Run the jobs, write the summary and say what is in it."""
+    """Run the jobs, write the summary and print its verdict."""
     from sgms_observer.fleet.jobs import run_jobs
     from sgms_observer.fleet.summary import verdict, write_summary
     from sgms_observer.settings.load import load_settings
 
-    load_settings(args.config)  # what is wrong with it is told once, not once per recording
+    load_settings(args.config)  # its faults are reported once, not once per recording
     if out.exists() and not out.is_dir():
         raise ConfigurationError([f"--out {args.out} is a file; several recordings need a folder"])
     with Progress(label, len(jobs)) as progress:

@@ -47,10 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="HZ",
-        help="upper corner of the band, which is the zero-phase low-pass on the force balance (default: chosen"
-        " from encoder noise and sample rate)",
+        help="corner frequency of the zero-phase low-pass, upper end of the band (default: chosen from encoder noise"
+        " and sample rate)",
     )
-    add_holdout_option(parser, "recordings to judge the model on, never fitted to")
+    add_holdout_option(parser, "recordings to evaluate the model on, never fitted to")
     add_bag_options(parser, "all axes of the file")
     add_overwrite_option(parser)
     add_output_options(parser)

@@ -8,7 +8,7 @@ from sgms_observer.cli.options import add_bag_options, add_output_options, add_o
 from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import Outcome
 
-HELP = "write a commented parameter file: a template, or with rates, resolution, rough mass and friction of a bag"
+HELP = "write a commented parameter file: a template, or with the rates, resolution, rough mass and friction of a bag"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

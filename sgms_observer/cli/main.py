@@ -27,7 +27,7 @@ from sgms_observer.outcome import (
     json_value,
 )
 
-# In the order in which a user meets them.
+# In the order of their first use.
 COMMANDS = (
     "demo", "simulate", "replay", "play", "record", "convert", "info", "check", "init", "identify", "diagnose",
     "paper", "excite", "commission", "export", "bench", "completion", "compile",
@@ -35,7 +35,7 @@ COMMANDS = (
 
 
 class Command(Protocol):
-    """What a command module offers."""
+    """The names that each command module defines."""
 
     HELP: str
 
@@ -93,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Args:
-        arguments: what follows ``sgms``; by default the process's own.
+        arguments: the words after ``sgms``; by default those of the process.
 
     Returns:
         The exit code: 0 only on success.
@@ -115,7 +115,7 @@ def _run(given: list[str], interrupts: Sequence[int]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_BROKEN_PIPE
     except Exception as error:
-        if interrupts:  # an import that was interrupted says so in its own way
+        if interrupts:  # an interrupted import raises an error of its own
             return _interrupted(interrupts)
         if isinstance(error, SgmsError):
             return _fail(str(error))
@@ -130,7 +130,7 @@ def _run(given: list[str], interrupts: Sequence[int]) -> int:
 
 
 def _finish(command: Command, args: argparse.Namespace) -> int:
-    """Run the command, silence what it prints if the user asked for that, and print its result as JSON if asked for."""
+    """Run the command; drop its prints with --quiet or --json, and print its result with --json."""
     has_json = getattr(args, "json", False) is True
     is_silent = has_json or getattr(args, "quiet", False)
     with contextlib.ExitStack() as stack:

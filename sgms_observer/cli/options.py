@@ -24,7 +24,8 @@ def add_output_options(parser: argparse.ArgumentParser, *, has_result: bool = Tr
         parser.add_argument(
             "--json", action="store_true", help="print the result as one JSON object on stdout, and nothing else there"
         )
-    parser.add_argument("--quiet", action="store_true", help="print warnings and errors only (and what --json prints)")
+    also = " (and what --json prints)" if has_result else ""
+    parser.add_argument("--quiet", action="store_true", help=f"print warnings and errors only{also}")
 
 
 def add_overwrite_option(parser: argparse.ArgumentParser) -> None:
@@ -92,7 +93,7 @@ def add_holdout_option(parser: argparse.ArgumentParser, meaning: str) -> None:
         action="extend",
         default=[],
         metavar="BAG",
-        help=f"{meaning}; several behind one --holdout, or --holdout repeated",
+        help=f"{meaning}; several after one --holdout, or --holdout repeated",
     )
 
 

@@ -1,4 +1,4 @@
-"""``sgms paper``: the paper's Table II and figures, and what this package reaches on the same signals."""
+"""``sgms paper``: compute the paper's Table II and figures, and the package's best result on the same signals."""
 
 from __future__ import annotations
 

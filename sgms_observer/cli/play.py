@@ -1,4 +1,4 @@
-"""``sgms play``: a bag into the live graph, at the pace of the recording."""
+"""``sgms play``: publish the messages of a bag at the pace of the recording."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ HELP = "play a bag into the live graph where `ros2 bag` is not installed; moves 
 
 _DEPTH = 10_000  # messages, a second at 10 kHz
 _ACK_TIME = 2.0  # s for the last messages to arrive
-_SETTLING = 0.5  # s without a new subscriber; the other topics of the same node are found within this time
-_SHORT = 0.002  # s; shorter pauses are slept, longer ones can be interrupted
+_SETTLING = 0.5  # s without a new subscriber; discovery finds the other topics of a node within this time
+_SHORT = 0.002  # s; a shorter pause is a plain sleep, a longer one ends early when the command is stopped
 
 Due = tuple[list[float], list[int], list[bytes]]
 
@@ -38,7 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bag", metavar="BAG", help="the recording")
     parser.add_argument("--rate", type=float, default=1.0, metavar="R", help="times faster than recorded (default: 1)")
     parser.add_argument(
-        "--topics", nargs="+", metavar="TOPIC", help="play these only, as far as the bag has them (default: all)"
+        "--topics",
+        nargs="+",
+        metavar="TOPIC",
+        help="play only these topics; topics that the bag lacks are ignored (default: all)",
     )
     parser.add_argument(
         "--wait", type=float, default=5.0, metavar="S", help="wait at most this long for a subscriber [s] (default: 5)"
@@ -143,7 +146,7 @@ def _advertise(node: Node, kinds: dict[str, str], topics: tuple[str, ...], renam
 
 
 def _await_subscriber(publishers: list[Any], seconds: float, stop: threading.Event) -> None:
-    """Wait until every topic that will find a subscriber has had the time to."""
+    """Wait until subscribers were found and no further one appears, or until the time is over."""
     end = time.monotonic() + seconds
     counts: list[int] = []
     since = 0.0

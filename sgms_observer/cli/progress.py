@@ -1,4 +1,4 @@
-"""Progress of a long command: a bar on a terminal, a quiet line now and then in a pipe."""
+"""Progress of a long command: a bar on a terminal, a line every 15 s in a pipe."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _PIPE_PERIOD = 15.0  # s
 
 
 class Progress:
-    """How far a job is, on stderr, as a context manager; nothing while ``is_quiet``.
+    """Shows on stderr how much of a job is done, as a context manager; prints nothing while ``is_quiet``.
 
     Args:
-        label: what is being done, for people.
+        label: name of the job.
         total: the job's size, in any unit.
         stream: where to print; stderr by default.
     """
@@ -33,7 +33,7 @@ class Progress:
         self._is_shown = False
 
     def show(self, done: float) -> None:
-        """Say that ``done`` of ``total`` is done, if it is time to say something.
+        """Show that ``done`` of ``total`` is done, unless the last line is younger than the period.
 
         Args:
             done: in the unit of ``total``.

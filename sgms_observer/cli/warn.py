@@ -9,7 +9,7 @@ PREFIX = "Warning: "
 
 
 def warn(sentences: Iterable[str]) -> None:
-    """Print each sentence on stderr behind ``Warning:``.
+    """Print each sentence on stderr after ``Warning:``.
 
     Args:
         sentences: with the prefix or without.
@@ -22,7 +22,7 @@ def say(sentence: str) -> None:
     """Print a sentence of a command that is still running: a warning as ``warn`` does, anything else on stdout.
 
     Args:
-        sentence: a warning begins with the prefix.
+        sentence: a warning starts with the prefix.
     """
     if sentence.startswith(PREFIX):
         warn([sentence])

@@ -55,7 +55,7 @@ class DiagnoseJob:
     Attributes:
         name: name of the job in the summary, and of its folder.
         bag: the fitted recording.
-        holdout: recordings to judge on.
+        holdout: recordings to evaluate the model on.
         config: parameter file.
         out: folder of result.json, augmented.yaml and report.html.
         axis: axis to diagnose; the first of the YAML if None.
@@ -75,12 +75,12 @@ class DiagnoseJob:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a job.
+    """Result of a job.
 
     Attributes:
         name: name of the job.
-        fault: what went wrong, in a sentence; empty if all went well.
-        figures: what the summary tells of it, plain data for JSON.
+        fault: the error in one sentence; empty if there is none.
+        figures: values for the summary, plain data for JSON.
     """
 
     name: str
@@ -89,10 +89,10 @@ class Outcome:
 
 
 def run_job(job: ReplayJob | DiagnoseJob) -> Outcome:
-    """Do a job; whatever goes wrong becomes a sentence, so that the other jobs go on.
+    """Do a job; an error becomes a sentence, so that the other jobs continue.
 
     Args:
-        job: what is to be done.
+        job: the job.
     """
     try:
         figures = _replay(job) if isinstance(job, ReplayJob) else _diagnose(job)
@@ -105,7 +105,7 @@ def run_job(job: ReplayJob | DiagnoseJob) -> Outcome:
         if os.environ.get(SHOW_TRACEBACK):
             traceback.print_exc()
         text = " ".join(str(error).split())
-        return Outcome(job.name, f"a fault of this package, {type(error).__name__}: {text}; report it")
+        return Outcome(job.name, f"Internal error, {type(error).__name__}: {text}; report it")
 
 
 def _replay(job: ReplayJob) -> dict[str, Any]:

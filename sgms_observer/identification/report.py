@@ -136,7 +136,7 @@ def _sections(part: IdentifiedAxis, of_axis: str) -> list[Section]:
         " Points: their mean in each range of velocity, with the standard deviation. Line: the model. Over position:"
         f" the same friction of all rows, measured and modelled {word} behind the same low-pass."
     )
-    header = ("parameter", "value", "95 % interval", "unit", "shown by the recording")
+    header = ("parameter", "value", "95 % interval", "unit", "identifiable from this recording")
     table = Table(header, [_row(row) for row in part.answer.rows])
     return [
         Section(f"Fit{of_axis}", [definition], [_fits(part)], pictures, plots),

@@ -1,4 +1,5 @@
-"""Runs the package's nodes as processes and conducts them over the graph: for ``sgms demo`` and ``sgms bench``."""
+"""Runs the package's nodes as processes and conducts them over the graph: for ``sgms demo``, ``sgms bench`` and
+``sgms commission``."""
 
 from __future__ import annotations
 

@@ -16,10 +16,10 @@ from sgms_observer.observer.block_arrays import Observed
 from sgms_observer.settings.axis import AxisSettings, Settings
 
 BEFORE = 0.05
-"""A reference is told from so long before the present [s], for an observer that has not got so far."""
+"""The published reference starts this long before now [s], for an observer that still processes older samples."""
 
 AHEAD = 0.5
-"""Time that a whole motion is told ahead [s]: a ``compensation_horizon`` of the default length, and its pauses."""
+"""The reference is published this far ahead [s]: a ``compensation_horizon`` of the default length, and pauses."""
 
 
 def encode_reference(

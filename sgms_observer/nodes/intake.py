@@ -1,4 +1,4 @@
-"""Messages of the input topics in, samples of each axis out. No ROS in here: bytes come as raw topics give them."""
+"""Converts messages of the input topics to samples of each axis. Imports no ROS: it takes the bytes of raw topics."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from sgms_observer.settings.units import ScaledAxes, scales_by_axis
 _KEPT_NAME_LISTS = 64
 _Places = list[tuple[Pairing, int]]
 _Push = Callable[[Pairing, int, JointStateFields], bool]
-"""Hands one axis's numbers in a decoded message, at their place, to its pairing; False where they are missing."""
+"""Passes the numbers of one axis in a decoded message to its pairing; returns False where they are missing."""
 
 
 @dataclass
 class IntakeCounts:
-    """What became of the messages of all axes together.
+    """Counts of the messages of all axes together.
 
     Attributes:
         messages: messages that arrived.
@@ -28,7 +28,7 @@ class IntakeCounts:
         short: messages whose array had no entry for an axis that they name.
         foreign: messages that name none of the axes.
         repeated_names: lists of names that name an axis twice; the first entry counts.
-        too_late: compensations that went out too late for whoever applies them.
+        too_late: compensations that were published after the time at which they apply.
     """
 
     messages: int = 0

@@ -90,18 +90,18 @@ _KEPT_HORIZONS = 100
 class DueForces:
     """The compensation of one axis as the stage applies it.
 
-    A horizon gives a value for every time that it reaches, so a late one changes nothing while the one before it
-    reaches. The newest one that has begun counts. Where none reaches, single values count: a message of sample time s
-    predicts the friction at s + ``lead``, and is in time if it is there by then.
+    A horizon gives a value for every time up to its end, so a late horizon changes nothing before the end of the one
+    before it. The newest horizon that has begun is used. Where none covers a time, single values are used: a message
+    of sample time s predicts the friction at s + ``lead``, and is in time if it arrives by then.
 
-    What comes later, or is held because nothing follows, counts less from sample to sample: nothing after ``timeout``.
-    It counts nothing at all where it may push the wrong way: when the set-point has turned round since the time it was
-    made for, or when it acts against the motion. What comes again after that comes within ``timeout`` too.
+    A late or held value is faded to zero within ``timeout``. When messages return, the value is faded in within
+    ``timeout``. A value that may push the wrong way is not used: when the set-point has reversed since the time of the
+    value, or when the value acts against the motion.
 
-    A value that was overtaken on the way, by one that is for a later time, is ignored.
+    A value that arrives after one for a later time is ignored.
 
-    A stamp from before the first sample, or from the future, belongs to another clock: such a message counts as if it
-    were made for the time at which it comes.
+    A stamp from before the first sample, or from the future, belongs to another clock. Such a message is used as if it
+    were made for its arrival time.
 
     Args:
         lead: time from a message's stamp to its application [s].
@@ -180,7 +180,7 @@ class DueForces:
         return forces
 
     def _from_horizon(self, time_ns: int) -> float | None:
-        """Return the value of the newest horizon that has begun [N]; None where it reaches no further."""
+        """Return the value of the newest horizon that has begun [N]; None beyond its end."""
         while self._horizons and int(self._horizons[0].time_ns[0]) <= time_ns:
             found = self._horizons.popleft()
             if self._horizon is None or found.time_ns[0] >= self._horizon.time_ns[0] or self._is_over(time_ns):

@@ -99,7 +99,7 @@ def play_reference(
             if now >= published + EVERY:
                 published = now
                 now_ns = start_ns + round((now - _LEAD) * 1e9)
-                set_points.tell_ahead(period, start_ns, now_ns, position, velocity)
+                set_points.publish_ahead(period, start_ns, now_ns, position, velocity)
             due = min(len(position), int((time.monotonic() - begun) / period) + 1)
             for i in range(done, due):
                 set_points.send(start_ns + round(i * period * 1e9), float(position[i]), float(velocity[i]))

@@ -91,7 +91,7 @@ class SetPoints:
         self._publisher.publish(message)
         return message
 
-    def tell_ahead(self, period: float, begin_ns: int, now_ns: int, position: Floats, velocity: Floats) -> None:
+    def publish_ahead(self, period: float, begin_ns: int, now_ns: int, position: Floats, velocity: Floats) -> None:
         """Publish the motion to come, if a node subscribes to it: then the network does not matter.
 
         Args:
@@ -131,7 +131,7 @@ class Playing:
         self._set_points, self._listener, self._motion, self._lead = set_points, listener, motion, lead
         self._period_ns = round(motion.period * 1e9)
         self._position, self._velocity = origin + motion.position, motion.velocity
-        self._told_ns = 0
+        self._published_ns = 0
         self._grid_ns = listener.positions[-1][0]  # the observer pairs set-points and samples by their stamps
         ahead_ns = listener.now_ns() + (lead + _START) * 1e9 - self._grid_ns
         self.begin_ns = self._grid_ns + math.ceil(ahead_ns / self._period_ns) * self._period_ns
@@ -158,9 +158,9 @@ class Playing:
             )
         self._send(self._position, self._velocity, self.begin_ns, range(self.sent, due))
         self.sent = max(self.sent, due)
-        if now_ns >= self._told_ns + round(EVERY * 1e9):
-            self._told_ns = now_ns
-            self._set_points.tell_ahead(self._motion.period, self.begin_ns, now_ns, self._position, self._velocity)
+        if now_ns >= self._published_ns + round(EVERY * 1e9):
+            self._published_ns = now_ns
+            self._set_points.publish_ahead(self._motion.period, self.begin_ns, now_ns, self._position, self._velocity)
 
     def at(self, stamps: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
         """Return samples since the beginning [-], set-point [m] and its velocity [m/s] at some stamps.

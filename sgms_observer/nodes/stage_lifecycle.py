@@ -35,16 +35,16 @@ _SHORTEST_TURN = 5.0e-4
 """Time from one turn of the stepping thread to the next [s]; a longer sample period or ``gather_time`` replaces it."""
 
 _LONGEST_TURN = 2.0e-3
-"""A turn that took longer than this [s] is made up for bit by bit, so that nobody is asked about a time long past."""
+"""The stage catches up in short steps after a turn longer than this [s], so that the observer can answer each step."""
 
 _HURRY = 2.0
-"""How much faster than real time the stage moves while it makes up for a late turn."""
+"""Speed of the stage while it catches up after a late turn, as a multiple of real time."""
 
 _REFERENCE_STEP = 1.0e-3
-"""Time between two points of the reference that is told ahead [s]."""
+"""Time between two points of the published reference horizon [s]."""
 
 _BEYOND = 2.0 * EVERY
-"""The reference is told so much further ahead than a horizon reaches [s], because it is told only every so often."""
+"""The published reference extends this much beyond the horizon [s], because it is published only every EVERY s."""
 
 _MOST_AGES = 1_000_000
 
@@ -55,15 +55,15 @@ _LARGEST_BLOCK = 20
 class StageNode(ManagedNode):
     """Simulates every axis of its parameters.
 
-    A thread with absolute deadlines steps the stage by the time that went by, in real or simulated time, and publishes
-    each sample with its own stamp. A process that was kept waiting moves its stage on at twice real time, not at once:
-    a machine does not run while the one who simulates it stands still, and the observer is not late for it. A
-    compensation goes into the effort at the time it was made for, ``look_ahead`` after its stamp, or at once when it
-    comes later, as ``DueForces`` says; where ``compensation_horizon`` reaches, the value that it has for the sample's
-    own time goes in instead. For that the stage tells its reference ahead. The effort of ``reference`` says what went
-    in. An axis whose ``stage.reference.kind`` is ``topic`` follows the set-points of ``reference`` instead, as a table
-    does, and is left out of those that this node publishes. ``position``, ``control_effort`` and ``reference`` are in
-    topic units, which ``position_scale`` and ``effort_scale`` bring to SI; compensations and the truth are in SI.
+    A thread with absolute deadlines advances the stage by the elapsed real or simulated time, and publishes each sample
+    with its own stamp. A process that had to wait for the processor advances its stage at twice real time, not at once,
+    so that the observer is not late because of the simulation. A compensation is added to the effort ``look_ahead``
+    after its stamp, or on arrival when it comes later, as described in ``DueForces``. Where ``compensation_horizon``
+    covers the time of the sample, its value is added instead; for that the stage publishes its reference ahead. The
+    effort of ``reference`` is the added compensation. An axis whose ``stage.reference.kind`` is ``topic`` follows the
+    set-points of ``reference``, as a machine does, and this node publishes no reference for it. ``position``,
+    ``control_effort`` and ``reference`` are in topic units (``position_scale``, ``effort_scale``);
+    compensations and the truth are in SI.
 
     Args:
         name: name of the node.
@@ -71,7 +71,7 @@ class StageNode(ManagedNode):
         given: the settings and parameters that it starts with.
 
     Raises:
-        SgmsError: the node cannot start; its sentences say why.
+        SgmsError: the node cannot start; the sentences give the reasons.
     """
 
     parts = OF_STAGE
@@ -83,7 +83,7 @@ class StageNode(ManagedNode):
         self._topics: JointStateTopics | None = None
         self._inputs: list[Subscription] = []
         self._reference_ahead: Publisher | None = None
-        self._told_ns = 0
+        self._published_ns = 0
         self._decoder, self._reference_decoder = JointStateDecoder(), JointStateDecoder()
         self._thread: threading.Thread | None = None
         self._must_stop = threading.Event()
@@ -115,7 +115,7 @@ class StageNode(ManagedNode):
         self._topics = JointStateTopics(self, topics)
         if not all(followed):
             self._reference_ahead = self.create_publisher(JointTrajectory, REFERENCE_HORIZON, HORIZON_QOS)
-        self._told_ns = 0
+        self._published_ns = 0
         self._inputs = [
             subscribe(self, COMPENSATION, self.guarded(self._on_compensation)),
             subscribe(self, HORIZON, self.guarded(self._on_horizon), JointTrajectory, HORIZON_QOS),
@@ -202,10 +202,10 @@ class StageNode(ManagedNode):
         horizon = max(axis.compensation.horizon for axis in self.settings.axes)
         if self._table is None or self._reference_ahead is None or horizon == 0.0:
             return
-        is_due = not self._told_ns <= next_ns < self._told_ns + round(EVERY * 1e9)
+        is_due = not self._published_ns <= next_ns < self._published_ns + round(EVERY * 1e9)
         if not is_due or not self._reference_ahead.get_subscription_count():
             return
-        self._told_ns = next_ns
+        self._published_ns = next_ns
         time_ahead = np.arange(-BEFORE, horizon + _BEYOND, _REFERENCE_STEP)
         motions = {
             axis.name: np.stack(stage.reference_ahead(time_ahead))

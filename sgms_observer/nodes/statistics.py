@@ -150,13 +150,13 @@ class StepClock:
 
 
 class Growth:
-    """Gives what counters grew by: a trouble that is over is counted on, and told no more."""
+    """Gives the increase of counters. A fault that has ended stays in the total and is not reported again."""
 
     def __init__(self) -> None:
         self._before: dict[Hashable, Any] = {}
 
     def take(self, key: Hashable, counts: _Counts) -> _Counts:
-        """Return what these counters grew by since the last time.
+        """Return the increase of these counters since the last call.
 
         Args:
             key: whose counters they are.
@@ -171,7 +171,7 @@ class Growth:
 
 
 class Sentences:
-    """Gives each sentence once per change: what is new since the last time.
+    """Gives each sentence once, when it becomes true.
 
     The numbers in a sentence may grow without making it new.
     """

@@ -129,12 +129,12 @@ class EstimatorSettings:
     )
     gms_modes: str = setting(
         "simulated",
-        "modes of a GMS model: as simulated, with the stick-slip event inside a step and anew in each MHE iteration; "
+        "modes of a GMS model: as simulated, with the stick-slip event inside a step and again in each MHE iteration; "
         "or by the paper's a-priori rules, decided at each sample from the prediction and fixed in the MHE's window",
         choices=("simulated", "predicted"),
     )
     deadline: float = setting(
-        0.0, "computing time after which the next correction is left to the EKF; 0 only counts", "s", minimum=0.0
+        0.0, "computing time after which the next correction is made by the EKF; 0 counts misses only", "s", minimum=0.0
     )
 
 
@@ -151,8 +151,8 @@ class CompensationSettings:
     )
     standstill_velocity: float = setting(
         0.0,
-        "speed up to which a motion may be noise and does not move the compensation; 0 derives it: for a reference"
-        " none, without one from position_noise and the filter",
+        "speed below which a motion may be noise and does not change the compensation; 0 derives it from"
+        " position_noise and the filter, or is 0 along a reference",
         "m/s",
         minimum=0.0,
     )
@@ -182,7 +182,7 @@ class ControllerSettings:
 
 @dataclass(frozen=True)
 class ReferenceSettings:
-    """What the stage is asked to follow."""
+    """Set-point of the simulated stage."""
 
     kind: str = setting(
         "sine",
@@ -204,7 +204,7 @@ class ReferenceSettings:
 
 @dataclass(frozen=True)
 class EncoderSettings:
-    """How the position is measured."""
+    """Position measurement of the simulated stage."""
 
     resolution: float = setting(0.0, "quantisation step of the encoder; 0 for none", "m", minimum=0.0)
     noise: float = setting(0.0, "standard deviation of the position noise", "m", minimum=0.0)
@@ -245,19 +245,21 @@ class AxisSettings:
     )
     position_scale: float = setting(
         1.0,
-        "factor from position, velocity and reference as they come in topics and bags to m or rad; negative turns"
-        " the axis round, 0.01745329252 is for degrees",
+        "factor from position, velocity and reference in topics and bags to m or rad; negative reverses the axis,"
+        " 0.01745329252 is for degrees",
         is_nonzero=True,
     )
     effort_scale: float = setting(
         1.0,
-        "factor from control_effort as it comes in topics and bags to N or N m; negative where the drive counts it"
-        " against the position",
+        "factor from control_effort in topics and bags to N or N m; negative where the sign of"
+        " control_effort is reversed relative to position",
         is_nonzero=True,
     )
     mass: float = setting(10.0, "moving mass; of a revolute axis its moment of inertia", "kg", above=0.0)
     coupled_axis: str = setting(
-        "", "axis whose motion cross_axis_coupling follows; empty for the axis before it, of the first axis the last"
+        "",
+        "axis whose motion enters cross_axis_coupling; empty for the axis before this one in axes, or the last for the"
+        " first",
     )
     friction: FrictionSettings = section(FrictionSettings, "friction model")
     effects: tuple[EffectSettings, ...] = ()

@@ -239,7 +239,7 @@ def load_motion(session: Session, name: str) -> Motion:
 
 
 def _titled(session: Session) -> Callable[[str], Any]:
-    """Return what gives a context for long work, whose value is told how much is done."""
+    """Return a context manager for long work; its value is called with the completed share, 0 to 1."""
 
     @contextmanager
     def progress(title: str) -> Iterator[Callable[[float], None]]:

@@ -1,4 +1,4 @@
-"""The ledger of a commissioning, ``commission.json``: what was done, what not and why, and what was found."""
+"""The ledger of a commissioning, ``commission.json``: state, reason and result of every step."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LOG = "log"
 WRITTEN = (
     EXCITATION, OWN_MOTION, CANDIDATE, COMMISSIONED, REPORT, LOG, "recordings", "identification", "diagnosis"
 )  # fmt: skip
-"""What a commissioning writes into its folder, beside its ledger."""
+"""Files of a commissioning in its folder, without its ledger."""
 
 CONTENT = "config_sha256"
 """Entry of a request: the hash of the parameter file's content."""
@@ -38,7 +38,7 @@ SHORTFALL = "shortfall"
 
 @dataclass(frozen=True)
 class Step:
-    """What became of one step.
+    """Result of one step.
 
     Attributes:
         name: of the step.
@@ -68,9 +68,9 @@ class Ledger:
 
     Attributes:
         folder: everything of the commissioning is in it.
-        request: what was asked for; a folder goes with one request.
+        request: options of the command; a folder belongs to one request.
         steps: by name, in their order.
-        facts: what later steps and reruns need.
+        facts: values for later steps and reruns.
         effects: as in result.json.
         tracking: rms and peak of the tracking error before and after, with their unit.
         is_usable: whether ``yaml`` may be used as it is.
@@ -92,8 +92,8 @@ class Ledger:
 
         Args:
             folder: the folder.
-            request: what is asked for.
-            is_overwriting: start anew, whatever is there.
+            request: options of the command.
+            is_overwriting: start anew and replace the files.
 
         Raises:
             ConfigurationError: the folder belongs to another request.
@@ -152,7 +152,7 @@ class Ledger:
         return all((self.folder / file).exists() for file in step.files)
 
     def begin(self, name: str) -> None:
-        """Forget a step, those behind it and what they found, before it is done again.
+        """Remove a step, the steps after it and their results, before it is done again.
 
         Args:
             name: of the step.
@@ -180,7 +180,7 @@ class Ledger:
         files: Sequence[str] = (),
         warnings: Sequence[str] = (),
     ) -> None:
-        """Write down what became of a step; the steps behind it have to be done again.
+        """Write down the result of a step; the steps after it have to be done again.
 
         Args:
             name: of the step.

@@ -1,4 +1,4 @@
-"""What the steps of a commissioning share: request, plan, axis on the graph, and the time that is left."""
+"""State that the steps of a commissioning share: request, plan, axis on the graph, and remaining time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from sgms_observer.settings.node_parameters import refuse_missing
 REPEATS = 3
 """How often a motion is played again after a busy computer stopped it."""
 MEETING = 3.0
-"""Time that a motion takes beside itself and the way to its start: to meet its subscribers, and to rest [s]."""
+"""Time of a motion in addition to itself and the move to its start: discovery of subscribers, and rest [s]."""
 
 
 class OutOfTime(SgmsError):
@@ -31,7 +31,7 @@ class OutOfTime(SgmsError):
 
 @dataclass(frozen=True)
 class Request:
-    """What to commission, and how.
+    """Options of a commissioning.
 
     Attributes:
         config: parameter file to start from.
@@ -40,7 +40,7 @@ class Request:
         stroke: full width of all motions [m]; None for a cautious one, as are the next two.
         speed: largest speed [m/s].
         acceleration: largest acceleration [m/s^2].
-        motion: the user's own motion, a bag or a CSV; empty for one that stands for it.
+        motion: the user's own motion, a bag or a CSV; empty for a representative one.
         seconds: time for everything [s].
         topics: names of topics on the graph where they differ, by their key.
     """
@@ -56,7 +56,7 @@ class Request:
     topics: Mapping[str, str] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
-        """Return what a folder belongs to; the parameter file can be read."""
+        """Return the options that a folder belongs to; reads the parameter file for its hash."""
         return {
             "config": str(Path(self.config).resolve()),
             CONTENT: hashlib.sha256(Path(self.config).read_bytes()).hexdigest(),
@@ -76,8 +76,8 @@ class Plan:
     Attributes:
         request: the request.
         settings: of the file.
-        axis: of the axis that is commissioned.
-        limits: what the axis may do.
+        axis: settings of the axis that is commissioned.
+        limits: stroke, speed and acceleration that the axis may use.
     """
 
     request: Request
@@ -103,15 +103,15 @@ class Session:
     """One run of a commissioning.
 
     Args:
-        plan: what to do.
-        ledger: what is done.
+        plan: the checked request.
+        ledger: results of the steps so far.
         table: the axis on the graph.
         confirm: asks the user a question; returns whether to go on.
-        say: tells the user a sentence.
-        progress: is told the title of long work and how much of it is done, from 0 to 1.
+        say: prints a sentence.
+        progress: called with the title of long work and the completed share, 0 to 1.
 
     Attributes:
-        reserved: time that is kept for the steps behind the one that runs [s].
+        reserved: time that is kept for the steps after the running one [s].
     """
 
     def __init__(
@@ -155,7 +155,7 @@ class Session:
         return self.ledger.folder / name
 
     def warn(self, warning: str) -> None:
-        """Tell the user a warning, and keep it for the ledger and the page.
+        """Print a warning, and keep it for the ledger and the page.
 
         Args:
             warning: a sentence that begins with ``Warning:``.
@@ -169,11 +169,11 @@ class Session:
         return warnings
 
     def need(self, seconds: float, what: str) -> None:
-        """Raise if there is no time for something that is about to begin.
+        """Raise if the remaining time is too short for the next work.
 
         Args:
             seconds: about how long it takes [s].
-            what: for the sentence.
+            what: name of the work, for the sentence.
 
         Raises:
             OutOfTime: it cannot end in time.
@@ -188,14 +188,14 @@ class Session:
             )
 
     def progress(self, title: str, share: float) -> None:
-        """Show how much of long work is done.
+        """Show the progress of long work.
 
         Args:
             title: of the work.
-            share: how much is done, from 0 to 1.
+            share: the completed share, 0 to 1.
 
         Raises:
-            OutOfTime: the time is over; the work is given up.
+            OutOfTime: the time is over; the work is stopped.
         """
         self._progress(title, share)
         if share < 1.0:
@@ -213,13 +213,13 @@ class Session:
         """Ask whether the axis may move.
 
         Args:
-            motion: what it will do.
-            purpose: what for.
-            times: how often.
+            motion: the motion.
+            purpose: its purpose, for the question.
+            times: how often the motion is played.
 
         Raises:
             OutOfTime: it cannot end in time.
-            DataError: the user does not want that.
+            DataError: the user did not confirm the motion.
         """
         self.need(times * self.duration_of(motion), f"the motion ({purpose})")
         readable, origin = self.axis.units.readable, self.origin
@@ -239,26 +239,26 @@ class Session:
         guard: Callable[[], Guard] | None = None,
         prepare: Callable[[], None] | None = None,
     ) -> Tracker:
-        """Play a motion under guard; again, where a busy computer was the reason that it was stopped.
+        """Play a motion under guard; repeat it where a busy computer stopped it.
 
         Args:
             motion: the motion.
-            watches: what looks at it too.
-            guard: makes what stops it, anew for every attempt, in place of the usual one.
-            prepare: is called before every attempt: one that was stopped has switched the compensation off.
+            watches: further functions that get the samples.
+            guard: makes another guard than the usual one, for every attempt.
+            prepare: called before every attempt, because a stopped attempt has switched the compensation off.
 
         Returns:
-            What was heard.
+            The collected samples.
         """
         return self._repeated(motion, watches, None, guard, prepare)
 
     def record(self, motion: Motion, bag: str, *watches: Watch, prepare: Callable[[], None] | None = None) -> Tracker:
-        """Play a motion under guard and record it; again as ``play`` does.
+        """Play a motion under guard and record it; repeat it as ``play`` does.
 
         Args:
             motion: the motion.
             bag: name of the recording in the folder.
-            watches: what looks at it too.
+            watches: further functions that get the samples.
             prepare: as for ``play``.
         """
         return self._repeated(motion, watches, self.path(bag), None, prepare)
@@ -272,7 +272,7 @@ class Session:
         prepare: Callable[[], None] | None,
     ) -> Tracker:
         def play() -> Tracker:
-            self.need(self.duration_of(motion), "the motion")  # a user may have thought about it for long
+            self.need(self.duration_of(motion), "the motion")  # a user may have answered late
             if prepare is not None:
                 prepare()
             stops = Guard(self.axis, self.plan.limits, self.origin, self.delay) if guard is None else guard()

@@ -1,4 +1,4 @@
-"""What a commissioning asks of the table, and what stops a motion: a limit, a stall, a wrong sign. No ROS in here."""
+"""Interface to the table, and the guard that stops a motion at a limit, a stall or a wrong sign. Imports no ROS."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ Floats = NDArray[np.float64]
 STROKE_MARGIN = 0.05
 """How far beyond the stroke a position may be, as a share of it: overshoot, not more."""
 SPEED_MARGIN = 1.5
-"""How much faster than the allowed speed an axis may be, for the ripple of a controller."""
+"""Largest speed of an axis as a multiple of the allowed one: room for the ripple of a controller."""
 SPEED_WINDOW = 0.02
-"""Time over which the speed is taken [s]: longer than an encoder's step at any rate."""
+"""Time over which the speed is averaged [s]: longer than the time between two encoder steps."""
 LARGEST_LAG = 0.05
-"""Following error that counts as not following, as a share of the stroke."""
+"""Largest following error, as a share of the stroke."""
 STALL_SHARE = 0.1
-"""An axis that goes less than this share of its set-point's way stalls."""
+"""An axis stalls where it moves less than this share of the distance of its set-point."""
 STALL_WAY = 0.01
-"""Way of the set-point over which a stall is judged, as a share of the stroke."""
+"""Distance of the set-point over which a stall is detected, as a share of the stroke."""
 MAX_GAP = 0.1
-"""Longest time between two stamps of the position [s]: behind a longer one the set-point has jumped."""
+"""Longest time between two stamps of the position [s]: after a longer one the set-point has jumped."""
 WRONG_SIGN = -0.2
-"""Correlation of effort and velocity below which the effort is reversed: friction takes power, it gives none."""
+"""Correlation of effort and velocity below which the sign of the effort is wrong: friction dissipates power."""
 
 
 class HeldUp(DataError):
@@ -46,13 +46,13 @@ class HeldUp(DataError):
 
 @dataclass(frozen=True)
 class Topics:
-    """What came on the graph within a time.
+    """Messages and nodes on the graph within a time.
 
     Attributes:
         names: the axes that each topic named.
         samples: positions with the efforts of their stamps [SI units].
         efforts: messages of the effort.
-        seconds: how long it was listened [s].
+        seconds: duration of the listening [s].
         reference_readers: nodes that subscribe to the reference.
         reference_senders: other nodes that publish it.
         compensation_senders: nodes that publish the compensation.
@@ -81,7 +81,7 @@ class Heard:
 
 
 Watch = Callable[[Heard], None]
-"""Looks at the newest samples of a motion; what it raises stops the motion and takes the compensation to zero."""
+"""Gets the newest samples of a motion; an exception stops the motion and takes the compensation to zero."""
 
 
 class Table(Protocol):
@@ -94,7 +94,7 @@ class Table(Protocol):
     lead: float
 
     def listen(self, seconds: float) -> Topics:
-        """Return what comes on the graph within a time, once position and effort arrive.
+        """Return the messages within a time, counted from the first position and effort.
 
         Args:
             seconds: how long to listen [s].
@@ -110,11 +110,11 @@ class Table(Protocol):
         Args:
             motion: relative to the origin.
             origin: position of its zero [m].
-            watch: is shown the samples as they come.
-            bag: where to record it, from where the axis slides; None to record nothing.
+            watch: called with the samples as they arrive.
+            bag: where to record the motion, from the first sliding on; None to record nothing.
 
         Raises:
-            DataError: a topic is silent, nobody listens, or this machine is too busy.
+            DataError: a topic is silent, no node subscribes to it, or this computer is too busy.
         """
         ...
 
@@ -153,12 +153,12 @@ class Table(Protocol):
 
 
 def stall(axis: AxisSettings, way: float, gone: float) -> DataError:
-    """Return the sentence about an axis that does not move as it is told.
+    """Return the error about an axis that does not follow its reference.
 
     Args:
         axis: the axis.
-        way: what the reference went [m].
-        gone: what the axis went [m].
+        way: distance of the reference [m].
+        gone: distance of the axis [m].
     """
     readable = axis.units.readable
     return DataError(
@@ -168,14 +168,14 @@ def stall(axis: AxisSettings, way: float, gone: float) -> DataError:
 
 
 class Guard:
-    """Looks at every sample of a motion.
+    """Checks every sample of a motion.
 
     Args:
         axis: the axis.
-        limits: what the machine may do.
+        limits: stroke, speed and acceleration that the machine may use.
         origin: middle of the stroke [m].
         delay: how long after its stamp the table follows a set-point [s].
-        slack: way that the axis may be ahead or behind beyond what is usual [m], while the delay is not known yet.
+        slack: additional following error that is allowed while the delay is not known yet [m].
     """
 
     def __init__(
@@ -197,7 +197,7 @@ class Guard:
         return float(product / math.sqrt(effort * speed)) if effort > 0.0 and speed > 0.0 else 0.0
 
     def __call__(self, heard: Heard) -> None:
-        """Look at the newest samples.
+        """Check the newest samples.
 
         Raises:
             DataError: the motion must stop; one sentence.
@@ -258,7 +258,7 @@ class Guard:
             self._way_from = (meant, here)
         way, gone = meant - self._way_from[0], here - self._way_from[1]
         recent = points[time >= time[-1] - self._delay - MAX_GAP] - self._way_from[0]
-        is_late = bool(np.min(recent) <= gone <= np.max(recent))  # it is where it was told to be a moment ago
+        is_late = bool(np.min(recent) <= gone <= np.max(recent))  # it follows its reference with a delay
         if abs(way) > self._stall_way and not is_late:
             if gone * math.copysign(1.0, way) < -STALL_SHARE * abs(way):
                 raise DataError(
