@@ -82,6 +82,26 @@ def test_every_key_of_result_json_is_in_the_glossary_and_no_other() -> None:
     assert set(explained) == keys_of(result)
 
 
+@pytest.mark.parametrize(
+    "term",
+    ["NRMSE", "two sigma", "round (of a search)", "contact law", "fast sliding", "`friction_std`", "hysteresis",
+     "Stribeck curve", "Stribeck velocity", "baseline"],
+)  # fmt: skip
+def test_terms_of_reports_and_pages_are_in_the_glossary(term: str) -> None:
+    row = re.findall(rf"^\| {re.escape(term)} \| ([^|]+) \| [^|]+ \|$", GLOSSARY, re.MULTILINE)
+    assert len(row) == 1 and row[0].count(". ") == 0 and row[0].endswith(".")
+
+
+def test_both_pages_print_the_same_of_the_worked_example() -> None:
+    printed = [
+        re.findall(r"```text\n(Warning: .*?)```", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.DOTALL)
+        for page in ("diagnose.md", "worked_example.md")
+    ]
+    assert printed[0] == printed[1] and len(printed[0]) == 1
+    for line in ("verdict: ", "predicted tracking error along ", "wrote "):
+        assert f"\n{line}" in printed[0][0]
+
+
 @pytest.mark.parametrize("field", [field.name for field in fields(Criteria)])
 def test_every_criterion_is_on_the_page(field: str) -> None:
     assert f"`{field}`" in PAGE
