@@ -125,7 +125,7 @@ def figures(scores: Sequence[CaseScore]) -> list[Figure]:
         _at_least("truth inside the reported set", count([one.effects[0] in one.reported for one in named]), 0.98),
         _measured("mean set size", sizes, fmean, "{:.2f}", "<= 1.5", lambda value: value <= 1.5),
         _at_most("confidently wrong name, over all", count([one.is_confidently_wrong for one in scores]), 0.02),
-        _at_least("outside the catalogue, told as unknown", count([told_unknown(one) for one in outside]), 0.90),
+        _at_least("outside the catalogue, reported as unknown", count([is_reported_unknown(one) for one in outside]), 0.90),
         _at_least("two effects: both", count([set(one.effects) <= set(one.named) for one in double]), 0.80),
         _at_least(
             "two effects: at least one", count([bool(set(one.effects) & set(one.named)) for one in double]), 0.98
@@ -147,8 +147,8 @@ def figures(scores: Sequence[CaseScore]) -> list[Figure]:
     return lines
 
 
-def told_unknown(score: CaseScore) -> bool:
-    """Return whether the workflow says that it does not know the effect."""
+def is_reported_unknown(score: CaseScore) -> bool:
+    """Return whether the verdict is an unknown effect."""
     return score.verdict == "unknown_effect"
 
 
@@ -156,7 +156,7 @@ def table_text(lines: Sequence[Figure]) -> str:
     """Return the figures as a Markdown table."""
     word = {True: "yes", False: "**no**", None: "-"}
     rows = [f"| {one.name} | {one.value} | {one.target} | {word[one.is_reached]} |" for one in lines]
-    return "\n".join(["| figure | value (95 % interval) | to reach | reached |", "|---|---|---|---|", *rows])
+    return "\n".join(["| figure | value (95 % interval) | target | reached |", "|---|---|---|---|", *rows])
 
 
 def per_effect_text(scores: Sequence[CaseScore]) -> str:

@@ -82,7 +82,7 @@ def test_an_added_wrong_name_is_confidently_wrong() -> None:
 def test_outside_and_two() -> None:
     told = score_case(truth("grease_ridge", is_inside=False), result("unknown_effect"))
     named = score_case(truth("grease_ridge", is_inside=False), result("effect_found", "cogging"))
-    assert value([told, named], "outside the catalogue, told as unknown").startswith("50.0 %")
+    assert value([told, named], "outside the catalogue, reported as unknown").startswith("50.0 %")
     both = score_case(truth("cogging", "offset"), result("effect_found", "offset", "cogging"))
     one = score_case(truth("cogging", "offset"), result("effect_found", "offset"))
     none = score_case(truth("cogging", "offset"), result("unknown_effect"))
