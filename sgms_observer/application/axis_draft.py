@@ -1,4 +1,4 @@
-"""First values of an axis's settings: those of a template, or what a recording shows at first sight."""
+"""First values of an axis's settings: those of a template, or estimates from a recording."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ FRACTIONS = (0.067, 0.056, 0.047, 0.83)
 _DEFLECTIONS = (1.0 / 200.0, 1.0 / 50.0, 1.0 / 15.0, 1.0)
 """Slip deflections of the elements over the largest one: as Table I, 25 nm to 5 um."""
 _LARGEST_DEFLECTION = 0.01
-"""Of the range: presliding is short beside the motion."""
+"""Largest slip deflection over the range of the motion: presliding is short."""
 _MIN_DEFLECTION_STEPS = 2.0
-"""Encoder steps in the largest deflection at least: what is shorter is not seen."""
+"""Smallest number of encoder steps in the largest deflection; a shorter one is not measurable."""
 _STATIC_OVER_COULOMB = 1.1
 _STRIBECK_SHARE = 0.02  # of the peak speed
 _ATTRACTION_PER_COULOMB = 12.5  # 1/s, as Table I
@@ -29,7 +29,7 @@ _CORRECTION_TIME = 2.0e-3  # s
 _WINDOW, _WINDOW_SAMPLES = 3.0e-3, 8  # s, and samples at least
 _MIN_GAP_SAMPLES = 5
 _UNKNOWN_FRICTION = 0.1
-"""Of the rms effort: Coulomb friction where the recording does not show it."""
+"""Coulomb friction over the rms effort, where the recording does not show it."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class AxisDraft:
         effort: largest effort [N or N m].
         residual: effort that mass and friction leave unexplained, rms [N or N m].
         period: time between two samples [s].
-        remarks: setting to where its value comes from.
+        remarks: setting to the source of its value.
         warnings: sentences about values that the recording does not show.
     """
 
@@ -104,7 +104,7 @@ class AxisDraft:
         return max(1, round(_CORRECTION_TIME / self.period))
 
     def pause(self, shortest: float) -> float:
-        """Return a pause that is long beside the time between two samples [s].
+        """Return a pause that is long compared with the sample period [s].
 
         Args:
             shortest: [s].
@@ -113,7 +113,7 @@ class AxisDraft:
 
 
 def template_draft(name: str, joint_type: str) -> AxisDraft:
-    """Return first values without a recording: a table's axis, or a robot's joint."""
+    """Return first values without a recording, of the axis of a table or the joint of a robot."""
     if joint_type != REVOLUTE:
         return AxisDraft(name, joint_type)
     return AxisDraft(
@@ -123,13 +123,13 @@ def template_draft(name: str, joint_type: str) -> AxisDraft:
 
 
 def recorded_draft(facts: AxisFacts, joint_type: str, position_scale: float, effort_scale: float) -> AxisDraft:
-    """Return first values as a recording shows them; what it does not show is a guess, with a warning.
+    """Return first values from a recording; a value that it does not show is a guess, with a warning.
 
     Args:
         facts: what the recording shows, in SI units.
         joint_type: prismatic or revolute.
-        position_scale: factor that made SI units of the bag's positions.
-        effort_scale: likewise of its efforts.
+        position_scale: factor from the bag's positions to SI units.
+        effort_scale: factor from the bag's efforts to SI units.
     """
     template = template_draft(facts.name, joint_type)
     draft = replace(template, position_scale=position_scale, effort_scale=effort_scale)
@@ -141,7 +141,7 @@ def recorded_draft(facts: AxisFacts, joint_type: str, position_scale: float, eff
         return replace(draft, warnings=(warning,))
     balance = facts.balance
     if balance is None or balance.unexplained > MAX_UNEXPLAINED or balance.sign < 0:
-        why = next((use.reason for use in uses_of(facts) if use.reason), "its motion does not tell them apart")
+        why = next((use.reason for use in uses_of(facts) if use.reason), "its motion does not separate them")
         warning = f"{facts.name}: mass and friction are not identifiable from this recording and are guesses: {why}"
         rms = facts.effort_rms
         if not np.isfinite(rms) or rms <= 0.0:
@@ -153,7 +153,7 @@ def recorded_draft(facts: AxisFacts, joint_type: str, position_scale: float, eff
 
 
 def _with_motion(draft: AxisDraft, facts: AxisFacts) -> tuple[AxisDraft, bool]:
-    """Return the draft with what the positions show, and whether they show a motion."""
+    """Return the draft with values from the positions, and whether they contain a motion."""
     if not facts.stroke > 0.0:
         return draft, False
     speed = facts.peak_speed if facts.peak_speed > 0.0 else facts.stroke
@@ -179,13 +179,13 @@ def _with_motion(draft: AxisDraft, facts: AxisFacts) -> tuple[AxisDraft, bool]:
 
 
 def _friction(coulomb: float, facts: AxisFacts) -> tuple[float, float, float]:
-    """Return Coulomb and static force, and a viscous coefficient that adds as much at the peak speed."""
+    """Return Coulomb and static force, and a viscous coefficient with the same force at the peak speed."""
     speed = facts.peak_speed if facts.peak_speed > 0.0 else facts.stroke
     return coulomb, _STATIC_OVER_COULOMB * coulomb, coulomb / speed
 
 
 def _with_balance(draft: AxisDraft, facts: AxisFacts, balance: ForceBalance) -> AxisDraft:
-    """Return the draft with what the force balance shows."""
+    """Return the draft with values from the force balance."""
     units = Units(draft.joint_type)
     remarks, warnings = dict(draft.remarks), []
     values: dict[str, float] = {}

@@ -1,4 +1,4 @@
-"""What a recording shows of one axis: rate, jitter, gaps, range, encoder step, efforts, rough force balance."""
+"""Facts about one axis of a recording: rate, jitter, gaps, range, encoder step, efforts, rough force balance."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ from sgms_observer.settings.units import REVOLUTE
 
 Floats = NDArray[np.float64]
 
-_GAP = 1.5  # periods; a longer pause lacks a sample at least
+_GAP = 1.5  # periods; in a longer pause at least one sample is missing
 _SPEED_RATE_SHARE = 0.05
-"""Corner of the low-pass that the peak speed is read behind, over the sample rate."""
+"""Corner of the low-pass before the peak speed, over the sample rate."""
 _MIN_REVERSAL = 0.02
-"""Of the range: a shorter way back is no reversal of the motion."""
-_REVERSAL_STEPS = 5.0  # encoder steps, likewise
+"""Share of the range; a shorter travel back is no reversal."""
+_REVERSAL_STEPS = 5.0  # encoder steps; a shorter travel back is no reversal
 
 
 @dataclass(frozen=True)
 class AxisFacts:
-    """What a recording shows of one axis, in SI units as the scales make them.
+    """Facts about one axis of a recording, in SI units.
 
     Attributes:
         name: the axis.
-        samples: positions with a stamp of their own.
+        samples: positions with different stamps.
         duration: from the first to the last [s].
-        period: usual time between two samples [s]; 0 if unknown.
+        period: median time between two samples [s]; 0 if unknown.
         jitter: standard deviation of that time without gaps [s].
         gaps: pauses longer than one and a half periods.
         longest_gap: longest pause [s].
         duplicate_stamps: messages with the stamp of the one before.
         backward_stamps: messages with an earlier stamp than the one before.
         position_range: smallest and largest position [m or rad].
-        encoder_step: step of the grid that the positions lie on [m or rad]; 0 where none shows.
+        encoder_step: step of the grid of the positions [m or rad]; 0 where there is none.
         position_noise: white noise and steps of the position, standard deviation [m or rad].
         peak_speed: largest speed, low-passed [m/s or rad/s].
         reversals: changes of direction.
@@ -54,8 +54,8 @@ class AxisFacts:
         has_reference: set-points are recorded.
         pieces: pieces between pauses that are long enough for a fit.
         balance: rough force balance, or None where it cannot be fitted.
-        notes: sentences about what reading the recording dropped or changed.
-        fault: why nothing can be fitted to it; empty if something can.
+        notes: sentences about dropped or changed samples.
+        fault: reason why no model can be fitted; empty without one.
     """
 
     name: str
@@ -131,14 +131,14 @@ def read_axis_facts(
     topics: Mapping[str, str],
     has_gravity: bool | None = None,
 ) -> AxisFacts:
-    """Read what a recording shows of one axis.
+    """Return the facts about one axis of a recording.
 
     Args:
         bag: the recording.
         axis: its name, joint type and scales.
         survey: of the topic that holds its position.
         topics: names of the input topics where they differ.
-        has_gravity: fit gravity of a turning axis; None fits it on a revolute joint.
+        has_gravity: fit gravity of a revolute axis; None fits it on a revolute joint.
 
     Raises:
         RecordingError: the bag cannot be read or lacks a topic or the axis.
@@ -188,11 +188,11 @@ def read_axis_facts(
 
 
 def count_reversals(position: Floats, shortest: float) -> int:
-    """Return how often the motion changes its direction.
+    """Return the number of reversals of the motion.
 
     Args:
         position: in order of time, shape (n,) [m or rad].
-        shortest: shorter ways are not counted [m or rad]; at least 2 % of the range.
+        shortest: shorter travels are not counted [m or rad]; at least 2 % of the range.
     """
     way = max(shortest, _MIN_REVERSAL * float(np.ptp(position))) if len(position) else 0.0
     if way <= 0.0:
@@ -215,14 +215,14 @@ def count_reversals(position: Floats, shortest: float) -> int:
 
 
 def _peak_speed(position: Floats, period: float) -> float:
-    """Return the largest speed behind a low-pass [m/s or rad/s]."""
+    """Return the largest speed after a low-pass [m/s or rad/s]."""
     sections = signal.butter(2, 2.0 * _SPEED_RATE_SHARE, output="sos")
     smooth = signal.sosfiltfilt(sections, position)
     return float(np.max(np.abs(np.gradient(smooth, period))))
 
 
 def _rms(values: Floats) -> float:
-    """Return the root mean square, NaN of nothing; scaled, so that no number is too large to be squared."""
+    """Return the root mean square; NaN of an empty array; scaled, so that no square overflows."""
     largest = float(np.max(np.abs(values), initial=0.0))
     if not largest:
         return 0.0 if values.size else float("nan")

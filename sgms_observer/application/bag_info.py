@@ -1,4 +1,4 @@
-"""What is in a bag, and what it can be used for."""
+"""Contents of a bag, and the commands that can use it."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import PRISMATIC, REVOLUTE, Units
 
 MIN_STEPS = 50.0
-"""Range over encoder step: below it neither speed nor presliding is resolved."""
+"""Smallest range over encoder step; below it neither speed nor presliding is resolved."""
 MIN_REVERSALS = 2
-"""Both directions must be entered and left once, or offset, gravity and friction are one number."""
+"""Smallest number of reversals; with fewer, offset, gravity and friction cannot be separated."""
 MIN_REVERSALS_TO_DIAGNOSE = 4
-"""A diagnosis learns on some blocks and judges on others, and each needs a motion both ways."""
+"""A diagnosis fits to some blocks and evaluates on others, and each needs a motion in both directions."""
 MAX_UNEXPLAINED = 0.9
-"""Share of the effort: where mass and friction explain less than a tenth, it does not belong to the motion."""
+"""Largest unexplained share of the effort; above it the effort does not belong to the motion."""
 MAX_MISSING = 0.5
-"""Share of samples without effort: above it one of two is lost."""
-_STAMP_UNIT = 1.0e-9  # s: unit of a message's stamp; less jitter is rounding
+"""Largest share of samples without effort."""
+_STAMP_UNIT = 1.0e-9  # s, unit of a message's stamp; a smaller jitter is rounding
 _MAX_RANGE = {PRISMATIC: 20.0, REVOLUTE: 100.0}  # m, rad: a long gantry, sixteen turns
 _MAX_SPEED = {PRISMATIC: 20.0, REVOLUTE: 2000.0}  # m/s, rad/s: a fast linear motor, a spindle of 19,000 rev/min
 _MAX_MASS = {PRISMATIC: 1.0e5, REVOLUTE: 1.0e5}  # kg, kg m^2
@@ -35,12 +35,12 @@ NOTHING = "nothing"
 
 @dataclass(frozen=True)
 class Use:
-    """Whether a recording serves a purpose.
+    """Whether a recording can be used for a purpose.
 
     Attributes:
         purpose: identify, diagnose or replay.
-        is_possible: it does.
-        reason: why not; empty if it does.
+        is_possible: whether it can be used.
+        reason: why not; empty if it can.
     """
 
     purpose: str
@@ -49,13 +49,13 @@ class Use:
 
 
 def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
-    """Return what the recording of an axis can be used for."""
+    """Return the purposes that the recording of an axis can be used for."""
     identify = _reason_against_identification(facts)
     diagnose = identify
     if not diagnose and facts.reversals < MIN_REVERSALS_TO_DIAGNOSE:
         diagnose = (
             f"the motion reverses {facts.reversals} times; diagnosis compares blocks that hold both directions and"
-            f" needs {MIN_REVERSALS_TO_DIAGNOSE} at least: record a longer motion to and fro, or give several"
+            f" needs {MIN_REVERSALS_TO_DIAGNOSE} at least: record a longer motion back and forth, or give several"
             " recordings"
         )
     replay = "" if facts.missing_efforts < 1.0 else "no sample has an effort: record control_effort"
@@ -64,7 +64,7 @@ def uses_of(facts: AxisFacts) -> tuple[Use, ...]:
 
 
 def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
-    """Return a sentence for each sign and unit that looks wrong.
+    """Return a sentence for each suspicious sign and unit.
 
     Args:
         facts: what the recording shows.
@@ -81,7 +81,7 @@ def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
 
 
 def unit_doubts(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
-    """Return a sentence for each unit that looks wrong.
+    """Return a sentence for each suspicious unit.
 
     Args:
         facts: what the recording shows.
@@ -117,7 +117,7 @@ def unit_doubts(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
 
 
 def losses_in(facts: AxisFacts) -> tuple[str, ...]:
-    """Return a sentence for each kind of samples that the recording lost."""
+    """Return a sentence for each kind of missing or unusable samples."""
     found = []
     if 0.0 < facts.missing_efforts < 1.0:
         found.append(
@@ -138,7 +138,7 @@ def losses_in(facts: AxisFacts) -> tuple[str, ...]:
 
 
 def _reason_against_identification(facts: AxisFacts) -> str:
-    """Return why an identification would not succeed; empty if it may."""
+    """Return the reason why an identification would fail; empty without one."""
     balance = facts.balance
     if facts.missing_efforts > MAX_MISSING:
         return (
@@ -158,11 +158,11 @@ def _reason_against_identification(facts: AxisFacts) -> str:
         )
     if facts.reversals < MIN_REVERSALS:
         return (
-            f"the motion reverses {facts.reversals} times, and {MIN_REVERSALS} are needed to tell friction from a"
-            " constant force: record a motion to and fro"
+            f"the motion reverses {facts.reversals} times, and {MIN_REVERSALS} are needed to separate friction from"
+            " a constant force: record a motion back and forth"
         )
     if balance is None:
-        return "the motion does not tell mass, friction and offset apart: vary speed and direction"
+        return "the motion does not separate mass, friction and offset: vary speed and direction"
     if balance.sign < 0:
         return (
             "the sign of control_effort is reversed relative to position: reverse the sign of effort_scale in the"
@@ -177,7 +177,7 @@ def _reason_against_identification(facts: AxisFacts) -> str:
 
 
 def refuse_learnt_from(bags: Sequence[str], holdout: Sequence[str]) -> None:
-    """Refuse a held-out bag that is fitted to as well.
+    """Refuse a bag that is both fitted and held out.
 
     Raises:
         ConfigurationError: a bag is both.
@@ -196,8 +196,8 @@ class AxisInfo:
 
     Attributes:
         facts: what the recording shows.
-        uses: what it can be used for.
-        warnings: sentences about signs and units that look wrong, and samples that were lost.
+        uses: purposes that it can be used for.
+        warnings: sentences about suspicious signs and units, and missing samples.
     """
 
     facts: AxisFacts
@@ -206,7 +206,7 @@ class AxisInfo:
 
     @property
     def usable_for(self) -> tuple[str, ...]:
-        """Return the purposes that the recording serves."""
+        """Return the purposes that the recording can be used for."""
         return tuple(use.purpose for use in self.uses if use.is_possible)
 
 
@@ -219,7 +219,7 @@ class BagInfo:
         topics: its topics.
         inputs: position, control_effort and reference to the topic that holds it, or None.
         axes: its axes.
-        warnings: sentences about what could not be read.
+        warnings: sentences about unreadable parts.
         joint_type: of the axes, or None if it is not known.
     """
 
@@ -261,7 +261,7 @@ class BagInfo:
         }
 
     def lines(self) -> list[str]:
-        """Return what people read, apart from the warnings."""
+        """Return the printed lines without the warnings."""
         found = [f"{self.path}: {len(self.topics)} topic{'' if len(self.topics) == 1 else 's'}"]
         for topic in self.topics:
             rate = f" at {topic.rate:.6g} Hz" if topic.rate else ""
@@ -275,12 +275,12 @@ class BagInfo:
 def inspect_bag(
     bag: str | Path, topics: Mapping[str, str], axes: Sequence[str] | None = None, joint_type: str | None = None
 ) -> BagInfo:
-    """Return what is in a bag.
+    """Return the contents of a bag.
 
     Args:
         bag: the recording.
         topics: names of the input topics where they differ.
-        axes: axes to look at; None for all joints of the position topic.
+        axes: names of the axes; None for all joints of the position topic.
         joint_type: of the axes, or None if it is not known.
 
     Raises:
@@ -331,7 +331,7 @@ def find_position_topic(bag: str | Path, surveys: Sequence[TopicSurvey], topics:
 
 
 def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
-    """Return what people read about one axis."""
+    """Return the printed lines about one axis."""
     facts = axis.facts
     units = Units(joint_type or PRISMATIC)
 
@@ -339,7 +339,7 @@ def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
         return units.readable(value, unit) if joint_type else f"{value:.4g}"
 
     low, high = facts.position_range
-    step = f"encoder step {text(facts.encoder_step, 'm')}" if facts.encoder_step else "no encoder step shows"
+    step = f"encoder step {text(facts.encoder_step, 'm')}" if facts.encoder_step else "no encoder step found"
     speed = f", up to {text(facts.peak_speed, 'm/s')}" if math.isfinite(facts.peak_speed) else ""
     jitter = 1e6 * facts.jitter if facts.jitter >= _STAMP_UNIT else 0.0
     lines = [
@@ -355,7 +355,7 @@ def _axis_lines(axis: AxisInfo, joint_type: str | None) -> list[str]:
         signs = {
             1: "control_effort and position have the same sign",
             -1: "the sign of control_effort is reversed relative to position",
-            0: "the sign of control_effort cannot be told",
+            0: "the sign of control_effort is not known",
         }
         values = ", ".join(
             f"{name} {facts.balance.value(name):.4g} +- {facts.balance.std_error(name):.2g}"

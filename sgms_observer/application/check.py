@@ -1,4 +1,4 @@
-"""Whether a parameter file, and a recording, fit together: all faults at once."""
+"""Checks a parameter file, and whether it fits a recording; all faults at once."""
 
 from __future__ import annotations
 
@@ -15,22 +15,24 @@ from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.node_parameters import missing_parameters
 
 MAX_RATE_ERROR = 0.1
-"""Share by which the recorded period may differ from sample_period: the filters' delay differs by as much."""
+"""Largest relative difference of the recorded period from sample_period; the delay of the filters differs by as
+much."""
 MAX_VALUE_RATIO = 10.0
-"""Between the file's mass or Coulomb force and the recording's: a wear or load is less, a wrong unit more."""
+"""Largest ratio of the file's mass or Coulomb force to the recording's: wear and load change less, a wrong unit
+more."""
 MAX_STROKE_RATIO = 1000.0
-"""Between the recorded range and the simulated reference's: a millimetre taken for a metre."""
+"""Largest ratio of the recorded range to that of the simulated reference: a millimetre instead of a metre."""
 MAX_STEP_RATIO = 2.0
-"""Between the recorded encoder step and stage.encoder.resolution: finer interpolation than that is another encoder."""
+"""Largest ratio of the recorded encoder step to stage.encoder.resolution."""
 
 
 @dataclass(frozen=True)
 class Checked:
-    """What a check found.
+    """Result of a check.
 
     Attributes:
-        faults: one sentence for each thing that does not fit.
-        warnings: sentences about what fits but deserves a look.
+        faults: one sentence for each fault.
+        warnings: sentences about suspicious values.
         axes: the axes that were compared with the recording.
     """
 
@@ -76,7 +78,7 @@ def check(config: str, axes: Sequence[str], bag: str | None, topics: Mapping[str
 
 
 def _late_compensations(settings: Settings, axes: Sequence[AxisSettings]) -> Iterator[str]:
-    """Yield a warning for each axis whose samples wait for their block longer than its compensation looks ahead."""
+    """Yield a warning for each axis whose ``gather_time`` is not shorter than its ``look_ahead``."""
     wait = settings.gather_time
     for axis in axes:
         ahead = axis.compensation.look_ahead

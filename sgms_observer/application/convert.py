@@ -1,4 +1,4 @@
-"""A log into one or two bags."""
+"""Converts a log to one or two bags."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from sgms_observer.bags.bag_folder import refuse_existing_bag
 from sgms_observer.bags.conversion import Table, choose_window, parse_map, read_table, split_table, write_table
 
 REST = "_rest"
-"""What the name of the second bag ends with."""
+"""End of the name of the second bag."""
 
 
 @dataclass(frozen=True)
 class ConvertOptions:
-    """How a log is converted.
+    """Options of a conversion.
 
     Attributes:
         rate: samples per second of a log without times [Hz]; None if it has times.
@@ -61,7 +61,7 @@ class Converted:
     Attributes:
         bags: the bags.
         topics: their topics.
-        notices: sentences about what was done or looks odd.
+        notices: sentences about changes and suspicious values.
     """
 
     bags: tuple[WrittenBag, ...]
@@ -83,8 +83,8 @@ def convert(path: Path, columns: Sequence[str], out: str, options: ConvertOption
     Args:
         path: text or MAT file.
         columns: ``KEY=COLUMN[*FACTOR]`` each.
-        out: folder of the bag; the second one of a split is called so with ``_rest`` behind.
-        options: how it is converted.
+        out: folder of the bag; the second one of a split has ``_rest`` after this name.
+        options: of the conversion.
 
     Raises:
         RecordingError: the log cannot be read or a bag not be written.

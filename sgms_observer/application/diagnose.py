@@ -1,4 +1,4 @@
-"""Diagnose recordings: read them, run the workflow, judge it, and write the files of the answer."""
+"""Diagnose recordings: read them, run the workflow, test the feedforward, and write the files of the answer."""
 
 from __future__ import annotations
 
@@ -43,20 +43,20 @@ Floats = NDArray[np.float64]
 
 MAX_SAMPLES = 200_000
 MAX_SECONDS = 60.0
-"""Samples and time [s] that are simulated, the last ones of the recording: some seconds of computing."""
+"""Largest number of samples and time [s] of the simulated tracking error, from the end of the recording."""
 HOLD = 1.5
 """Time from a sample to the middle of the interval in which its compensation acts, in samples."""
 SUBSTEPS = 1
 """Integration steps per 0.1 ms: the errors differ from those with ten by less than a thousandth."""
 
 FILES = ("result.json", "augmented.yaml", "report.html", RESIDUAL_LOG)
-"""What a diagnosis writes into its folder."""
+"""Files of a diagnosis in its folder."""
 
 
 def predict_tracking(
     record: Recording, given: AxisSettings, augmented: AxisSettings, band: float
 ) -> PredictedTracking | None:
-    """Return the tracking errors that the augmented model promises; None where the simulated loop does not stay finite.
+    """Return the tracking errors that the augmented model predicts; None where the simulated loop does not stay finite.
 
     The stage has the mass, friction and effects of ``augmented``, the controller of ``given`` and the encoder of the
     recording. Along a reference the compensation is a feedforward: it is computed from the run without it.
@@ -64,8 +64,8 @@ def predict_tracking(
     Args:
         record: gives the motion, the rate and the encoder.
         given: settings as they were given.
-        augmented: the same with what was found.
-        band: a measured motion is followed below a multiple of this frequency [Hz].
+        augmented: the same with the found effects and values.
+        band: a measured motion is filtered at a multiple of this frequency before the stage follows it [Hz].
     """
     count = min(len(record), MAX_SAMPLES, round(MAX_SECONDS / record.period))
     part = record.part(len(record) - count, len(record))
@@ -130,7 +130,7 @@ def _compensation(axis: AxisSettings, truth: AxisSettings, plain: StageRecord, p
 
 @dataclass(frozen=True)
 class DiagnoseRequest:
-    """What to diagnose, and how.
+    """Inputs and options of a diagnosis.
 
     Attributes:
         bags: fitted recordings.
@@ -141,7 +141,7 @@ class DiagnoseRequest:
         topics: names of the input topics where they differ.
         tolerance: how far the file's mass and friction may be off, as a share.
         cutoff: upper corner of the band [Hz]; 0 chooses it from rate and encoder.
-        seed: of all chance.
+        seed: of all random numbers.
         workers: threads.
     """
 
@@ -159,7 +159,7 @@ class DiagnoseRequest:
 
 @dataclass(frozen=True)
 class DiagnoseResult:
-    """The answer, what observer and compensation make of it before and after, notes on the recordings, and units."""
+    """The answer, checks of observer and compensation before and after, notes on the recordings, and units."""
 
     answer: Answer
     checks: tuple[CompensationCheck, ...]
@@ -199,7 +199,9 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
     band = choose_band([*learn, *judge], axis, request.cutoff)
     notes.append(band.sentence())
     options = Options(request.tolerance, request.seed, request.workers, band.corner)
-    with threadpool_limits(limits=1):  # threads of our own; those of the libraries would only wait for each other
+    with threadpool_limits(
+        limits=1
+    ):  # the workers are threads; threads of the libraries would only wait for each other
         folder = Path(request.out)
         step = _CompensationStep((judge or learn)[0], settings, axis, folder, options)
         answer, written, after = _diagnosed(learn, judge, step, show)
@@ -217,14 +219,14 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
 
 @dataclass(frozen=True)
 class _CompensationStep:
-    """What the feedforward of a model leaves, over one recording.
+    """Computes the friction that the feedforward of a model does not cancel, over one recording.
 
     Attributes:
         record: the recording.
-        settings: of all axes, as they are given.
-        axis: the one that is diagnosed.
-        folder: where the augmented file goes.
-        options: as the diagnosis was asked for.
+        settings: of all axes, as given.
+        axis: the diagnosed axis.
+        folder: folder of the augmented file.
+        options: of the diagnosis.
     """
 
     record: Recording
@@ -235,15 +237,15 @@ class _CompensationStep:
 
     @cached_property
     def before(self) -> CompensationCheck:
-        """Return what observer and compensation make of the given model."""
+        """Return the check of observer and compensation with the given model."""
         return self.of(self.axis)
 
     def of(self, axis: AxisSettings) -> CompensationCheck:
-        """Return what observer and compensation make of a model."""
+        """Return the check of observer and compensation with a model."""
         return check_compensation(self.record, axis, self.options.band, self.options.criteria.block)
 
     def written(self, answer: Answer) -> AxisSettings:
-        """Write an answer into the augmented file and return the axis as it is read from there."""
+        """Write an answer into the augmented file and return the axis as read from it."""
         write_augmented(answer, self.settings, self.axis.name, self.folder)
         return next(one for one in load_settings(self.folder / FILES[1]).axes if one.name == self.axis.name)
 
@@ -253,7 +255,7 @@ class _CompensationStep:
         return at_most(of, title, later.growth(earlier), self.options.criteria.min_z_score)
 
     def worst(self, written: AxisSettings, later: CompensationCheck, answer: Answer) -> Test | None:
-        """Return the failed test of the added effect whose feedforward does most harm, or None."""
+        """Return the failed test of the added effect whose feedforward increases the residual most, or None."""
         tests = []
         for name in (*(item.settings.name for item in answer.effects), *answer.diagnosis.unnamed_contact_effects):
             others = replace(written, effects=tuple(one for one in written.effects if one.name != name))
@@ -266,15 +268,15 @@ def _diagnosed(
 ) -> tuple[Answer, AxisSettings, CompensationCheck]:
     """Return an answer whose feedforward leaves no more than that of the given file; the axis with it; what it leaves.
 
-    An effect that leaves a part of what its own coordinates predict is not tried again, nor one whose feedforward does
-    harm; where no effect is at fault, neither are changes of the file's values. Where those are not at fault either,
+    An effect that leaves a predictable part over its own coordinates is withdrawn, and so is one whose feedforward
+    increases the residual. If no effect does, the changes of the file's values are withdrawn. If those do not either,
     nothing is named or learnt.
     """
     options, axis, refused = step.options, step.axis, list[Test]()
     done = 0.0
 
     def go_on(_: str, share: float) -> None:
-        nonlocal done  # a search that begins again goes on from where the first one was
+        nonlocal done  # a repeated search continues the progress of the first one
         done = max(done, share)
         show(done)
 

@@ -1,4 +1,4 @@
-"""Writes the model of a YAML where loop or simulation run: as C, as a ros2_control controller, as FMU."""
+"""Writes the model of a parameter file as C source, as a ros2_control controller, or as FMU."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from sgms_observer.whole_file import write_bytes
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """What to export, and how.
+    """Options of an export.
 
     Attributes:
         target: ``c``, ``fmu`` or ``ros2_control``.
         axes: names of axes, none for all (an FMU: for the first).
         real: type of the numbers in C, ``double`` or ``float``.
         fmi: version of an FMU, 2 or 3.
-        overwrite: replace what is there.
+        overwrite: replace an existing export.
     """
 
     target: str
@@ -33,7 +33,7 @@ class ExportOptions:
 
 @dataclass(frozen=True)
 class Exported:
-    """What an export wrote.
+    """Result of an export.
 
     Attributes:
         path: the folder or the FMU.
@@ -58,7 +58,7 @@ def export(config: str | Path, out: str | Path, options: ExportOptions) -> Expor
     Args:
         config: the YAML.
         out: folder (``c``, ``ros2_control``) or file (``fmu``) to write.
-        options: what and how.
+        options: target, axes and format.
 
     Raises:
         ConfigurationError: the YAML, or something in it, cannot be exported.
@@ -93,7 +93,7 @@ def export(config: str | Path, out: str | Path, options: ExportOptions) -> Expor
 
 
 def _refuse_existing(path: Path, options: ExportOptions) -> None:
-    """Raise where something is already that must stay."""
+    """Raise if the path exists and must not be replaced."""
     if not path.exists():
         return
     if not options.overwrite:

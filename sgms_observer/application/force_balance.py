@@ -1,9 +1,10 @@
 """Rough mass, friction, offset and gravity of an axis: least squares on its force balance at low frequencies.
 
-Good enough to start an identification from, to tell a reversed sign, and to see whether a recording shows anything.
+The values are good enough for the start of an identification, for the sign of the effort, and for a check of a
+recording.
 ``effort = mass a + viscous v + Coulomb h(x) + offset + A sin q + B cos q``; position and effort are filtered alike.
-``h`` is the direction of the motion. After a reversal it turns over twice the slip deflection: presliding. Without
-presliding, friction that turns late counts as a force against the acceleration where the motion is short.
+``h`` is the direction of the motion. After a reversal it changes its sign over twice the slip deflection: presliding. A
+fit without presliding would count the late friction of a short motion as a force against the acceleration.
 """
 
 from __future__ import annotations
@@ -25,22 +26,22 @@ from sgms_observer.settings.axis import AxisSettings
 Floats = NDArray[np.float64]
 
 MIN_Z_SCORE = 3.0
-"""Standard errors that a sign must differ from zero by."""
+"""Smallest z-score of a value whose sign is used."""
 _MAX_UNEXPLAINED = 0.9
-"""Share of the effort above which its sign is chance: the balance explains less than a tenth."""
+"""Largest unexplained share of the effort for which its sign is used."""
 _MAX_CORNER = 20.0
-"""Highest corner [Hz]: friction and mass of a moving axis show below it, and resonances lie above."""
+"""Highest corner [Hz]: friction and mass of a moving axis act below it, resonances above."""
 _ROWS_PER_CORNER = 4.0  # rows per second over the corner frequency
 _MIN_TURN = 0.1
 """Smallest range [rad] over which sin q and cos q differ from a constant and a slope."""
 _MAX_CONDITION = 1.0e4
-"""Of the scaled columns; above it they are one column to this recording."""
+"""Largest condition number of the scaled columns; above it the recording does not separate them."""
 _DEFLECTIONS = tuple(0.25 * 2.0 ** (-0.5 * k) for k in range(17))
-"""Slip deflections that are tried, as a share of half the range: from a quarter to a thousandth."""
+"""Candidates of the slip deflection, as shares of half the range: from a quarter to a thousandth."""
 _MIN_DEFLECTION_STEPS = 2.0
-"""Encoder steps, and standard deviations of the position's noise, in a slip deflection at least."""
+"""Smallest slip deflection in encoder steps and in standard deviations of the position noise."""
 _MAX_GRAVITY = 2.0
-"""Gravity and offset over the largest effort: beyond it they cancel each other over a short arc."""
+"""Largest ratio of gravity and offset to the largest effort; above it they cancel each other over a short arc."""
 
 
 @dataclass(frozen=True)
@@ -49,15 +50,16 @@ class ForceBalance:
 
     Attributes:
         corner: frequencies below it were used [Hz].
-        names: what was fitted: mass, viscous_coefficient, coulomb_force, offset, and gravity_sin, gravity_cos.
+        names: fitted values: mass, viscous_coefficient, coulomb_force, offset, and gravity_sin, gravity_cos.
         values: SI units, shape (k,).
         covariance: squared SI units, shape (k, k).
         unexplained: rms residual over rms effort [-].
-        dissipation: power that viscous and Coulomb friction take away, on average [W].
+        dissipation: mean power that viscous and Coulomb friction dissipate [W].
         dissipation_error: its standard error [W].
-        slip_deflection: way after a reversal over which half the friction turns [m or rad]; 0 where none shows.
-        is_mass_negative: the mass is surely negative, also if a stiffness is fitted beside it, which looks like a
-            negative mass where the motion has one frequency only.
+        slip_deflection: travel after a reversal over which half the friction reverses [m or rad]; 0 where none is
+            found.
+        is_mass_negative: the mass is significantly negative, also if a stiffness is fitted with it (a stiffness looks
+            like a negative mass where the motion has one frequency only).
     """
 
     corner: float
@@ -90,7 +92,7 @@ class ForceBalance:
         return math.sqrt(max(float(self.covariance[i, i]), 0.0))
 
     def is_significant(self, name: str) -> bool:
-        """Return whether a value differs surely from zero.
+        """Return whether a value differs significantly from zero.
 
         Args:
             name: an entry of ``names``.
@@ -99,9 +101,9 @@ class ForceBalance:
 
     @property
     def sign(self) -> int:
-        """Return 1 if the effort moves the axis, -1 if it is reversed, 0 if that cannot be told.
+        """Return 1 if the effort moves the axis, -1 if it is reversed, 0 if neither is significant.
 
-        Friction takes power away from a machine, and its mass is positive: both decide.
+        Friction dissipates power and the mass is positive; both are tested.
         """
         if self.unexplained > _MAX_UNEXPLAINED or abs(self.dissipation) <= MIN_Z_SCORE * self.dissipation_error:
             return 0
@@ -148,7 +150,7 @@ def fit_force_balance(recordings: Sequence[Recording], axis: AxisSettings, has_g
     width = len(names)
     columns = [one.columns(deflection)[:, :width] for one in low]
     residuals = [one.effort - part @ values for one, part in zip(low, columns, strict=True)]
-    # The slip deflection was chosen by the data too: the other values are as uncertain as it makes them.
+    # The data chose the slip deflection too, which adds to the uncertainty of the other values.
     nearby = deflection * 2.0**0.25 if deflection > 0.0 else max(_smallest_deflection(one) for one in low)
     changes = [values[2] * (one.columns(nearby)[:, 2] - part[:, 2]) for one, part in zip(low, columns, strict=True)]
     with_deflection = [np.column_stack([part, change]) for part, change in zip(columns, changes, strict=True)]
@@ -167,7 +169,7 @@ def fit_force_balance(recordings: Sequence[Recording], axis: AxisSettings, has_g
 
 
 def _slip_deflection(low: Sequence[_LowPassed], width: int, effort: Floats) -> tuple[float, Floats | None]:
-    """Return the slip deflection that explains most of the effort, 0 for none, and the other values with it."""
+    """Return the slip deflection that explains most of the effort (0 for none), and the other values for it."""
     largest = max(0.5 * float(np.ptp(one.path)) for one in low)
     smallest = max(_smallest_deflection(one) for one in low)
     tried = [0.0, *(share * largest for share in _DEFLECTIONS if share * largest >= smallest)]
@@ -189,7 +191,7 @@ def _smallest_deflection(one: _LowPassed) -> float:
 
 
 def _is_mass_negative(columns: Sequence[Floats], efforts: Sequence[Floats]) -> bool:
-    """Return whether the first value, the mass, is surely negative."""
+    """Return whether the first value, the mass, is significantly negative."""
     values = _solve(np.concatenate(columns), np.concatenate(efforts))
     if values is None:
         return False
@@ -199,7 +201,7 @@ def _is_mass_negative(columns: Sequence[Floats], efforts: Sequence[Floats]) -> b
 
 
 def _solve(matrix: Floats, effort: Floats) -> Floats | None:
-    """Return the least-squares values, shape (k,), or None where the motion does not tell the columns apart."""
+    """Return the least-squares values, shape (k,), or None where the motion does not separate the columns."""
     scale = np.linalg.norm(matrix, axis=0)
     if not np.all(scale > 0.0) or len(matrix) < 4 * len(scale) or not np.any(effort):
         return None
@@ -209,13 +211,13 @@ def _solve(matrix: Floats, effort: Floats) -> Floats | None:
 
 
 def _cancels(values: Floats, effort: Floats) -> bool:
-    """Return whether offset and gravity are larger than any effort: the motion shows their difference only."""
+    """Return whether offset and gravity are larger than any effort, so that the motion shows their difference only."""
     largest = _MAX_GRAVITY * float(np.max(np.abs(effort)))
     return max(abs(float(values[3])), math.hypot(values[4], values[5])) > largest
 
 
 class _LowPassed:
-    """One piece behind the low-pass: its effort and the columns of the force balance, thinned out.
+    """One piece after the low-pass: its effort and the columns of the force balance, decimated.
 
     Args:
         recording: the piece.
@@ -227,11 +229,11 @@ class _LowPassed:
         rate = 1.0 / recording.period
         self._sections = signal.butter(4, 2.0 * corner / rate, output="sos")
         count = len(recording.position)
-        border = min(int(rate / corner), count // 10)  # where the filters settle
+        border = min(int(rate / corner), count // 10)  # the filters settle here
         self._rows = slice(border, count - border, max(1, int(rate / (_ROWS_PER_CORNER * corner))))
         self.path = self._low(recording.position)
         velocity = np.gradient(self.path, recording.period)
-        noise = 2.0 * math.pi * corner * recording.position_noise  # of the velocity: below it no direction is known
+        noise = 2.0 * math.pi * corner * recording.position_noise  # of the velocity: below it the direction is unknown
         columns = [np.gradient(velocity, recording.period), velocity,
                    self._low(velocity / np.sqrt(velocity**2 + noise**2 + 1e-300)), np.ones(count),
                    np.sin(self.path), np.cos(self.path)]  # fmt: skip
@@ -243,7 +245,7 @@ class _LowPassed:
         """Return acceleration, velocity, direction, 1, sine and cosine of the position, shape (n, 6).
 
         Args:
-            slip_deflection: way over which half the direction turns after a reversal [m or rad]; 0 for none.
+            slip_deflection: travel over which half the direction reverses after a reversal [m or rad]; 0 for none.
         """
         if not slip_deflection > 0.0:
             return self._columns

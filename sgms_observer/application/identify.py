@@ -1,4 +1,4 @@
-"""Identify the axes of a parameter file from bags, and write the file with what was found."""
+"""Identify the axes of a parameter file from bags, and write the file with the identified values."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Identified:
     Attributes:
         path: the parameter file that was written.
         report: the report beside it.
-        axes: what was found for each axis.
+        axes: result of each axis.
     """
 
     path: str
@@ -83,7 +83,7 @@ class Identified:
 
     @property
     def is_usable(self) -> bool:
-        """Whether all of the file may be used as it is."""
+        """Whether the whole file may be used as it is."""
         return all(axis.answer.is_usable for axis in self.axes)
 
     @property
@@ -110,8 +110,8 @@ def identify_bags(
     """Identify the axes, write the parameter file and the report beside it.
 
     Args:
-        job: what to identify from what.
-        progress: gives, for a title, a context whose value is told how much is done, from 0 to 1.
+        job: inputs and options.
+        progress: returns for a title a context manager; its value is called with the completed share, 0 to 1.
 
     Raises:
         ConfigurationError, RecordingError, DataError: one sentence each.
@@ -153,7 +153,7 @@ def _identified(
     job: IdentifyJob,
     show: Callable[[float], None],
 ) -> IdentifiedAxis:
-    """Identify one axis with the model the user asked for."""
+    """Identify one axis with the chosen model."""
     notes = (*pieces.notes, *unseen.notes)
     unexplained: float | None = None
     is_converged: bool | None = None

@@ -22,7 +22,7 @@ from sgms_observer.settings.units import PRISMATIC, Units
 from sgms_observer.whole_file import refuse_existing_files, write_text
 
 FIRST_LIMIT_SHARE = 1.5
-"""First limit of the compensation over the static force: room for friction that is identified too low, and no more."""
+"""First limit of the compensation over the static force: room for a friction that was identified too low."""
 _COLUMN = 61  # where the comments start, as in config/table.yaml
 
 _HEAD = """\
@@ -36,7 +36,7 @@ _AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 
 
 def _template_text(drafts: Sequence[AxisDraft], head: str) -> str:
-    """Return the text of a parameter file with first values of each axis; ``head`` says where they come from."""
+    """Return the text of a parameter file with first values of each axis; ``head`` gives their source."""
     period = drafts[0].period
     names = ", ".join(f'"{draft.name}"' for draft in drafts)
     lines = [
@@ -116,7 +116,7 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         ("        effort_is_held: true", "the drive holds each effort until the next one"),
         (
             f"        maximum_gap: {number(draft.pause(0.02))}",
-            "s: after a longer pause filters and estimator start anew",
+            "s: after a longer pause filters and estimator restart",
         ),
         (
             f"        jump_speed: {number(max(10.0, 10.0 * draft.speed))}",
@@ -129,7 +129,7 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         ("        horizon: 4", "corrections that the window looks back on"),
         (
             f"        measurement_std: {number(draft.residual)}",
-            f"{force}: how far effort minus inertia strays from the friction",
+            f"{force}: standard deviation of effort minus inertia minus friction",
         ),
         ("        parameters: []", "[kappa] to follow the stiffness on line; [] to hold the values above"),
         ("", ""),
@@ -177,7 +177,7 @@ def _effects(draft: AxisDraft) -> list[tuple[str, str]]:
 
 
 def _said(draft: AxisDraft, key: str, text: str) -> str:
-    """Return a comment with where the value comes from."""
+    """Return a comment with the source of the value."""
     return f"{text}; {draft.remarks[key]}" if key in draft.remarks else text
 
 
@@ -187,7 +187,7 @@ def _line(text: str, comment: str) -> str:
 
 @dataclass(frozen=True)
 class InitOptions:
-    """What is known of the axes beforehand.
+    """Known facts about the axes.
 
     Attributes:
         joint_type: prismatic or revolute.
@@ -209,7 +209,7 @@ class Initialised:
     Attributes:
         path: the file.
         drafts: first values of each axis.
-        warnings: sentences about values that are guesses, and signs and units that look wrong.
+        warnings: sentences about guessed values, and suspicious signs and units.
     """
 
     path: str
@@ -244,9 +244,9 @@ def init(
     Args:
         bag: a recording to take values from; None for the template alone.
         out: the file.
-        axes: axes to describe; None for all joints of the bag, or ``x``.
+        axes: names of the axes; None for all joints of the bag, or ``x``.
         topics: names of the bag's topics where they differ.
-        options: what is known of the axes.
+        options: known facts about the axes.
 
     Raises:
         SgmsError: the bag cannot be read or the file not be written.

@@ -1,8 +1,8 @@
-"""Kernels compiled ahead, in processes of their own: whoever needs them then loads them from the cache.
+"""Compiles kernels in advance, in separate processes, into the cache from which other processes load them.
 
-A process that compiles answers nobody meanwhile, and keeps the compiler's memory and threads for as long as it lives.
+A process that compiles does not answer meanwhile, and keeps the compiler's memory and threads until it ends.
 ``python -m sgms_observer.application.kernels NAME`` is such a process: it compiles one part and prints a dot for each
-function, so that whoever started it knows how far it is.
+function, from which its parent knows the progress.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from sgms_observer.settings.load import settings_from_tree
 OF_OBSERVER = ("estimator", "filter", "stage", "observer")
 OF_STAGE = ("stage",)
 
-_SOONEST = 3.0  # s after which a first estimate of the time that is left is worth telling
-_ALMOST = 0.95  # share of a part that is told at most while it is not finished
+_SOONEST = 3.0  # s before the first estimate of the remaining time
+_ALMOST = 0.95  # largest reported share of an unfinished part
 _WATCH = 0.1  # s
-_SAMPLES = 200  # of the run that calls every kernel of a part
+_SAMPLES = 200  # samples of the run that calls every kernel of a part
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Part:
 
     Attributes:
         module: full name of the module whose kernel calls all others of the part.
-        weight: computing time, measured on one machine [s]; only for telling how far it is.
-        functions: how many functions are compiled; likewise.
+        weight: computing time, measured on one computer [s]; for the progress only.
+        functions: number of compiled functions; for the progress only.
         after: parts whose kernels this one uses, so that they are compiled first and once.
     """
 
@@ -65,7 +65,7 @@ def missing_parts(names: Sequence[str] = tuple(PARTS)) -> tuple[str, ...]:
 
 
 class Compilation:
-    """Parts being compiled, as many at once as there are cores; ``poll`` it until it is done.
+    """Compiles parts, as many at once as there are cores; call ``poll`` until it returns True.
 
     Args:
         names: parts, each with those that it uses.
@@ -81,7 +81,7 @@ class Compilation:
         self.failure = ""
 
     def poll(self) -> bool:
-        """Start what can start, take in what was printed, and return whether everything is over."""
+        """Start the next parts, read the progress, and return whether all parts have ended."""
         for name, process in list(self._running.items()):
             output = process.stdout.read() if process.stdout is not None else None
             self._functions[name] = self._functions.get(name, 0) + (output or b"").count(b".")
@@ -95,7 +95,7 @@ class Compilation:
         return not self._running and not self._waiting
 
     def stop(self) -> None:
-        """End every process that still compiles; what is in the cache already stays."""
+        """End every process that still compiles; the cache keeps the finished kernels."""
         self._waiting.clear()
         for process in self._running.values():
             process.kill()
@@ -105,14 +105,14 @@ class Compilation:
 
     @property
     def share(self) -> float:
-        """Return how much is done, from 0 to 1."""
+        """Return the completed share, 0 to 1."""
         total = sum(PARTS[name].weight for name in self._all)
         done = sum(PARTS[name].weight * self._share_of(name) for name in self._all)
         return done / total if total > 0.0 else 1.0
 
     @property
     def seconds_left(self) -> float | None:
-        """Return how much longer it will take at the pace so far [s]; None while that is not known."""
+        """Return the remaining time at the pace so far [s]; None while it is unknown."""
         elapsed = time.monotonic() - self._start
         return elapsed * (1.0 - self.share) / self.share if elapsed > _SOONEST and self.share > 0.0 else None
 
@@ -125,7 +125,7 @@ class Compilation:
         return [other for other in PARTS[name].after if other in self._all and other not in self._finished]
 
     def _end(self, name: str, code: int) -> None:
-        """Note that a part is over; one that failed is left to whoever needs it."""
+        """Note the end of a part; a failed one is compiled by the process that needs it."""
         self._finished.add(name)
         if code == 0:
             jit.note_complete(name, PARTS[name].module)
@@ -137,18 +137,20 @@ class Compilation:
 
 
 def compile_ahead(names: Sequence[str] = tuple(PARTS), show: Callable[[float], None] = lambda share: None) -> str:
-    """Compile what is not in the cache yet, and wait for it.
+    """Compile the kernels that are not in the cache, and wait for them.
 
     Args:
         names: parts that are needed.
         show: called with the completed share, 0 to 1.
 
     Returns:
-        A sentence about what could not be compiled or kept; empty if all is well.
+        A sentence about kernels that could not be compiled or cached; empty without one.
     """
     missing = missing_parts(names)
     if missing and not jit.can_keep():
-        return f"{jit.cache_folder()} cannot be written, so no kernel can be kept; set XDG_CACHE_HOME to another folder"
+        return (
+            f"{jit.cache_folder()} cannot be written, so no kernel can be cached; set XDG_CACHE_HOME to another folder"
+        )
     compilation = Compilation(missing)
     try:
         while not compilation.poll():
@@ -160,7 +162,7 @@ def compile_ahead(names: Sequence[str] = tuple(PARTS), show: Callable[[float], N
 
 
 def _started(name: str) -> subprocess.Popen[bytes]:
-    """Return the process that compiles a part; it ends with this one, and what it says can be read without waiting."""
+    """Return the process that compiles a part; it ends with this one, and its output can be read without waiting."""
     process = subprocess.Popen(
         child_command("sgms_observer.application.kernels", [name]),
         stdin=subprocess.DEVNULL,

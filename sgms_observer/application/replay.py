@@ -1,4 +1,4 @@
-"""The observer over a recording: reading, estimating and writing beside one another, and what is said at the end."""
+"""Runs the observer over a recording: reads, estimates and writes in parallel, and summarises each axis."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from sgms_observer.settings.axis import Settings
 
 Given = TypeVar("Given")
-_READ_AHEAD = 64  # blocks that are read before they are asked for, some 7 MB: reading begins while kernels are fetched
+_READ_AHEAD = 64  # blocks that are read in advance, some 7 MB: reading begins while kernels are loaded
 _WAITING = 2  # blocks of estimates that wait to be written
 _LOOK = 0.01  # s between two checks of a thread that is to end
-_TURN = 5e-4  # s that a thread may keep Python's lock while another one wants it
+_TURN = 5e-4  # s, Python's thread switch interval
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,10 @@ def replay_bag(
         show: called with the completed share, 0 to 1.
         axes: axes of the file to observe; None for all.
         is_overwriting: replace a bag that is there.
-        has_report: gather what ``write_report`` shows.
+        has_report: collect the data of ``write_report``.
 
     Raises:
-        SgmsError: something cannot be read, written or made sense of.
+        SgmsError: a file cannot be read, written or used.
     """
     from dataclasses import replace
 
@@ -179,14 +179,14 @@ def _short_turns() -> Iterator[None]:
 
 @contextmanager
 def in_own_thread(given: Iterable[Given], most: int) -> Iterator[Iterator[Given]]:
-    """Yield the items, in order, each made in a thread of its own that begins at once and ends with the block.
+    """Yield the items, in order, which a second thread makes; it begins at once and ends with the block.
 
     Kernels, numpy and file access release Python's lock, so that reading, estimating and writing use several cores. The
     memory does not depend on the length of the bag. An error of the thread is raised where its items are taken.
 
     Args:
         given: makes the items.
-        most: items that wait at most.
+        most: largest number of waiting items.
     """
     from queue import Queue
     from threading import Event, Thread
@@ -242,7 +242,7 @@ def _write(bag: BagWriter, outgoing: Outgoing, estimates: dict[int, Estimates]) 
 
 
 class Tally:
-    """What is said of one axis at the end: innovations and statuses.
+    """Statistics of one axis: innovations and statuses.
 
     Args:
         unit: of the axis's effort.
@@ -273,7 +273,7 @@ class Tally:
             self.statuses[int(status)] = self.statuses.get(int(status), 0) + int(count)
 
     def figures(self) -> dict[str, float]:
-        """Return samples, corrections, innovation (rms, in ``unit``), NIS and the samples in trouble."""
+        """Return samples, corrections, innovation (rms, in ``unit``), NIS and the samples of each bad status."""
         from sgms_observer.status import Status
 
         corrections = max(self._corrections, 1)

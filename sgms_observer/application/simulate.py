@@ -1,4 +1,4 @@
-"""The simulated stage into a bag, with the observer in its loop where that is wanted, and how large the errors are."""
+"""Simulates the stage into a bag, with or without the observer in its loop, and summarises the errors."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ START_NS = 1_000_000_000
 """Stamp of the first sample [ns]: fixed, so that the same command gives the same bag; not 0, which means no stamp."""
 
 _SAMPLES_PER_BLOCK = 1024
-_SETTLING = 0.5  # s at the start of a run of a second or more that no error counts in: stage and observer settle
+_SETTLING = 0.5  # s at the start that the errors leave out in a run of a second or more: stage and observer settle
 
 
 class Simulation:
-    """A table that is ready to be simulated.
+    """A table before its simulation.
 
     Args:
         settings: the axes and their stages.
         seconds: time to simulate [s].
-        seed: of every random number, instead of each axis's; None for those.
+        seed: of every random number; None for the seeds of the axes.
         is_observed: run the observer in the loop as well.
 
     Attributes:
@@ -84,11 +84,11 @@ def simulate(
     """Simulate into a bag.
 
     Args:
-        simulation: what.
+        simulation: the table and its settings.
         out: folder of the new bag.
         storage: ``mcap`` or ``sqlite3``.
         is_overwriting: replace a bag that is there.
-        show: told how many samples are done.
+        show: called with the number of simulated samples.
 
     Raises:
         RecordingError: the bag cannot be written.
@@ -128,13 +128,13 @@ def _observed(settings: Settings, table: SimulatedTable) -> TableStep:
 
 
 def _observer(axis: AxisSettings, step: Callable[[Samples], Estimates]) -> Callable[[Samples], Estimates]:
-    """Return an observer that sees an axis as the bag has it: in topic units, brought back to SI."""
+    """Return an observer that gets the values of the bag: in topic units, converted back to SI."""
     scales = axis.scales
     return step if scales.are_one else lambda samples: step(samples.in_topic_units(scales).in_si(scales))
 
 
 def _without_compensation(settings: Settings, seed: int | None) -> SimulatedTable | None:
-    """Return the same table for comparison, if the compensation reaches it at all."""
+    """Return the same table without compensation, or None if no axis has one."""
     if not any(axis.compensation.enabled and axis.stage.accept_compensation for axis in settings.axes):
         return None
     return SimulatedTable(settings, START_NS, seed)
@@ -146,8 +146,8 @@ def _write_records(
     """Write what a real stage publishes, in topic units, and the truth in SI."""
     stamp_ns = records[0].stamp_ns
     measured = [record.samples.in_topic_units(of_axis) for record, of_axis in zip(records, scales, strict=True)]
-    # The reference first: a reader pairs position and effort as soon as it has both, and waits for no reference
-    # that it has never heard of.
+    # The reference first: a reader pairs position and effort as soon as it has both, and does not wait for the first
+    # reference.
     bag.write_joint_states(
         "reference", stamp_ns, names,
         position=_columns("reference_position", measured), velocity=_columns("reference_velocity", measured),
@@ -214,7 +214,7 @@ class _Errors:
     Args:
         axes: the axes.
         first: samples that do not count.
-        has_other: whether the same stage without compensation runs beside it.
+        has_other: whether the same stage is also simulated without compensation.
     """
 
     def __init__(self, axes: Sequence[AxisSettings], first: int, has_other: bool) -> None:
@@ -227,7 +227,7 @@ class _Errors:
     def add(
         self, records: Sequence[StageRecord], estimates: Sequence[Estimates], others: Sequence[StageRecord]
     ) -> None:
-        """Take in one block of every axis, and of every axis without compensation."""
+        """Count one block of every axis, and of every axis without compensation."""
         counts = slice(min(self._skip, len(records[0])), None)
         self._skip -= counts.start
         for sizes, blocks in ((self._tracking, records), (self._without, others)):
@@ -255,7 +255,7 @@ class _Errors:
 
 
 class _Size:
-    """How large an error is: sum of squares and largest magnitude."""
+    """Size of an error: sum of squares and largest magnitude."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -263,7 +263,7 @@ class _Size:
         self._squares = 0.0
 
     def add(self, error: Floats) -> None:
-        """Take in a block of errors."""
+        """Count a block of errors."""
         self.count += len(error)
         self._squares += float(error @ error)
         self.peak = max(self.peak, float(abs(error).max(initial=0.0)))
@@ -275,5 +275,5 @@ class _Size:
 
 
 def _ratio(first: float, second: float) -> str:
-    """Return how many times as large the first number is."""
+    """Return the ratio of the numbers as text."""
     return f"{first / second:.1f}" if second > 0.0 else "inf"

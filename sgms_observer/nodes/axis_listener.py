@@ -1,4 +1,4 @@
-"""What one axis says on the graph, kept while a motion runs, and written into a bag where it is recorded."""
+"""Collects the messages of one axis on the graph during a motion, and writes them into a bag where it is recorded."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from sgms_observer.settings.axis import AxisSettings
 
 POSITION, EFFORT, REFERENCE, COMPENSATION = "position", "control_effort", "reference", "friction_compensation"
 
-_LONGEST_GUESS = 0.1  # s behind the latest stamp that the table's clock is taken to go on
+_LONGEST_GUESS = 0.1  # s after the latest stamp during which the table's clock counts as running
 
 
 class AxisListener:
-    """Hears position, effort and compensation of one axis.
+    """Receives position, effort and compensation of one axis.
 
     Args:
         axis: its name and scales are those of the messages.
 
     Attributes:
         positions: stamp [ns] and position [m] of each sample since ``forget``.
-        heard_at: when each input last gave a sample with a new stamp, by the monotonic clock [s].
+        heard_at: arrival time of the last message with a new stamp of each input, monotonic clock [s].
         names: the axes that each topic named.
         span: first and last stamp that is recorded [ns].
     """
@@ -53,7 +53,7 @@ class AxisListener:
         self.span = (0, 0)
 
     def subscribe(self, node: Node) -> None:
-        """Start to hear.
+        """Subscribe to the topics.
 
         Args:
             node: the node.
@@ -63,7 +63,7 @@ class AxisListener:
         subscribe(node, COMPENSATION, self._take_compensation)
 
     def forget(self) -> None:
-        """Forget what was heard."""
+        """Drop the received messages."""
         for samples in (self.positions, self._efforts, self._ages, self._arrivals):
             samples.clear()
         self._latest_effort = 0
@@ -71,7 +71,7 @@ class AxisListener:
         self._repeats = dict.fromkeys(self.heard_at, False)
 
     def repeats_stamp(self, topic: str) -> bool:
-        """Return whether messages of a topic came whose stamp is not new, and none behind them whose stamp is.
+        """Return whether the latest messages of a topic repeat a stamp or step back.
 
         Args:
             topic: position or effort.
@@ -80,28 +80,28 @@ class AxisListener:
 
     @property
     def effort_count(self) -> int:
-        """Return how many efforts were heard."""
+        """Return the number of received efforts."""
         return len(self._efforts)
 
     @property
     def ages(self) -> Sequence[float]:
-        """Return the times from a sample's arrival to its compensation's [s]."""
+        """Return the times from the arrival of each sample to that of its compensation [s]."""
         return self._ages
 
     def now_ns(self) -> int:
-        """Return the table's time: the latest stamp, and what went by since it came, for a short while [ns].
+        """Return the table's time: the latest stamp plus a short time since its arrival [ns].
 
-        Set-points follow this clock: a table whose computer has another clock, or whose simulation runs late, gets them
-        by its own, and none while it stands still.
+        Set-points follow this clock, because the computer of the table may have another clock, or a simulation that
+        runs late. While the table's clock stands still, no set-point is sent.
         """
         since = time.monotonic() - self.heard_at[POSITION]
         return self.positions[-1][0] + round(1e9 * min(since, _LONGEST_GUESS))
 
     def ready(self, checked: int) -> int:
-        """Return how many positions have their effort, or will not get it any more.
+        """Return the number of positions whose effort has arrived or will not arrive any more.
 
         Args:
-            checked: so many are ready for sure.
+            checked: number of positions that are known to be ready.
         """
         ready = len(self.positions)
         while ready > checked and self.positions[ready - 1][0] > self._latest_effort:
@@ -112,7 +112,7 @@ class AxisListener:
         """Return positions with the efforts of their stamps [SI units].
 
         Args:
-            rows: some of ``positions`` [ns, m].
+            rows: part of ``positions`` [ns, m].
             reference: positions [m] and velocities [m/s] of the set-points; None for none.
         """
         stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
@@ -137,7 +137,7 @@ class AxisListener:
             self._writer = writer
             try:
                 yield
-            finally:  # messages that still come find no closed bag
+            finally:  # messages that arrive later must not meet a closed bag
                 self._writer = None
 
     def record(self, topic: str, stamp_ns: int, message: bytes) -> None:
@@ -172,7 +172,7 @@ class AxisListener:
                 self._ages.append(time.monotonic() - arrived)
 
     def _note(self, topic: str, stamp_ns: int, latest_ns: int) -> bool:
-        """Note whether a message has a new stamp, and return it: a machine whose stamps stand still is silent."""
+        """Return the message after noting whether its stamp is new: a machine with constant stamps counts as silent."""
         is_new = stamp_ns > latest_ns
         if is_new:
             self.heard_at[topic] = time.monotonic()

@@ -1,4 +1,4 @@
-"""The command line of a node: ``--help``, ``--config``, and what follows ``--ros-args``, checked before ROS does."""
+"""The command line of a node: ``--help``, ``--config``, and the ROS arguments, checked before ROS reads them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def start(name: str, description: str, kind: str, arguments: Sequence[str] | Non
         name: name of node and executable.
         description: one sentence for ``--help``.
         kind: module of this folder and class of the node; imported only here, so that ``--help`` needs no ROS.
-        arguments: what follows the program's name; by default the process's own.
+        arguments: the arguments without the program's name; by default those of the process.
 
     Returns:
         The exit code.
@@ -50,7 +50,7 @@ def start(name: str, description: str, kind: str, arguments: Sequence[str] | Non
         if importlib.util.find_spec("rclpy") is None:
             return fail(MISSING_ROS)
         return leave_if_working(_run_checked(name, kind, ros))
-    except KeyboardInterrupt:  # before ROS took over the signals
+    except KeyboardInterrupt:  # before ROS installed its signal handlers
         return EXIT_INTERRUPTED
 
 
@@ -75,7 +75,7 @@ def _run_checked(name: str, kind: str, ros: Sequence[str]) -> int:
 
 
 def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return the arguments for us and those for ROS: from ``--ros-args`` up to ``--`` or the end."""
+    """Return the arguments of the node and those of ROS, which stand between ``--ros-args`` and ``--`` or the end."""
     other_arguments: list[str] = []
     ros: list[str] = []
     is_ros = False

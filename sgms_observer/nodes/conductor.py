@@ -1,4 +1,4 @@
-"""Runs the package's nodes as processes and conducts them over the graph: for ``sgms demo``, ``sgms bench`` and
+"""Runs the package's nodes as processes and controls them over the graph, for ``sgms demo``, ``sgms bench`` and
 ``sgms commission``."""
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ _GOALS = {
     Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
     Transition.TRANSITION_DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
 }
-_MATCHING = 2.0  # s from the graph's knowing of a subscription to its being served for sure
+_MATCHING = 2.0  # s from the discovery of a subscription until it surely gets messages
 
 
 def prepare_graph() -> int:
-    """Have all kernels compiled; keep to this machine and to a domain of our own, unless the user chose them.
+    """Compile all kernels; use this machine only and an unused domain, unless the user chose others.
 
     Before ROS starts.
 
@@ -59,12 +59,12 @@ def prepare_graph() -> int:
 class RepeatedRequest:
     """A request that may be repeated.
 
-    rmw_fastrtps drops an answer where the asked node has not met the asker's reader within 0.1 s.
+    rmw_fastrtps drops an answer if the server has not discovered the reader of the client within 0.1 s.
 
     Args:
-        client: of the service; somebody else spins its node.
-        request: what is asked; asked twice, the service must do no harm.
-        again: time after which it is asked once more [s].
+        client: of the service; its node is spun elsewhere.
+        request: the request; the service must allow it twice.
+        again: time after which the request is sent again [s].
     """
 
     def __init__(self, client: Client, request: Any, again: float) -> None:
@@ -75,7 +75,7 @@ class RepeatedRequest:
         self._ask_at = 0.0
 
     def answer(self) -> Any | None:
-        """Ask if it is time to; return the answer, or None while there is none."""
+        """Send the request if it is due; return the answer, or None while there is none."""
         if time.monotonic() >= self._ask_at:
             self._futures.append(self._client.call_async(self._request))
             self._ask_at = time.monotonic() + self._again
@@ -86,10 +86,10 @@ class Conductor:
     """A context in which processes run; all of them end with it, or with this process if it is killed.
 
     Args:
-        folder: where the processes' output goes, one file each.
+        folder: folder of the output of the processes, one file each.
 
     Raises:
-        DataError: a process ended or did not answer; one sentence with what it said last.
+        DataError: a process ended or did not answer; one sentence with its last line.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -126,7 +126,7 @@ class Conductor:
         """Start a module of this package as a process.
 
         Args:
-            name: what it is called here.
+            name: name of the process here.
             module: full name, run with ``python -m``.
             arguments: its command line.
         """
@@ -136,7 +136,7 @@ class Conductor:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                start_new_session=True,  # Ctrl-C reaches this process alone, which then ends the others in order
+                start_new_session=True,  # Ctrl-C is sent to this process only, which then ends the others in order
                 env=child_environment(),
             )
 
@@ -149,7 +149,7 @@ class Conductor:
         return self._processes[name].pid
 
     def output_of(self, name: str) -> str:
-        """Return all that a process said.
+        """Return the output of a process.
 
         Args:
             name: as given to ``start``.
@@ -157,7 +157,7 @@ class Conductor:
         return (self._folder / f"{name}.log").read_text(errors="replace")
 
     def stop(self, name: str) -> None:
-        """End a process with SIGINT and hold it to exit code 0.
+        """End a process with SIGINT; raise if its exit code is not 0.
 
         Args:
             name: as given to ``start``.
@@ -174,11 +174,11 @@ class Conductor:
             raise self._ended(name, code)
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        """Wait until something holds, while all processes live.
+        """Wait until a condition holds, while all processes run.
 
         Args:
-            condition: asked again and again.
-            what: for the sentence if it never does.
+            condition: evaluated again and again.
+            what: name of the condition, for the sentence after a time-out.
         """
         end = time.monotonic() + _PATIENCE
         while not condition():
@@ -195,7 +195,7 @@ class Conductor:
                 raise self._ended(name, code)
 
     def wait_subscribers(self, topics: Mapping[str, int]) -> None:
-        """Wait until topics are listened to.
+        """Wait until topics have subscribers.
 
         Args:
             topics: topic to the least number of subscribers.
@@ -205,7 +205,7 @@ class Conductor:
         time.sleep(_MATCHING)
 
     def wait_publishers(self, topics: Sequence[str]) -> None:
-        """Wait until somebody publishes each of some topics.
+        """Wait until each of some topics has a publisher.
 
         Args:
             topics: their names.
@@ -266,11 +266,11 @@ class Conductor:
     def _change(self, node: str, transition: int) -> None:
         request = ChangeState.Request(transition=Transition(id=transition))
         is_done = self._call(ChangeState, f"/{node}/change_state", request).success
-        if not is_done and self._state(node) != _GOALS[transition]:  # asked again, it refuses what it has done
+        if not is_done and self._state(node) != _GOALS[transition]:  # a repeated request is refused
             raise DataError(f"{node} refused a transition; see {self._folder}/{node}.log")
 
     def _call(self, kind: Any, service: str, request: Any) -> Any:
-        """Call a service, again if no answer comes, and return its answer."""
+        """Call a service, repeat the call if no answer comes, and return the answer."""
         client = self._node.create_client(kind, service)
         repeated = RepeatedRequest(client, request, _ASK_AGAIN)
         try:
@@ -290,7 +290,7 @@ class Conductor:
     def _ended(self, name: str, code: int) -> DataError:
         """Return the sentence about a process that ended too early."""
         lines = [line for line in self.output_of(name).splitlines() if line.strip()]
-        last = lines[-1] if lines else "it said nothing"
+        last = lines[-1] if lines else "it printed nothing"
         if not lines and shutil.disk_usage(self._folder).free < _NO_ROOM:
             last = f"the disk of {self._folder} is full; make room or choose another folder"
         return DataError(f"{name} ended with exit code {code}: {last}")

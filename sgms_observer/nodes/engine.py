@@ -1,5 +1,4 @@
-"""Everything the observer node does with messages, without ROS: bytes in, blocks of messages out, and the file
-``~/save_parameters`` writes."""
+"""The work of the observer node without ROS: bytes of messages in, blocks of messages out; ``~/save_parameters``."""
 
 from __future__ import annotations
 
@@ -35,7 +34,7 @@ def parameter_changes(axis: AxisSettings, values: dict[str, float], added_mass: 
         added_mass: mass that effects add to the axis's own [kg]; an estimated mass contains it.
 
     Returns:
-        Setting's name inside the axis (``friction.static_force``) to its new value.
+        Name of the setting inside the axis (``friction.static_force``) to its new value.
     """
     changes: dict[str, Any] = {}
     for name, value in values.items():
@@ -78,7 +77,7 @@ def _unit(name: str) -> str:
 
 
 def _offset(axis: AxisSettings, value: float) -> dict[str, Any]:
-    """Return the effect ``offset`` with the estimated force [N] on top of the one it has."""
+    """Return the effect ``offset`` with its force plus the estimated one [N]."""
     names = [effect.name for effect in axis.effects]
     known = next((effect.values[0] for effect in axis.effects if effect.name == "offset"), 0.0)
     changes: dict[str, Any] = {"effects.offset.force": known + value}
@@ -93,10 +92,10 @@ def _always() -> bool:
 
 @dataclass(frozen=True)
 class Processed:
-    """What one call of ``Engine.process`` gave.
+    """Result of one call of ``Engine.process``.
 
     Attributes:
-        observed: number of the axis to what its latest samples gave.
+        observed: number of the axis to the observation of its latest samples.
         blocks: messages to publish.
         reports: estimated parameters to publish.
     """
@@ -138,11 +137,12 @@ class Engine:
     def process(
         self, send: Callable[[OutgoingBlock], None] | None = None, are_others_read: Callable[[], bool] = _always
     ) -> Processed:
-        """Estimate over everything that came in and is complete.
+        """Estimate over all complete samples.
 
         Args:
-            send: takes each block of compensations as soon as it is there; without it they come with the others.
-            are_others_read: returns whether anybody reads other messages than compensations; if not, none are made.
+            send: called with each block of compensations as soon as it is ready; without it they are returned with the
+                others.
+            are_others_read: returns whether a node reads other messages than compensations; if not, none are made.
         """
         processed = Processed({}, [], [])
         if send is not None and (prepared := self._observe_prepared()) is not None:
@@ -160,11 +160,11 @@ class Engine:
         return processed
 
     def prepare(self, send: Callable[[int, Sequence[float]], None]) -> None:
-        """Have everything in place for the next sample of all axes, so that its compensation goes out sooner.
+        """Prepare the next sample of all axes, so that its compensation is published earlier.
 
         Args:
-            send: takes its stamp [ns] and the compensation of each axis [N], where one sample of every axis comes alone
-                and all have one stamp; then nobody else gets them from ``process``.
+            send: called with stamp [ns] and compensation of each axis [N] if one sample of every axis arrives alone and
+                all have one stamp; ``process`` does not return these compensations again.
         """
         for pairing in self.intake.pairings:
             pairing.prepare()
@@ -174,7 +174,7 @@ class Engine:
                 self._prepared = send, [step for step in steps if step is not None]
 
     def _observe_prepared(self) -> dict[int, Observed] | None:
-        """Observe the sample that was prepared for and send its compensation; None where something else has come."""
+        """Observe the prepared sample and send its compensation; return None where other samples have arrived."""
         pairings = self.intake.pairings
         if self._prepared is None or (stamp_ns := pairings[0].alone_ns) is None:
             return None
@@ -197,7 +197,7 @@ class Engine:
         return block is not None
 
     def _note(self, observed: dict[int, Observed], processed: Processed) -> None:
-        """Count what was observed, and report its parameters where they are due."""
+        """Count the samples, and report their parameters where a report is due."""
         processed.observed.clear()
         processed.observed.update(observed)
         self.latest.update(observed)
@@ -209,7 +209,7 @@ class Engine:
     def _add_others(
         self, observed: dict[int, Observed], processed: Processed, are_others_read: Callable[[], bool]
     ) -> None:
-        """Add the messages other than compensations, if anybody reads them."""
+        """Add the messages other than compensations, if a node reads them."""
         if are_others_read():
             estimates = {number: found.estimates() for number, found in observed.items()}
             processed.blocks.extend(self._outgoing.others(estimates))
@@ -217,7 +217,7 @@ class Engine:
             self._outgoing.pass_over(observed)
 
     def _groups(self) -> list[dict[int, Samples]]:
-        """Return the new samples by axis; a second block of an axis, after a reset of the clock, comes later."""
+        """Return the new samples by axis; a second block of an axis, after a clock reset, comes with the next call."""
         groups: list[dict[int, Samples]] = []
         group: dict[int, Samples] = {}
         for number, pairing in enumerate(self.intake.pairings):
@@ -229,7 +229,7 @@ class Engine:
         return [*groups, group] if group else groups
 
     def reset(self) -> None:
-        """Forget every sample and everything learnt; counts go on."""
+        """Drop all samples and estimates; the counts are kept."""
         before = self.intake
         self.intake = Intake(self.settings.scales, self.settings.sample_period)
         self.intake.counts = before.counts
@@ -241,7 +241,7 @@ class Engine:
         self._all_axes.reset()
 
     def continue_compensation(self, number: int, output: float) -> None:
-        """Let an axis's compensation go on from what really went out last.
+        """Set the last published force of an axis, from which its compensation continues.
 
         Args:
             number: of the axis.
@@ -250,7 +250,7 @@ class Engine:
         self.observers[number].compensator.continue_from(output)
 
     def tune_compensation(self, settings: Settings) -> None:
-        """Take over the compensation's settings while everything else goes on.
+        """Apply new settings of the compensation without a restart.
 
         Args:
             settings: settings that differ in ``compensation`` only.
@@ -266,7 +266,7 @@ def save_learnt(settings: Settings, engine: Engine, name: str) -> str:
     """Write the file, and return the sentence about it.
 
     Args:
-        settings: of the node, with what the stage's node reads of them.
+        settings: of the node, with those that the stage node reads.
         engine: of the node.
         name: of the node.
 
@@ -288,6 +288,6 @@ def save_learnt(settings: Settings, engine: Engine, name: str) -> str:
     write_settings(replace(settings, source={}), path, changes, comments)  # every value written out
     what = (
         ", ".join(f"{axis}: {' '.join(names)}" for axis, names in changes.items())
-        or "nothing learnt, settings as they are"
+        or "no parameter was estimated; the settings are written unchanged"
     )
     return f"wrote {path} ({what})"

@@ -1,4 +1,4 @@
-"""Horizons between messages and axes: the reference ahead in, the compensation ahead out. No ROS in here."""
+"""Converts ``reference_horizon`` messages to motions, and future compensations to messages. Imports no ROS."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def encode_reference(
 def encode_motion_ahead(
     axis: AxisSettings, period: float, begin_ns: int, now_ns: int, position: np.ndarray, velocity: np.ndarray
 ) -> bytes:
-    """Return the part of a motion that is ahead as ``reference_horizon``; the axis rests before and after the motion.
+    """Return the future part of a motion as ``reference_horizon``; the axis rests before and after the motion.
 
     Args:
         axis: the one that moves.
@@ -61,7 +61,7 @@ def encode_motion_ahead(
 
 
 def decode_horizons(message: Buffer) -> dict[str, Horizon]:
-    """Return the compensation ahead of each axis that a message names; empty where it is no horizon.
+    """Return the future compensation of each axis that a message names; empty where it is no horizon.
 
     Args:
         message: of ``compensation_horizon``.
@@ -77,7 +77,7 @@ def decode_horizons(message: Buffer) -> dict[str, Horizon]:
 
 
 class HorizonExchange:
-    """Keeps the reference that is known ahead of each axis, and makes the compensation ahead from it.
+    """Keeps the future reference of each axis, and computes the future compensation from it.
 
     Args:
         settings: all axes.
@@ -93,7 +93,7 @@ class HorizonExchange:
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """Take other settings of the compensation over; the next horizons are due at once.
+        """Apply new settings of the compensation; the next horizons are due at once.
 
         Args:
             settings: of the same axes.
@@ -103,11 +103,11 @@ class HorizonExchange:
         self._given_ns.clear()
 
     def reset(self) -> None:
-        """Forget every reference."""
+        """Drop all references."""
         self._known.clear()
 
     def take_reference(self, message: Buffer, now_ns: int) -> bool:
-        """Take in a message of ``reference_horizon``; return whether it is one.
+        """Read a message of ``reference_horizon``; return whether it is valid.
 
         Args:
             message: a serialized JointTrajectory in topic units; a stamp of zero stands for the present.
@@ -136,7 +136,7 @@ class HorizonExchange:
         """Yield the messages of ``compensation_horizon`` that are due, one for each axis.
 
         Args:
-            observed: number of the axis to what its latest samples gave.
+            observed: number of the axis to the observation of its latest samples.
         """
         due = [n for n in self._known if n in observed and self._is_due(n, int(observed[n].stamp_ns[-1]))]
         latest = {number: observed[number].estimates() for number in due}
@@ -148,7 +148,7 @@ class HorizonExchange:
                 yield self._message(number, stamp, horizon)
 
     def released(self, now_ns: int) -> Iterator[bytes]:
-        """Yield messages that bring what was given out to zero from now on, within the slew limit of each axis.
+        """Yield messages that take the published compensation to zero from now on, within the slew limit of each axis.
 
         Args:
             now_ns: the clock of the stamps [ns].

@@ -1,4 +1,4 @@
-"""What both nodes share: a lifecycle that activates itself, checked parameters, and work only while active."""
+"""Base of both nodes: a lifecycle that activates itself, checked parameters, and work only while active."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _WATCH = 0.1  # s
 
 
 class ManagedNode(LifecycleNode):
-    """A lifecycle node over the package's settings; subclasses fill in what the states mean.
+    """A lifecycle node with the package's settings; subclasses define the work of each state.
 
     Args:
         name: name of the node.
@@ -44,7 +44,7 @@ class ManagedNode(LifecycleNode):
         parts: kernels that the node uses, names of ``application.kernels``.
         has_stage: whether the node uses the parameters below ``stage``.
         settings: the checked settings, which follow the parameters.
-        fault: what ended the node's work, if it was not a signal or a shutdown.
+        fault: error that ended the node's work; None after a signal or a shutdown.
     """
 
     parts: tuple[str, ...] = ()
@@ -70,9 +70,9 @@ class ManagedNode(LifecycleNode):
         self.add_post_set_parameters_callback(self._take_parameters)
 
     def prepare(self) -> bool:
-        """Have missing kernels compiled in processes of their own, while this one answers; return whether all is ready.
+        """Compile missing kernels in other processes, while this one answers services; return whether all are compiled.
 
-        To be called again and again. A process that compiled by itself would answer no service until it is done.
+        Call it repeatedly. A process that compiles by itself answers no service until it has finished.
         """
         if self._compilation is None:
             missing = missing_parts(self.parts) if jit.can_keep() else ()
@@ -95,7 +95,7 @@ class ManagedNode(LifecycleNode):
         """Configure and activate, unless ``autostart`` is false.
 
         Raises:
-            SgmsError: what kept the node from it.
+            SgmsError: the node cannot be configured or activated.
         """
         if not self.settings.autostart:
             self.get_logger().info("autostart is false: waiting for a lifecycle manager to configure and activate")
@@ -107,8 +107,8 @@ class ManagedNode(LifecycleNode):
     def guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
         """Return a callback that never raises into the executor, which a task's exception would crash.
 
-        A fault ends the process with one sentence, and before that the node's work; what fails because ROS is shutting
-        down is no fault.
+        An error stops the node's work and ends the process with one sentence. An error during a shutdown of ROS is
+        ignored.
 
         Args:
             callback: any callback without a result.
@@ -128,7 +128,7 @@ class ManagedNode(LifecycleNode):
         return call
 
     def warm_up(self) -> None:
-        """Run the kernels once; called while configuring, after telling people that it may take long."""
+        """Run the kernels once; called while configuring, after a note that it may take long."""
 
     def _warm_up_all(self) -> None:
         warm_up_encoding()
@@ -147,10 +147,10 @@ class ManagedNode(LifecycleNode):
         """Undo ``set_up``."""
 
     def on_tuned(self) -> None:
-        """Take over ``self.settings``, which changed in what may change while the node runs."""
+        """Apply ``self.settings`` after a change of settings that may change while the node runs."""
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Get everything ready.
+        """Configure the node.
 
         Args:
             state: the one before.
@@ -170,13 +170,13 @@ class ManagedNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to work.
+        """Activate the node.
 
         Args:
             state: the one before.
         """
         gc.collect()
-        gc.freeze()  # what a start leaves behind is not looked through again: on a large heap that takes 0.1 s
+        gc.freeze()  # the garbage collector skips the objects of the start: on a large heap they take it 0.1 s
         self.begin()
         self.is_active = True
         self.get_logger().info(f"active: axes {', '.join(axis.name for axis in self.settings.axes)}")
@@ -220,35 +220,37 @@ class ManagedNode(LifecycleNode):
         super().destroy_node()
 
     def _refusing(self, change: ChangesState) -> ChangesState:
-        """Return the service of transitions so that it refuses one that the state does not have.
+        """Return the service of transitions that refuses an invalid transition.
 
-        rclpy's own raises into the executor, and one wrong request ends the node.
+        The service of rclpy raises an error into the executor, so that one wrong request ends the node.
         """
 
         def refuse_or_change(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
             try:
                 return change(request, response)
             except RuntimeError as error:
-                self.get_logger().warning(f"a transition was asked for that this state does not have: {error}")
+                self.get_logger().warning(f"the requested transition is not allowed in the present state: {error}")
                 response.success = False
                 return response
 
         return refuse_or_change
 
     def _wait_for_kernels(self) -> None:
-        """Wait where somebody configures the node before its kernels are compiled; say what cannot be helped."""
+        """Wait for the kernels if they are not compiled yet; warn where numba or a writable cache is missing."""
         while not self.prepare() and self.context.ok() and not is_told():
             time.sleep(_WATCH)
         if not jit.HAS_NUMBA:
-            self.get_logger().warning("numba is missing: all works, a hundred times slower; install numba")
+            self.get_logger().warning(
+                "numba is not installed: every computation takes about a hundred times longer; install numba"
+            )
         elif missing_parts(self.parts):
             self.get_logger().warning(
-                "the numerical kernels are compiled in this process, because none can be kept: no service is answered"
+                "the numerical kernels cannot be cached and are compiled in this process: no service is answered"
                 f" for about a minute at every start; make {jit.cache_folder()} writable or set XDG_CACHE_HOME"
             )
 
     def _apart(self, work: Callable[[], None]) -> None:
-        """Do long work in a thread: a signal then ends the process at once, not inside a compiler's callback."""
+        """Do long work in a thread, so that a signal ends the process at once and not after the compilation."""
         errors: list[BaseException] = []
 
         def run() -> None:

@@ -1,4 +1,4 @@
-"""Who else is on the observer's topics: another one that gives compensations, or a tool that reads too much."""
+"""Finds other nodes on the observer's topics: a second publisher of the compensation, or a tool that slows the node."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from sgms_observer.nodes.topics import COMMANDS
 from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, JOINT_STATE_TOPICS
 from sgms_observer.settings.axis import Settings
 
-_COMMAND_LINE = "_ros2cli"  # how the nodes of `ros2 topic echo` and `hz` are called
+_COMMAND_LINE = "_ros2cli"  # beginning of the names of the nodes of `ros2 topic echo` and `hz`
 
 
 class Neighbours:
-    """Looks at the graph around a node.
+    """Checks the graph around a node.
 
     Args:
         node: the observer.
 
     Attributes:
-        rivals: topics of the compensation that somebody else published too when it was looked at last.
+        rivals: topics of the compensation that another node published too at the last check.
     """
 
     def __init__(self, node: Node) -> None:
@@ -35,7 +35,7 @@ class Neighbours:
         return tuple(topic for topic in topics if self._node.count_publishers(topic) > 1)
 
     def judge_rivals(self) -> list[str]:
-        """Look for rivals again; return the sentence about each."""
+        """Check for rivals again; return one sentence for each."""
         self.rivals = self._rivals()
         return [
             f"{topic} is published by another node as well; the compensation stays at zero until only one node does;"
@@ -46,7 +46,7 @@ class Neighbours:
     def judge_readers(self) -> list[str]:
         """Return the sentence about a command-line tool that reads one of the topics with every sample reliably.
 
-        One topic is looked at in each call: asking the graph takes a part of a millisecond.
+        Each call checks one topic, because a query of the graph takes a part of a millisecond.
         """
         self._looked_at += 1
         topic = self._node.resolve_topic_name(JOINT_STATE_TOPICS[self._looked_at % len(JOINT_STATE_TOPICS)])

@@ -33,21 +33,21 @@ from sgms_observer.observer.outgoing import (
 from sgms_observer.settings.node_parameters import NodeArguments
 
 _REPORT_PERIOD = 1.0  # s
-_LONGEST_END = 1.0  # s for the compensation to go to zero within its slew limit when the node stops
-_IDLE_SHARE = 0.25  # of a sample period without an event, after which none is taken to wait
-_OWN_CLOCK_NS = 10_000_000_000  # stamps less than this behind the node's clock are taken as its own
-_SHORTEST_REPORT = 0.8  # s; the first after the activation tells of about a period as well
+_LONGEST_END = 1.0  # s in which the compensation goes to zero within its slew limit when the node stops
+_IDLE_SHARE = 0.25  # share of a sample period without an event, after which no event is expected to wait
+_OWN_CLOCK_NS = 10_000_000_000  # a stamp that is older than this on the node's clock belongs to another clock
+_SHORTEST_REPORT = 0.8  # s
 
 
 class ObserverNode(ManagedNode):
     """Observes every axis of its parameters.
 
-    Messages are decoded as they arrive. A complete sample that comes while the node is idle is estimated at once. One
-    that comes sooner after the last posts a task behind all events that wait already: the task estimates over
-    everything that is complete by then, so blocks grow by themselves when the machine is late.
-    The compensation is published before anything else is made of a sample, and then the next sample is prepared.
-    Samples that come faster than ``gather_time`` are gathered: after each block the node sleeps that long while
-    messages arrive. A block of four costs as much as a single sample, and nothing has to wake this thread for each.
+    Messages are decoded on arrival. A complete sample that arrives while the node is idle is estimated at once. A
+    sample that arrives sooner posts a task after all waiting events. The task estimates over all samples that are
+    complete by then, so blocks grow when the computer is late.
+    The compensation of a sample is published first, then its other messages, and then the next sample is prepared.
+    Samples that arrive faster than ``gather_time`` are gathered: after each block the node sleeps that long while
+    messages arrive. A block of four samples costs as much as a single one, and the thread wakes up once for all.
 
     Args:
         name: name of the node.
@@ -55,7 +55,7 @@ class ObserverNode(ManagedNode):
         given: the settings and parameters that it starts with.
 
     Raises:
-        SgmsError: the node cannot start; its sentences say why.
+        SgmsError: the node cannot start; the sentences give the reasons.
     """
 
     parts = OF_OBSERVER
@@ -108,7 +108,7 @@ class ObserverNode(ManagedNode):
         self._watch_by(Watchdog(self.settings.axes, time.monotonic()))
 
     def begin(self) -> None:
-        """Start from nothing: what came before is not trusted."""
+        """Start without earlier samples."""
         settings = self.settings
         self._pause = settings.gather_time if settings.sample_period < settings.gather_time else 0.0
         self._surely_idle = math.inf if self._pause > 0.0 else _IDLE_SHARE * settings.sample_period
@@ -121,7 +121,7 @@ class ObserverNode(ManagedNode):
             self._working_engine().continue_compensation(number, 0.0)
 
     def end(self) -> None:
-        """Leave no compensation behind: to zero within the slew limit, and what is left after a second at once."""
+        """Take the compensation to zero within the slew limit, and at once after a second."""
         watchdog, begun = self._watchdog, time.monotonic()
         if self.context.ok() and self._engine is not None and self._outlets is not None:
             self._outlets.give_horizons(self._engine.horizons.released(self.get_clock().now().nanoseconds))
@@ -151,7 +151,7 @@ class ObserverNode(ManagedNode):
         self._watch_timer = self._watchdog = self._outlets = self._engine = None
 
     def on_tuned(self) -> None:
-        """Take over the compensation's settings; beside another observer none is given out, whatever they say."""
+        """Apply new settings of the compensation; it stays at zero while another observer publishes it."""
         settings = self.settings if not self._neighbours.rivals else without_compensation(self.settings)
         self._working_engine().tune_compensation(settings)
         if self._outlets is not None:
@@ -163,7 +163,7 @@ class ObserverNode(ManagedNode):
             self._watch_by(self._watchdog)
 
     def _watch_by(self, watchdog: Watchdog) -> None:
-        """Have the watchdog look as often as it wants to."""
+        """Set the period of the watchdog."""
         self._watchdog = watchdog
         if self._watch_timer is not None:
             self.destroy_timer(self._watch_timer)
@@ -198,7 +198,7 @@ class ObserverNode(ManagedNode):
                 engine.intake.counts.malformed += 1
 
     def _schedule(self, has_samples: bool) -> None:
-        """Have complete samples processed: at once, or behind the events that wait already where there may be some."""
+        """Process complete samples: at once, or after the waiting events where there may be some."""
         if self._is_scheduled or not has_samples:
             return
         if time.monotonic() - self._idle_since > self._surely_idle:
@@ -229,7 +229,7 @@ class ObserverNode(ManagedNode):
         self._idle_since = time.monotonic()
 
     def _send_one(self, stamp_ns: int, forces: Sequence[float]) -> None:
-        """Publish the compensation of one sample of all axes [N], and note whether it comes too late."""
+        """Publish the compensation of one sample of all axes [N], and count it where it is too late."""
         if self._outlets is not None:
             self._outlets.send_forces(stamp_ns, forces)
         age = time.time_ns() - stamp_ns
@@ -238,11 +238,11 @@ class ObserverNode(ManagedNode):
             self._working_engine().intake.counts.too_late += 1
 
     def _send_compensation(self, block: OutgoingBlock) -> None:
-        """Publish compensations, and note those that come too late for whoever applies them.
+        """Publish compensations, and count those that come too late to be applied.
 
-        A stamp that is far from this node's clock belongs to another one: nobody knows how old it is.
+        A stamp that is far from this node's clock belongs to another clock, so its age is unknown.
         """
-        now, stamps = time.time_ns(), block.stamp_ns  # twenty times as quick as the node's own clock
+        now, stamps = time.time_ns(), block.stamp_ns  # twenty times faster than the clock of the node
         if self._outlets is not None:
             self._outlets.topics.publish(block, is_read=True)
         self._is_late = self._oldest_ns < now - int(stamps[-1]) < _OWN_CLOCK_NS
@@ -251,7 +251,7 @@ class ObserverNode(ManagedNode):
             self._working_engine().intake.counts.too_late += int(late)
 
     def _watch(self) -> None:
-        """Bring the compensation of every axis to zero whose samples stopped."""
+        """Take the compensation of each axis without samples to zero."""
         if not self.is_active or self._watchdog is None:
             return
         forces = self._watchdog.silent(time.monotonic())
@@ -261,14 +261,14 @@ class ObserverNode(ManagedNode):
             self._publish_compensation(forces)
 
     def _publish_compensation(self, forces: dict[int, float]) -> None:
-        """Publish forces that no sample led to [N], by the number of the axis."""
+        """Publish forces without samples [N], by the number of the axis."""
         if self._outlets is not None:
             outputs = self._watchdog.outputs if self._watchdog is not None else [0.0] * len(self.settings.axes)
             named = {self.settings.axes[number].name: force for number, force in forces.items()}
             self._outlets.give_forces(named, outputs)
 
     def _report(self) -> None:
-        """Publish diagnostics and say what is new in them."""
+        """Publish diagnostics and log the new sentences in them."""
         now = time.monotonic()
         seconds = now - self._reported_at
         engine = self._engine
@@ -286,30 +286,30 @@ class ObserverNode(ManagedNode):
                 self.get_logger().warning(sentence)
 
     def _judge_rivals(self) -> list[str]:
-        """Keep the compensation back while another node publishes it too; return the sentence about that."""
+        """Keep the compensation at zero while another node publishes it too; return a sentence about that."""
         had_rivals = bool(self._neighbours.rivals)
         sentences = self._neighbours.judge_rivals()
         if bool(sentences) != had_rivals:
             self.on_tuned()
             if had_rivals:
-                self.get_logger().info("no other node publishes the compensation any more: it follows its settings")
+                self.get_logger().info("no other node publishes the compensation any more; its settings apply again")
         return sentences
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Answer ``~/reset``: forget every sample and everything learnt."""
+        """Answer ``~/reset``: drop all samples and estimates."""
         if self._engine is None:
             response.success, response.message = False, "the node is not configured; configure it first"
             return response
         self._engine.reset()
-        response.success, response.message = True, "the observer starts anew with the next sample"
+        response.success, response.message = True, "the observer restarts with the next sample"
         self.get_logger().info("reset on request")
         return response
 
     def _save_parameters(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Answer ``~/save_parameters``: write the parameter file with what was learnt."""
+        """Answer ``~/save_parameters``: write the parameter file with the estimated values."""
         try:
             response.message = save_learnt(self.settings, self._working_engine(), self.get_name())
             response.success = True
-        except Exception as error:  # the answer is the place to say it
+        except Exception as error:  # the answer carries the sentence
             response.success, response.message = False, str(error)
         return response

@@ -1,4 +1,4 @@
-"""The node ``observer_node``: position and effort in, friction out. A shell: it converts, calls ``step``, publishes."""
+"""The node ``observer_node``: subscribes to position and effort, publishes friction and compensation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run ``observer_node``.
 
     Args:
-        arguments: what follows the program's name; by default the process's own.
+        arguments: the arguments without the program's name; by default those of the process.
 
     Returns:
         The exit code: 0 only on success.

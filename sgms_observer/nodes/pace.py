@@ -1,4 +1,4 @@
-"""When samples and compensations are due: by the elapsed time, whatever the network's jitter. No ROS in here."""
+"""Times at which samples and compensations are due, by the elapsed time and not by the arrival. Imports no ROS."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 from sgms_observer.compensation.horizon import Horizon
 
 MAX_CATCH_UP = 0.5
-"""A clock that leaps further than this [s] was stopped, set or asleep: the samples in between are given up."""
+"""A clock that jumps further than this [s] was stopped or set: the samples in between are dropped."""
 
 MAX_LAG_OF_FOLLOWER = 60.0
-"""The same for an axis that follows set-points: it may lag behind the clock, but what it is to follow must not leap."""
+"""The same for an axis that follows set-points: it may lag behind the clock, but its set-point must not jump."""
 
 AGE_SENTENCE = "the compensation arrived"
-"""How the stage node's note on the way's delay begins, for those who quote it."""
+"""Beginning of the stage node's note on the delay of the compensation; ``sgms demo`` quotes it."""
 
 
 class Pace:
-    """Follows a clock that may stand still, run slow, leap or go back.
+    """Counts due samples by a clock that may stand still, run slow, jump or go back.
 
     Args:
         sample_period: time between two samples [s].
         start_ns: the clock's time of the first sample [ns].
-        longest_catch_up: samples that are due for longer than this are given up [s].
+        longest_catch_up: samples that are due for longer than this are dropped [s].
     """
 
     def __init__(self, sample_period: float, start_ns: int, longest_catch_up: float = MAX_CATCH_UP) -> None:
@@ -43,7 +43,7 @@ class Pace:
 
         Args:
             now_ns: the clock's time [ns].
-            most: the samples beyond this many stay due; None for all of them.
+            most: largest number to return; further samples stay due. None for no limit.
         """
         if now_ns < self._latest_ns:
             self._anchor(now_ns)
@@ -105,9 +105,10 @@ class DueForces:
 
     Args:
         lead: time from a message's stamp to its application [s].
-        timeout: for how long a message that is late counts [s].
+        timeout: time in which a late value is faded to zero [s].
         sample_period: time between two samples [s].
-        ahead: time from a sample to the middle of what is applied at it [s]; horizons are read there.
+        ahead: time from a sample to the middle of the interval in which its force is applied [s]; horizons are read
+            there.
     """
 
     def __init__(self, lead: float, timeout: float, sample_period: float, ahead: float = 0.0) -> None:
@@ -124,10 +125,10 @@ class DueForces:
         self._latest_ns = self._turned_ns = _LONG_AGO
         self._share = 1.0
         self._first_ns: int | None = None
-        self._lock = threading.Lock()  # messages come in one thread, the stage steps in another
+        self._lock = threading.Lock()  # messages arrive in one thread, the stage steps in another
 
     def put(self, stamp_ns: int, force: float, now_ns: int) -> None:
-        """Take in a single value.
+        """Add a single value.
 
         Args:
             stamp_ns: its stamp [ns].
@@ -141,14 +142,14 @@ class DueForces:
             due = now_ns
         with self._lock:
             if due < self._newest_ns <= now_ns + self._lead_ns + self._timeout_ns:
-                return  # overtaken by a newer one on the way
+                return  # a newer one arrived first
             while self._waiting and self._waiting[-1][0] > due:
-                self._waiting.pop()  # an older clock's messages
+                self._waiting.pop()  # messages of an earlier clock
             self._waiting.append((due, force))
             self._newest_ns = due
 
     def put_horizon(self, horizon: Horizon) -> None:
-        """Take in a horizon.
+        """Add a horizon.
 
         Args:
             horizon: the compensation of the time to come; ignored unless all of it is finite and in order.
@@ -199,7 +200,7 @@ class DueForces:
         return self._horizon is not None and int(self._horizon.time_ns[-1]) < time_ns
 
     def _single(self, stamp: int) -> float:
-        """Return what the single values give [N], and move on by one sample."""
+        """Return the force of the single values [N], and advance by one sample."""
         while self._waiting and self._waiting[0][0] <= stamp:
             self._due_ns, self._force = self._waiting.popleft()
         elapsed = min(max(0, stamp - self._latest_ns), self._timeout_ns)

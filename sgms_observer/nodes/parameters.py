@@ -1,4 +1,4 @@
-"""The settings as parameters of a node: declared with type, range and meaning, and read back as checked settings."""
+"""Declares the settings as parameters of a node, with type, range and meaning, and checks changed values."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ _TYPES = {
     "double_array": Parameter.Type.DOUBLE_ARRAY,
     "string_array": Parameter.Type.STRING_ARRAY,
 }
-#: They decide which parameters there are, so they are fixed once the node runs.
+#: They determine which parameters exist, so they are fixed while the node runs.
 _STRUCTURE = ("axes", "effect_files", "autostart")
 _TUNABLE = tuple(f".compensation.{field.name}" for field in fields(CompensationSettings))
-#: What may change while a force goes out ends at this many times the value that the node started with: one notch of a
-#: slider in rqt is then a tenth of that value, not a tenth of all that is physical.
+#: Largest value of a parameter that may change while a force is published, as a multiple of its start value. One notch
+#: of a slider in rqt is then a tenth of the start value, not a tenth of the physical range.
 _TUNING = 10.0
 
 
 def _descriptor(declaration: ParameterDeclaration, value: Any) -> ParameterDescriptor:
-    """Return a declaration as ROS describes parameters, for a parameter that starts with this value."""
+    """Return the ROS descriptor of a parameter with this start value."""
     is_fixed = declaration.name in _STRUCTURE or declaration.name.endswith("effects.names")
     descriptor = ParameterDescriptor(
         name=declaration.name,
@@ -85,7 +85,7 @@ class NodeParameters:
         self.names = tuple(names)
 
     def check_change(self, parameters: Sequence[Parameter], is_configured: bool) -> SetParametersResult:
-        """Judge a change of parameters at run time.
+        """Check a change of parameters at run time.
 
         Args:
             parameters: the new values.

@@ -17,7 +17,7 @@ from sgms_observer.bags.message_types import DIAGNOSTICS, JOINT_STATE, TRAJECTOR
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import RecordingError
 
-#: What is recorded when no topic is named, with the types that need no discovery.
+#: Topics that are recorded by default, with their types.
 TOPICS = {
     "position": JOINT_STATE,
     "control_effort": JOINT_STATE,
@@ -62,8 +62,8 @@ class RecorderNode(Node):
         topics: names, relative or absolute; none for all topics of this package.
 
     Attributes:
-        done: completes when recording cannot go on.
-        fault: why, if so.
+        done: completes when recording cannot continue.
+        fault: the reason; None without one.
     """
 
     def __init__(self, writer: BagWriter, topics: Sequence[str]) -> None:
@@ -80,7 +80,7 @@ class RecorderNode(Node):
         self.create_timer(_TICK, self._tick)
 
     def _tick(self) -> None:
-        """Make what was recorded safe, and look for publishers that were not there before."""
+        """Flush the recording to the disk, and look for new publishers."""
         try:
             self._writer.flush()
             self._look_around()
@@ -88,7 +88,7 @@ class RecorderNode(Node):
             self._stop(error)
 
     def _look_around(self) -> None:
-        """Subscribe to topics whose type was not known yet, and meet publishers that only offer best effort."""
+        """Subscribe to topics whose type was unknown, with best effort where a publisher offers nothing else."""
         for topic, kind in self._wanted.items():
             offered = self.get_publishers_info_by_topic(topic)
             if not offered:
@@ -119,7 +119,7 @@ class RecorderNode(Node):
         self._is_reliable[topic] = is_reliable
 
     def _writing(self, topic: str, kind: str) -> Callable[[bytes], None]:
-        """Return what takes a topic's messages."""
+        """Return the callback for the messages of a topic."""
         write, now = self._writer.write, time.time_ns
 
         def take(message: bytes) -> None:
@@ -131,7 +131,7 @@ class RecorderNode(Node):
         return take
 
     def _stop(self, error: RecordingError) -> None:
-        """End the recording; the first error is the one to tell."""
+        """End the recording; the first error is reported."""
         if self.fault is None:
             self.fault = error
         if not self.done.done():

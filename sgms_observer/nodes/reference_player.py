@@ -1,4 +1,4 @@
-"""Publishes a reference in real time: from where the table stands, and to a stop with a limited deceleration."""
+"""Publishes a reference in real time, from the position of the table on, and stops with a limited deceleration."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-_TURN = 5.0e-4  # s from one look at the clock to the next
-_FIRST_POSITION_TIME = 10.0  # s to wait for the table's position, and for a listener
-_CLOCK_TIME = 0.1  # s of positions from which the table's clock is read
-_LEAD = 5.0e-3  # s that a set-point is sent before its stamp, so that the observer has it with its sample
-_LATEST = 0.25  # s of delay after which the motion is stopped rather than caught up
+_TURN = 5.0e-4  # s from one reading of the clock to the next
+_FIRST_POSITION_TIME = 10.0  # s to wait for the table's position and for a subscriber
+_CLOCK_TIME = 0.1  # s of positions that give the table's clock
+_LEAD = 5.0e-3  # s between the sending of a set-point and its stamp, so that the observer has it with its sample
+_LATEST = 0.25  # s of delay after which the motion is stopped
 
 
 def play_reference(
@@ -36,13 +36,13 @@ def play_reference(
     acceleration: float,
     topics: Mapping[str, str],
 ) -> bool:
-    """Publish a reference that starts where the table stands, and the part of it that is ahead.
+    """Publish a reference that starts at the position of the table, and its future part as a horizon.
 
-    Set-points carry stamps of the table's clock, and those of its samples: the observer pairs them by stamp.
+    Set-points have the stamps of the table's samples, because the observer pairs them by stamp.
 
     Args:
         axis: its name and ``position_scale`` are those of the messages.
-        reference_from: gets the position at which the table stands [m]; returns position [m] and velocity [m/s] of
+        reference_from: called with the position of the table [m]; returns position [m] and velocity [m/s] of
             each sample, shape (n,), at rest at that position in the beginning.
         period: time between two set-points [s].
         sample_period: time between two samples of the table [s].
@@ -53,7 +53,7 @@ def play_reference(
         Whether it was played to the end; False after SIGINT or SIGTERM.
 
     Raises:
-        RecordingError: ROS is missing, the table does not say where it stands, or nobody listens.
+        RecordingError: ROS is missing, no position arrives, or no node subscribes to the reference.
     """
     from sgms_observer.nodes.spin import MISSING_ROS
 
@@ -79,7 +79,7 @@ def play_reference(
         _await(lambda: set_points.reader_count > 0, stop, "no node subscribes to reference; start the table")
         while not set_points.has_met_all() and not stop.is_set():
             time.sleep(0.02)
-        clock = _standing_at(node, axis, stop)  # anew: a simulated table may have caught up meanwhile
+        clock = _standing_at(node, axis, stop)  # again, because a simulated table may have caught up meanwhile
         begun = time.monotonic()
         samples = math.ceil((begun + _LEAD - clock.heard_at) / sample_period)
         start_ns = clock.stamp_ns + samples * round(sample_period * 1e9)
@@ -93,7 +93,7 @@ def play_reference(
                 position, velocity = (
                     np.append(old[:done], new) for old, new in zip((position, velocity), way, strict=True)
                 )
-                missed = max(0, int(late / period))  # what was not sent in time is left out, and the rest comes later
+                missed = max(0, int(late / period))  # late set-points are left out, and the rest is delayed
                 begun, start_ns, published = begun + missed * period, start_ns + round(missed * period * 1e9), -math.inf
             now = time.monotonic() - begun
             if now >= published + EVERY:
@@ -115,7 +115,7 @@ def play_reference(
 
 
 def _await(condition: Callable[[], bool], stop: threading.Event, sentence: str) -> None:
-    """Wait for a condition, or say the sentence."""
+    """Wait for a condition; raise the sentence after a time-out."""
     end = time.monotonic() + _FIRST_POSITION_TIME
     while not condition():
         if stop.is_set() or time.monotonic() > end:
@@ -124,7 +124,7 @@ def _await(condition: Callable[[], bool], stop: threading.Event, sentence: str) 
 
 
 class _Standing(NamedTuple):
-    """Where the table stands [m], the stamp of that sample [ns], and when it came by the monotonic clock [s]."""
+    """Position of the table [m], stamp of that sample [ns], and its arrival time on the monotonic clock [s]."""
 
     position: float
     stamp_ns: int
@@ -132,7 +132,7 @@ class _Standing(NamedTuple):
 
 
 def _standing_at(node: Node, axis: AxisSettings, stop: threading.Event) -> _Standing:
-    """Return where the table stands: of its first positions, the one that took the shortest way."""
+    """Return the position of the table: of its first samples, the one with the shortest delay."""
     import rclpy
     from sensor_msgs.msg import JointState
 

@@ -31,13 +31,13 @@ def axis_entry(
     new: PairingCounts,
     seconds: float,
 ) -> DiagnosticStatus:
-    """Return what diagnostics say of one axis.
+    """Return the diagnostics of one axis.
 
     Args:
         name: the node's full name.
         axis: the axis's name.
-        statistics: what the estimator said since the last report.
-        counts: what became of the axis's messages since the start.
+        statistics: results of the estimator since the last report.
+        counts: counts of the axis's messages since the start.
         new: the same since the last report.
         seconds: time since the last report [s].
     """
@@ -70,7 +70,7 @@ def axis_entry(
 
 
 def _axis_sentences(entry: DiagnosticStatus, statistics: AxisStatistics, new: PairingCounts) -> list[str]:
-    """Return everything that is to be said of an axis in the log, each sentence once."""
+    """Return the sentences about an axis for the log, each once."""
     troubles = [status.sentence for status in sorted(statistics.recent) if _LEVELS.get(status, WARN) != OK]
     troubles += [HIGH_NIS] if statistics.nis > MAX_NIS else []
     messages = [entry.message] if entry.level != OK else []
@@ -81,7 +81,7 @@ def scale_sentences(axes: Sequence[AxisSettings]) -> list[str]:
     """Return a sentence for each axis whose compensation has other units than its control_effort.
 
     Args:
-        axes: the axes with their settings as they are now.
+        axes: the axes with their present settings.
     """
     return [
         f"axis {axis.name}: friction_compensation is in {axis.units.effort} and control_effort is not; divide it by"
@@ -103,15 +103,15 @@ def node_entry(
     faults: Sequence[str] = (),
     remarks: Sequence[str] = (),
 ) -> DiagnosticStatus:
-    """Return what diagnostics say of the node as a whole.
+    """Return the diagnostics of the node.
 
     Args:
         name: the node's full name.
         axes: names of the axes.
         state: lifecycle state.
-        counts: what became of the messages of all axes since the start.
+        counts: counts of the messages of all axes since the start.
         new: the same since the last report.
-        times: how long the steps took.
+        times: computing times of the steps.
         deadline_misses: steps that took longer than their samples lasted, since the start.
         seconds: time since the last report [s].
         faults: sentences about what keeps the node from its work.
@@ -139,7 +139,7 @@ def node_entry(
 
 
 class Report:
-    """Looks at an engine now and then, and knows what it said the last time."""
+    """Reports on an engine, each time about the period since the last report."""
 
     def __init__(self) -> None:
         self._growth = Growth()
@@ -147,11 +147,11 @@ class Report:
     def take(
         self, name: str, engine: Engine, seconds: float, faults: Sequence[str], remarks: Sequence[str]
     ) -> tuple[list[DiagnosticStatus], list[str]]:
-        """Return the entries about the time since the last call, and all that is to be said in the log.
+        """Return the entries about the time since the last call, and the sentences for the log.
 
         Args:
             name: the active node's full name.
-            engine: of the node; the statistics of its axes start anew.
+            engine: of the node; the statistics of its axes are reset.
             seconds: time since the last call [s].
             faults: sentences about what keeps the node from its work.
             remarks: sentences about what disturbs it.

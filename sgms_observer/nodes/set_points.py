@@ -1,4 +1,4 @@
-"""The set-points of one motion, with the stamps of samples: sent as they come due, told ahead, brought to rest."""
+"""Publishes the set-points of one motion with the stamps of samples: when due, ahead as a horizon, and to rest."""
 
 from __future__ import annotations
 
@@ -25,17 +25,19 @@ from sgms_observer.settings.axis import AxisSettings
 
 Floats = NDArray[np.float64]
 
-_LATEST = 0.05  # s that a set-point may be sent behind its stamp; then the motion is stopped rather than caught up
-_MEETING_TIME = 1.0  # s without a new listener, after which a motion may begin: nodes announce themselves once in it
+_LATEST = 0.05  # s that a set-point may be late; a later one stops the motion
+_MEETING_TIME = (
+    1.0  # s without a new subscriber, after which a motion may begin: each node announces itself once in this time
+)
 _START = 0.2  # s from the first message to the first set-point's stamp, beyond the lead
 _ACK_TIME = 2.0  # s for the last set-points to arrive
 
 
 def braking(position: float, velocity: float, acceleration: float, period: float) -> tuple[Floats, Floats]:
-    """Return position and velocity of the way to rest.
+    """Return position and velocity of the motion to rest.
 
     Args:
-        position: where it starts [m].
+        position: start position [m].
         velocity: velocity there [m/s].
         acceleration: deceleration, not exceeded [m/s^2].
         period: time between two samples [s].
@@ -49,7 +51,7 @@ def braking(position: float, velocity: float, acceleration: float, period: float
 
 
 class SetPoints:
-    """Publishes set-points of one axis, and the motion that is ahead.
+    """Publishes set-points of one axis, and its future motion.
 
     Args:
         node: publishes them.
@@ -61,7 +63,7 @@ class SetPoints:
         self._encoder = JointStateEncoder((axis.name,), ("position", "velocity"))
         self._publisher = node.create_publisher(JointState, REFERENCE, SAMPLE_QOS)
         self._ahead = node.create_publisher(JointTrajectory, REFERENCE_HORIZON, HORIZON_QOS)
-        self._known = (0, -math.inf)  # subscriptions, and when their number was new
+        self._known = (0, -math.inf)  # number of subscriptions, and the time of its last change
 
     @property
     def reader_count(self) -> int:
@@ -71,7 +73,7 @@ class SetPoints:
     def has_met_all(self) -> bool:
         """Return whether the number of subscribers has not changed for a while.
 
-        A recorder may be found before the table, which then misses the first set-points.
+        A recorder may be discovered before the table, which then misses the first set-points.
         """
         count, now = self.reader_count + int(self._ahead.get_subscription_count()), time.monotonic()
         if count != self._known[0]:
@@ -92,7 +94,7 @@ class SetPoints:
         return message
 
     def publish_ahead(self, period: float, begin_ns: int, now_ns: int, position: Floats, velocity: Floats) -> None:
-        """Publish the motion to come, if a node subscribes to it: then the network does not matter.
+        """Publish the future motion if a node subscribes to it, so that delays of the network do not matter.
 
         Args:
             period: time between two set-points [s].
@@ -105,16 +107,16 @@ class SetPoints:
             self._ahead.publish(encode_motion_ahead(self._axis, period, begin_ns, now_ns, position, velocity))
 
     def wait_acknowledged(self) -> None:
-        """Wait until the last set-points have arrived; the last of them is the one that says rest."""
+        """Wait until the last set-points have arrived; the last one ends the motion at rest."""
         self._publisher.wait_for_all_acked(Duration(seconds=_ACK_TIME))
 
 
 class Playing:
-    """One motion on its way: it begins a little later than now, on the stamps of the samples.
+    """A running motion; it begins a little later than now, on the stamps of the samples.
 
     Args:
         set_points: publishes it.
-        listener: knows the table's time, and records what is sent.
+        listener: knows the table's time, and records the set-points.
         motion: relative to the origin.
         origin: position of its zero [m].
         lead: how long before its stamp a set-point is sent [s].
@@ -122,7 +124,7 @@ class Playing:
     Attributes:
         begin_ns: stamp of the first set-point [ns].
         end_ns: stamp of the last one [ns].
-        sent: how many were sent.
+        sent: number of sent set-points.
     """
 
     def __init__(
@@ -144,7 +146,7 @@ class Playing:
         return float(self._position[-1])
 
     def send_due(self) -> None:
-        """Publish the set-points that are due, and from time to time the motion to come.
+        """Publish the due set-points, and from time to time the future motion.
 
         Raises:
             HeldUp: this machine is too late.
@@ -174,11 +176,11 @@ class Playing:
         return index, np.interp(index, grid, self._position), velocity
 
     def brake(self, acceleration: float, wait: Callable[[], None]) -> float:
-        """Bring the axis to rest from where the set-point is now, and return where that is [m].
+        """Take the set-point to rest from its present value, and return the rest position [m].
 
         Args:
             acceleration: deceleration, not exceeded [m/s^2].
-            wait: is called between two set-points.
+            wait: called between two set-points.
         """
         period = self._motion.period
         now_ns = (self._listener.now_ns() if self._listener.positions else self.begin_ns) + 10_000_000
@@ -187,7 +189,7 @@ class Playing:
         rest = np.full(round(2.0 * LEAD / period), places[-1])
         places, speeds = np.concatenate([places, rest]), np.concatenate([speeds, 0.0 * rest])
         start_ns = self.begin_ns + (at + 1) * self._period_ns
-        done, begun = 0, time.monotonic()  # by this machine's clock: the table may say nothing any more
+        done, begun = 0, time.monotonic()  # by this computer's clock, because the table may be silent
         while done < len(places):
             ahead = time.monotonic() - begun + 0.5 * self._lead
             due = min(len(places), int((now_ns + ahead * 1e9 - start_ns) // self._period_ns) + 1)

@@ -1,4 +1,4 @@
-"""Starting, spinning and ending a node's process: one way for all nodes, clean under SIGINT and SIGTERM."""
+"""Starts, spins and ends the process of a node, in the same way for all nodes, also after SIGINT and SIGTERM."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MISSING_ROS = (
 
 
 def make_executor() -> Executor:
-    """Return the executor that keeps up with 10 kHz; on an rclpy without it the ordinary one."""
+    """Return the executor that is fast enough for 10 kHz; on an rclpy without it the default one."""
     try:
         from rclpy.experimental import EventsExecutor
     except ImportError:
@@ -42,14 +42,14 @@ def make_executor() -> Executor:
 
 
 def run_node(make_node: Callable[[Executor], ManagedNode], argv: Sequence[str]) -> int:
-    """Run a node until it is told to stop.
+    """Run a node until a signal or a shutdown.
 
     Args:
         make_node: makes the node; the executor is the one that will spin it.
-        argv: the process's arguments as rclpy takes them.
+        argv: arguments of the process for rclpy.
 
     Returns:
-        The exit code: 0 after SIGINT, SIGTERM or a shutdown of ROS; 1 after an error, which is told in sentences.
+        The exit code: 0 after SIGINT, SIGTERM or a shutdown of ROS; 1 after an error, which is printed.
     """
     with silent_interrupts():
         import rclpy
@@ -78,7 +78,7 @@ def run_node(make_node: Callable[[Executor], ManagedNode], argv: Sequence[str]) 
         pass
     except Exception as error:
         if executor is not None and (is_told() or not rclpy.ok()):
-            return 0  # told to stop while it got ready: an end, not a fault
+            return 0  # stopped during its start: no error
         if isinstance(error, SgmsError):
             return fail(str(error))
         if os.environ.get(SHOW_TRACEBACK):
@@ -91,7 +91,7 @@ def run_node(make_node: Callable[[Executor], ManagedNode], argv: Sequence[str]) 
 
 
 def spin_until_interrupted(node: Node) -> None:
-    """Spin a node that only works in its callbacks, until SIGINT, SIGTERM or a shutdown of ROS; it leaves the graph.
+    """Spin a node that works in its callbacks only, until SIGINT, SIGTERM or a shutdown of ROS; then destroy it.
 
     Args:
         node: any node.
@@ -115,11 +115,11 @@ def spin_until_interrupted(node: Node) -> None:
 def leave_graph(executor: Executor | None, node: Node | None) -> None:
     """End a node and this process's ROS.
 
-    The executor lets go of the node first: messages that arrive while its subscriptions are destroyed would call into
-    what is no longer there.
+    The node is removed from the executor first. Otherwise messages that arrive while its subscriptions are destroyed
+    would call a destroyed object.
 
     Args:
-        executor: the node's; None if it was not made yet.
+        executor: of the node; None if it was not made yet.
         node: None if it was not made yet.
     """
     import rclpy
@@ -134,7 +134,7 @@ def leave_graph(executor: Executor | None, node: Node | None) -> None:
 
 
 def fail(sentences: str) -> int:
-    """Tell people what is wrong and return the exit code for it.
+    """Print what is wrong and return the exit code for it.
 
     Args:
         sentences: what is wrong.
@@ -144,7 +144,7 @@ def fail(sentences: str) -> int:
 
 
 def _own_fault(error: Exception) -> str:
-    """Return the sentence about an error that is not the input's fault."""
+    """Return the sentence about an error that the input did not cause."""
     text = " ".join(str(error).split())
     if "rcl" in type(error).__name__.lower() or "arguments" in type(error).__name__.lower():
         return f"ROS 2 refused to start the node: {text}"

@@ -1,4 +1,4 @@
-"""The lifecycle node around the simulated stage: a thread steps by elapsed time, the compensation comes in."""
+"""The lifecycle node of the simulated stage: a thread advances it by the elapsed time and adds the compensation."""
 
 from __future__ import annotations
 
@@ -124,13 +124,13 @@ class StageNode(ManagedNode):
             self._inputs.append(subscribe(self, REFERENCE, self.guarded(self._on_reference)))
 
     def begin(self) -> None:
-        """Let the stepping thread run."""
+        """Start the stepping thread."""
         self._must_stop.clear()
         self._thread = threading.Thread(target=self.guarded(self._run), name="stage", daemon=True)
         self._thread.start()
 
     def end(self) -> None:
-        """Let the stepping thread end, and wait for it."""
+        """Stop the stepping thread and wait for its end."""
         self._must_stop.set()
         if self._thread is not None:
             self._thread.join()
@@ -138,7 +138,8 @@ class StageNode(ManagedNode):
         if self._ages and self.context.ok():
             median, late, latest = np.percentile(self._ages, (50.0, 99.0, 100.0)) * 1e-6
             self.get_logger().info(
-                f"{AGE_SENTENCE} {median:.1f} ms after its sample, {late:.1f} ms at worst in 99 %, {latest:.1f} ms ever"
+                f"{AGE_SENTENCE} {median:.1f} ms after its sample in the median, within {late:.1f} ms in 99 % of the"
+                f" cases, after {latest:.1f} ms at the latest"
             )
         self._ages.clear()
 
@@ -159,7 +160,7 @@ class StageNode(ManagedNode):
         return self._table
 
     def _on_compensation(self, message: bytes) -> None:
-        """Take in a compensation for the axes that it names."""
+        """Store a compensation for the axes that the message names."""
         try:
             stamp_ns, names, _, _, effort = self._decoder.decode(message)
         except DataError:
@@ -172,7 +173,7 @@ class StageNode(ManagedNode):
                 due.put(stamp_ns, effort[place], now_ns)
 
     def _on_reference(self, message: bytes) -> None:
-        """Take in a set-point for the axes that it names and that follow the topic."""
+        """Store a set-point for the axes that the message names and that follow the topic."""
         if self._table is None:
             return
         try:
@@ -187,14 +188,14 @@ class StageNode(ManagedNode):
                 stage.followed.put(stamp_ns, factor * position[place], factor * speed, now_ns)
 
     def _on_horizon(self, message: bytes) -> None:
-        """Take in the compensation ahead for the axes that it names."""
+        """Store the future compensation for the axes that the message names."""
         horizons = decode_horizons(message)
         for axis, due in zip(self.settings.axes, self._due, strict=True):
             if axis.name in horizons:
                 due.put_horizon(horizons[axis.name])
 
     def _tell_reference(self, next_ns: int) -> None:
-        """Publish the reference of the time to come, where it is due and somebody listens.
+        """Publish the future reference, where it is due and a node subscribes to it.
 
         Args:
             next_ns: stamp of the next sample [ns].
@@ -216,7 +217,7 @@ class StageNode(ManagedNode):
         self._reference_ahead.publish(encode_reference(self.settings.axes, int(time_ns[0]), time_ns, motions))
 
     def _run(self) -> None:
-        """Step and publish until told to stop."""
+        """Step and publish until the node stops."""
         turn = max(self.settings.sample_period, self.settings.gather_time, _SHORTEST_TURN)
         clock = self.get_clock()
         has_follower = any(stage.followed is not None for stage in self._working_table().stages)
@@ -225,7 +226,7 @@ class StageNode(ManagedNode):
         deadline = before = time.monotonic()
         while not self._must_stop.is_set() and self.context.ok():
             now_ns = clock.now().nanoseconds
-            if pace is None and now_ns > 0:  # simulated time stands at zero until someone publishes it
+            if pace is None and now_ns > 0:  # simulated time stays at zero until a node publishes it
                 pace = Pace(self.settings.sample_period, now_ns, longest)
             if pace is not None:
                 elapsed, before = time.monotonic() - before, time.monotonic()

@@ -1,4 +1,4 @@
-"""The node ``stage_node``: a simulated stage on the graph, in the place of a real one."""
+"""The node ``stage_node``: a simulated stage with the topics of a real one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run ``stage_node``.
 
     Args:
-        arguments: what follows the program's name; by default the process's own.
+        arguments: the arguments without the program's name; by default those of the process.
 
     Returns:
         The exit code: 0 only on success.

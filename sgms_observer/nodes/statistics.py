@@ -1,4 +1,4 @@
-"""What the observer node knows of its own work, collected between two diagnostics messages. No ROS in here."""
+"""Statistics of the observer node, collected between two diagnostics messages. Imports no ROS."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _Counts = TypeVar("_Counts", bound=Any)  # a dataclass of whole numbers
 
 @dataclass
 class AxisStatistics:
-    """Counts of one axis since the last report, and in all.
+    """Counts of one axis, since the last report and since the start.
 
     Attributes:
         samples: samples since the last report.
@@ -39,7 +39,7 @@ class AxisStatistics:
     _nis_count: int = 0
 
     def add(self, estimates: Estimates | Results) -> None:
-        """Take in a block of estimates.
+        """Count a block of estimates.
 
         Args:
             estimates: of this axis.
@@ -63,7 +63,7 @@ class AxisStatistics:
             self._nis_count += int(ratio.size)
 
     def _add_one(self, code: int, innovation: float, deviation: float) -> None:
-        """Take in a live sample: nine times as quick as a block's way."""
+        """Count a live sample; nine times faster than a block of one."""
         status = self.latest = _STATUS[code]
         self.totals[status] = self.totals.get(status, 0) + 1
         self.recent.add(status)
@@ -97,12 +97,12 @@ class AxisStatistics:
 
 @dataclass(frozen=True)
 class StepTimes:
-    """How long the steps since the last report took.
+    """Computing times of the steps since the last report.
 
     Attributes:
-        median: half of them took less [s].
-        p99: 99 % took less [s].
-        longest: none took longer [s].
+        median: median of the times [s].
+        p99: 99 % quantile of the times [s].
+        longest: largest time [s].
         samples_per_step: mean number of samples of a step [-].
     """
 
@@ -126,11 +126,11 @@ class StepClock:
         self.deadline_misses = 0
 
     def add(self, seconds: float, samples: int) -> None:
-        """Take in one step.
+        """Count one step.
 
         Args:
-            seconds: how long it took [s].
-            samples: how many samples it took in.
+            seconds: its computing time [s].
+            samples: number of its samples.
         """
         self.deadline_misses += seconds > samples * self._period
         self._samples += samples
@@ -138,7 +138,7 @@ class StepClock:
             self._seconds.append(seconds)
 
     def take(self) -> StepTimes:
-        """Return the times since the last call, and forget them."""
+        """Return the times since the last call, and drop them."""
         steps = len(self._seconds)
         if not steps:
             return StepTimes(math.nan, math.nan, math.nan, math.nan)

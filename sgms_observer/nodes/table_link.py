@@ -1,4 +1,4 @@
-"""The live graph as ``sgms commission`` uses it: plays motions and watches them, records, runs the observer."""
+"""Access of ``sgms commission`` to the live graph: plays and records motions, and runs the observer."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ OBSERVER = "observer_node"
 SILENCE = 0.5
 """Time without a new stamp of position or effort after which the topic counts as lost [s]."""
 
-_TURN = 4.0e-3  # s from one look at the clock to the next
-_COMES_BACK = 2.0  # s for a topic that was silent to speak again
-_PATIENCE = 10.0  # s for the graph to answer
-_ACTIVE = "active: axes"  # how a node says that it is
-_ASK_AGAIN = 2.0  # s after which a service is asked once more
-_LOOK = 0.1  # s in which stamps that waited pass by faster than time does
+_TURN = 4.0e-3  # s from one reading of the clock to the next
+_COMES_BACK = 2.0  # s in which a silent topic may return
+_PATIENCE = 10.0  # s for an answer of the graph
+_ACTIVE = "active: axes"  # text of the diagnostics of an active node
+_ASK_AGAIN = 2.0  # s after which a request is sent again
+_LOOK = 0.1  # s in which waiting messages are processed
 _LAST_SAMPLES = 0.2  # s for the last messages of a recording to arrive
 
 
@@ -51,13 +51,13 @@ class TableLink:
 
     Args:
         axis: its name and scales are those of the messages.
-        limits: what the machine may do.
-        folder: where the logs of the processes go.
+        limits: stroke, speed and acceleration that the machine may use.
+        folder: folder of the logs of the processes.
         topics: names of topics on the graph where they differ, by their usual names.
 
     Attributes:
-        has_observer: whether an observer of this commissioning's own runs.
-        set_point: where the set-point is [m]; NaN before the first motion.
+        has_observer: whether an observer of this commissioning runs.
+        set_point: the present set-point [m]; NaN before the first motion.
         lead: how long before its stamp a set-point is sent [s].
     """
 
@@ -93,7 +93,7 @@ class TableLink:
         leave_graph(self._executor, self._node)
 
     def listen(self, seconds: float) -> Topics:
-        """Return what comes on the graph within a time; see ``Table.listen``.
+        """Return the messages within a time; see ``Table.listen``.
 
         Args:
             seconds: how long to listen [s].
@@ -128,7 +128,7 @@ class TableLink:
         Args:
             motion: relative to the origin.
             origin: position of its zero [m].
-            watch: is shown the samples as they come.
+            watch: called with the samples as they arrive.
             bag: where to record it; None to record nothing.
         """
         with self._signals.deferred():
@@ -191,7 +191,7 @@ class TableLink:
             self._parameters.call_async(self._gain_request(0.0))
 
     def delays(self) -> tuple[float, float]:
-        """Return the age of the compensations heard since the last motion began; see ``Table.delays``."""
+        """Return the age of the compensations since the start of the last motion; see ``Table.delays``."""
         if not self._listener.ages:
             return math.nan, math.nan
         return float(np.median(self._listener.ages)), float(np.percentile(self._listener.ages, 99.0))
@@ -235,12 +235,12 @@ class TableLink:
     def _show(
         self, rows: Sequence[tuple[int, float]], playing: Playing, period: float, first: int, watch: Watch
     ) -> None:
-        """Show the newest samples to the one who watches."""
+        """Call the watch with the newest samples."""
         index, *reference = playing.at(np.array([stamp for stamp, _ in rows], dtype=np.int64))
         watch(Heard(self._listener.samples(rows, (reference[0], reference[1])), (index - first) * period))
 
     def _comes_back(self) -> bool:
-        """Return whether a silent topic speaks again within a while: then a busy computer was the reason."""
+        """Return whether a silent topic returns within a while; then a busy computer was the reason."""
         self._listener.forget()
         end = time.monotonic() + _COMES_BACK
         while time.monotonic() < end and not self._signals.first:
@@ -266,7 +266,7 @@ class TableLink:
             )
 
     def _answered(self, gain: float) -> SetParameters.Response:
-        """Return the observer's answer to a gain."""
+        """Return the observer's answer to a request for a gain."""
         repeated = RepeatedRequest(self._parameters, self._gain_request(gain), _ASK_AGAIN)
         end = time.monotonic() + _PATIENCE
         while time.monotonic() < end:
@@ -292,7 +292,7 @@ class TableLink:
             self._spin(_TURN)
 
     def _catch_up(self) -> None:
-        """Take in the messages that waited during a long computation: the table's time is that of the latest stamp."""
+        """Process the messages that waited during a long computation, because the latest stamp is the table's time."""
         end = time.monotonic() + _PATIENCE
         while time.monotonic() < end and not self._signals.first:
             begun, heard = time.monotonic(), self._listener.positions
@@ -303,7 +303,7 @@ class TableLink:
                 return
 
     def _await(self, condition: Callable[[], bool], sentence: str) -> None:
-        """Wait for a condition, or say the sentence."""
+        """Wait for a condition; raise the sentence after a time-out."""
         end = time.monotonic() + _PATIENCE
         while not condition() and not self._signals.first:
             if time.monotonic() > end:

@@ -1,4 +1,4 @@
-"""Topics of the nodes: quality of service, prepared bytes of messages, commands, what an observer gives out."""
+"""Topics of the nodes: quality of service, prepared bytes of messages, commands, and the outputs of an observer."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ SAMPLE_QOS = reliable(10_000)
 HORIZON_QOS = reliable(10)
 #: As the command topics of ros2_controllers: only the latest counts.
 _COMMAND_QOS = reliable(1)
-#: How long the last messages of a node that ends are waited for, by whoever wants them acknowledged.
+#: How long a node that ends waits until its last messages are acknowledged [s].
 LAST_WORDS = Duration(seconds=0.2)
 
-_ASK_EVERY = 0.01  # s from one question for a publisher's readers to the next
+_ASK_EVERY = 0.01  # s between two queries of the readers of a publisher
 
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 
@@ -86,12 +86,12 @@ def subscribe(
 
 
 class Readers:
-    """Says whether a publisher has readers; asks the middleware every 10 ms at most.
+    """Tells whether a publisher has readers; queries the middleware every 10 ms at most.
 
-    To ask takes a fifth of the time of a message. A new reader gets its first message at most 10 ms later for it.
+    A query takes a fifth of the time of a message. A new reader gets its first message at most 10 ms later.
 
     Args:
-        publisher: whose readers.
+        publisher: the publisher.
     """
 
     def __init__(self, publisher: Publisher) -> None:
@@ -100,7 +100,7 @@ class Readers:
         self._are_there = False
 
     def are_there(self) -> bool:
-        """Return whether there are any."""
+        """Return whether the publisher has readers."""
         now = time.monotonic()
         if now >= self._ask_at:
             self._ask_at = now + _ASK_EVERY
@@ -125,7 +125,7 @@ class JointStateTopics:
         self._encoders: dict[tuple[str, tuple[str, ...]], JointStateEncoder] = {}
 
     def are_read(self, topics: Iterable[str]) -> bool:
-        """Return whether anybody reads one of the topics.
+        """Return whether a node reads one of the topics.
 
         Args:
             topics: relative names.
@@ -133,11 +133,11 @@ class JointStateTopics:
         return any(self._readers[topic].are_there() for topic in topics)
 
     def publish(self, block: OutgoingBlock, is_read: bool = False) -> None:
-        """Send every message of a block, if anybody reads it.
+        """Send every message of a block, if a node reads it.
 
         Args:
             block: messages of one of the topics.
-            is_read: whether somebody is taken to read it.
+            is_read: whether the topic has a reader.
         """
         topic, names, stamp_ns, columns = block
         if not is_read and not self._readers[topic].are_there():
@@ -155,7 +155,7 @@ class JointStateTopics:
             publish(encoder.encode(stamp, *fields))
 
     def sender(self, topic: str, names: Sequence[str]) -> Callable[[int, Sequence[float]], None]:
-        """Return what sends one message with efforts: stamp [ns] and effort of each name [N] in, nothing looked up.
+        """Return a function that sends one message with efforts, of stamp [ns] and effort of each name [N].
 
         Args:
             topic: relative name.
@@ -164,7 +164,7 @@ class JointStateTopics:
         return partial(_send, self._publishers[topic].publish, *effort_template(names))
 
     def wait_acknowledged(self) -> None:
-        """Wait until what was sent has arrived, for ``LAST_WORDS`` at most: a publisher that is gone sends nothing."""
+        """Wait until the sent messages have arrived, for ``LAST_WORDS`` at most."""
         for publisher in self._publishers.values():
             publisher.wait_for_all_acked(LAST_WORDS)
 
@@ -183,7 +183,7 @@ def _send(
     stamp_ns: int,
     effort: Sequence[float],
 ) -> None:
-    """Send a message of which only the stamp and the numbers are new."""
+    """Send a prepared message with a new stamp and new numbers."""
     publish(pack(head, stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000, middle, *effort))
 
 
@@ -199,9 +199,8 @@ def encode_commands(forces: Sequence[float]) -> bytes:
 class CommandTopic:
     """Sends the latest compensation of all axes, in the order of ``axes``, as commands of ros2_control.
 
-    The message has no stamp: the receiver holds the last one, so the node sends zeros when it stops or hears nothing.
-
-    Of samples that are too old it sends zero instead: it goes there, and back, within the slew limit of each axis.
+    The message has no stamp and the receiver holds the last one, so the node sends zeros when it stops or gets no
+    samples. For samples that are too old it sends zero instead. Changes stay within the slew limit of each axis.
 
     Args:
         node: the node; remap ``~/commands`` to the controller's own topic.
@@ -221,7 +220,7 @@ class CommandTopic:
         self._readers = Readers(self._publisher)
 
     def publish(self, forces: Sequence[float], is_late: bool = False) -> None:
-        """Send the forces [N], if anybody listens.
+        """Send the forces [N], if a node subscribes to them.
 
         Args:
             forces: one per axis [N], in the order of ``axes``.
@@ -250,7 +249,7 @@ class CommandTopic:
 
 
 class Outlets:
-    """What an observer gives out with its samples: estimates, commands, horizons.
+    """Outputs of an observer: estimates, commands and horizons.
 
     Args:
         node: publishes them.
@@ -271,11 +270,11 @@ class Outlets:
         self._readers_of_horizons = Readers(self._horizons)
 
     def are_others_read(self) -> bool:
-        """Return whether anybody reads estimates other than the compensation."""
+        """Return whether a node reads estimates other than the compensation."""
         return self.topics.are_read(OTHER_TOPICS)
 
     def give_horizons(self, messages: Iterable[bytes]) -> None:
-        """Publish horizons, if anybody listens.
+        """Publish horizons, if a node subscribes to them.
 
         Args:
             messages: made only then.
@@ -285,7 +284,7 @@ class Outlets:
                 self._horizons.publish(message)
 
     def give_forces(self, forces: dict[str, float], outputs: Sequence[float]) -> None:
-        """Publish forces that no sample led to.
+        """Publish forces without samples.
 
         Args:
             forces: name of the axis to its force [N].

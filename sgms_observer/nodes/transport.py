@@ -1,5 +1,4 @@
-"""The transport between processes, before ROS starts: queues long enough, nothing that a killed process left, and a
-ROS_DOMAIN_ID that no other run on this machine uses."""
+"""Prepares the transport between processes: long queues, no ports of killed processes, an unused ROS_DOMAIN_ID."""
 
 from __future__ import annotations
 
@@ -15,22 +14,22 @@ from sgms_observer.errors import DataError
 from sgms_observer.shipped import shipped_file
 
 _VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
-_BESIDE = "DEFAULT_FASTRTPS_PROFILES.xml"  # Fast DDS takes this from the current folder
+_BESIDE = "DEFAULT_FASTRTPS_PROFILES.xml"  # Fast DDS reads this file from the current folder
 _SHARED_MEMORY = Path("/dev/shm")
 _PORTS = ("fastrtps_port*[0-9]", "fastdds_port*[0-9]")
 _IS_MADE = b"\x02\x00\x00\x00"
 _LONGEST_MAKING = 5.0
-"""Time after which a port is not being made any more [s]; it takes milliseconds."""
+"""Age after which an incomplete port belongs to a killed process [s]; making one takes milliseconds."""
 
-FIRST_DOMAIN, LAST_DOMAIN = 1, 100  # 0 is everybody's, and 101 is the last that leaves the ephemeral ports alone
+FIRST_DOMAIN, LAST_DOMAIN = 1, 100  # 0 is the default of all, and 101 is the last whose ports are not ephemeral
 
-_held: list[IO[str]] = []  # closing a file would free its domain
+_held: list[IO[str]] = []  # open files keep their domains locked
 
 
 def prepare_transport() -> None:
-    """Clear half-made ports, and have Fast DDS read ``config/fastdds.xml`` unless the user chose a file.
+    """Remove incomplete ports, and let Fast DDS read ``config/fastdds.xml`` unless the user chose a file.
 
-    Other middleware never looks at either. Must run before ``rclpy.init``.
+    Other middleware uses neither. Must run before ``rclpy.init``.
     """
     remove_half_made_ports()
     if _VARIABLE in os.environ or Path(_BESIDE).exists():
@@ -42,17 +41,18 @@ def prepare_transport() -> None:
 
 
 def remove_half_made_ports(folder: Path = _SHARED_MEMORY) -> None:
-    """Remove the shared-memory ports of Fast DDS that a killed process left half made.
+    """Remove the shared-memory ports of Fast DDS that a killed process left incomplete.
 
-    Boost.Interprocess writes a word at the beginning of a segment when all of it is made; whoever opens one without it
-    waits for that word, for ever. One process killed in that moment keeps every later one on the machine from starting.
+    Boost.Interprocess writes a word at the beginning of a complete segment. A process that opens an incomplete one
+    waits for that word without end. So one process that is killed in that moment keeps every later one on the computer
+    from starting.
 
     Args:
-        folder: where the segments are.
+        folder: folder of the segments.
     """
     half_made = [path for pattern in _PORTS for path in folder.glob(pattern) if not _is_made(path)]
     for path in half_made:
-        with suppress(OSError):  # somebody else's, or gone already
+        with suppress(OSError):  # owned by another user, or removed already
             while not _is_made(path):
                 if time.time() - path.stat().st_mtime > _LONGEST_MAKING:
                     path.unlink()
@@ -61,19 +61,19 @@ def remove_half_made_ports(folder: Path = _SHARED_MEMORY) -> None:
 
 
 def _is_made(path: Path) -> bool:
-    """Return whether a segment is whole; one that is gone is."""
+    """Return whether a segment is complete, or was removed."""
     try:
         with path.open("rb") as file:
             return file.read(len(_IS_MADE)) == _IS_MADE
-    except OSError:  # gone, or not ours to read and to judge
+    except OSError:  # removed, or not readable
         return True
 
 
 def claim_domain() -> int:
-    """Return a domain of this process's own, from ``FIRST_DOMAIN`` to ``LAST_DOMAIN``.
+    """Return an unused domain, from ``FIRST_DOMAIN`` to ``LAST_DOMAIN``.
 
-    A lock holds it until the process ends; its children keep to it by inheriting ROS_DOMAIN_ID. Where no lock can be
-    had, a number made from the process's own is the next best.
+    A lock reserves it until the process ends; child processes inherit ROS_DOMAIN_ID. Without a lock the domain follows
+    from the number of the process.
     """
     count = LAST_DOMAIN - FIRST_DOMAIN + 1
     for i in range(count):

@@ -1,4 +1,4 @@
-"""Brings the compensation of an axis to zero when its samples stop. No ROS in here: time comes as an argument."""
+"""Takes the compensation of an axis to zero when its samples stop. Imports no ROS: time is an argument."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from sgms_observer.compensation.safety import SafetyStage
 from sgms_observer.settings.axis import AxisSettings
 
 MIN_PERIOD = 0.005
-"""The watchdog looks no more often than this [s]."""
+"""Shortest period of the watchdog [s]."""
 
 
 @dataclass
 class _Watched:
-    """One axis: its last stage, when its latest sample was processed and when its latest force was set [s]."""
+    """One axis: its last stage, and the times of its latest sample and its latest force [s]."""
 
     stage: SafetyStage
     timeout: float
@@ -24,7 +24,7 @@ class _Watched:
 
 
 class Watchdog:
-    """Knows the force that went out last for each axis, and lets go of it by the clock when no sample follows.
+    """Keeps the last published force of each axis, and takes it to zero when no sample follows.
 
     Args:
         axes: settings of all axes.
@@ -36,16 +36,16 @@ class Watchdog:
 
     @property
     def outputs(self) -> list[float]:
-        """Return the force that went out last for each axis [N]."""
+        """Return the last published force of each axis [N]."""
         return [watched.stage.output for watched in self._watched]
 
     @property
     def period(self) -> float:
-        """Return how often ``silent`` is to be called [s]."""
+        """Return the period with which ``silent`` is to be called [s]."""
         return max(min(watched.timeout for watched in self._watched) / 2.0, MIN_PERIOD)
 
     def configure(self, axes: Sequence[AxisSettings]) -> None:
-        """Take other settings over; the forces stay where they are.
+        """Apply new settings; the forces do not change.
 
         Args:
             axes: settings of the same axes.
@@ -60,7 +60,7 @@ class Watchdog:
 
         Args:
             number: of the axis.
-            output: the force that went out with the latest of them [N].
+            output: the published force of the latest of them [N].
             now: the clock [s].
         """
         watched = self._watched[number]
@@ -68,11 +68,11 @@ class Watchdog:
         watched.fed_at = watched.set_at = now
 
     def silent(self, now: float, is_ending: bool = False) -> dict[int, float]:
-        """Return the next forces of the axes without samples whose force is not zero yet, on their way to zero.
+        """Return the next forces towards zero, of axes without samples whose force is not zero yet.
 
         Args:
             now: the clock [s].
-            is_ending: let go of every axis, however new its samples are.
+            is_ending: take every axis to zero, also those with new samples.
 
         Returns:
             Number of the axis to its force [N].
@@ -86,7 +86,7 @@ class Watchdog:
 
 
 def _watched(axis: AxisSettings, output: float, fed_at: float, set_at: float | None = None) -> _Watched:
-    """Return an axis with the force that went out last [N]."""
+    """Return an axis with the last published force [N]."""
     stage = SafetyStage(axis.compensation)
     stage.output = output
     return _Watched(stage, axis.compensation.timeout, fed_at, fed_at if set_at is None else set_at)

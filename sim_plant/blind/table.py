@@ -125,7 +125,9 @@ def figures(scores: Sequence[CaseScore]) -> list[Figure]:
         _at_least("truth inside the reported set", count([one.effects[0] in one.reported for one in named]), 0.98),
         _measured("mean set size", sizes, fmean, "{:.2f}", "<= 1.5", lambda value: value <= 1.5),
         _at_most("confidently wrong name, over all", count([one.is_confidently_wrong for one in scores]), 0.02),
-        _at_least("outside the catalogue, reported as unknown", count([is_reported_unknown(one) for one in outside]), 0.90),
+        _at_least(
+            "outside the catalogue, reported as unknown", count([is_reported_unknown(one) for one in outside]), 0.90
+        ),
         _at_least("two effects: both", count([set(one.effects) <= set(one.named) for one in double]), 0.80),
         _at_least(
             "two effects: at least one", count([bool(set(one.effects) & set(one.named)) for one in double]), 0.98

@@ -66,7 +66,7 @@ def test_the_scan_finds_messages_in_every_form() -> None:
     said = command_sentences()
     for message, file in {
         "pauses lack samples, the longest … s": "sgms_observer/application/bag_info.py",
-        "the motion does not tell mass, friction and offset apart": "sgms_observer/application/bag_info.py",
+        "the motion does not separate mass, friction and offset": "sgms_observer/application/bag_info.py",
         "the position never changes": "sgms_observer/application/axis_draft.py",
         "lacks its file": "sgms_observer/bags/bag_folder.py",
         "no node subscribed to the played topics within … s": "sgms_observer/cli/play.py",

@@ -15,7 +15,7 @@ from sgms_observer.errors import ConfigurationError, DataError
 from sgms_observer.settings.axis import AxisSettings
 
 LISTEN = 1.5
-"""How long the topics are listened to before anything moves [s]."""
+"""Time of listening to the topics before the first motion [s]."""
 RATE_TOLERANCE = 0.05
 """Largest difference of the median period of the stamps from sample_period, as a share."""
 MISSING_SHARE = 0.02
@@ -23,16 +23,16 @@ MISSING_SHARE = 0.02
 MIN_MOVED_SHARE = 0.5
 """An axis that covers less than this share of the small motion does not follow."""
 LIMIT_MARGIN = 1.1
-"""A limit of the compensation this many times larger than recommended is as recommended: the friction is a guess."""
+"""Largest limit of the compensation over the recommended one without a warning; the friction is a guess."""
 OWN_LAG = 5.0e-3
-"""A shorter delay between set-point and motion is the table's own tracking error [s]."""
+"""Smallest delay between set-point and motion that is not tracking error [s]."""
 
 
 def topic_faults(topics: Topics, axis: AxisSettings, period: float) -> list[str]:
-    """Return one sentence for everything that keeps the axis from being commissioned.
+    """Return one sentence for every fault that prevents a commissioning of the axis.
 
     Args:
-        topics: what came on the graph.
+        topics: messages and nodes on the graph.
         axis: the axis.
         period: nominal sample period [s].
     """
@@ -74,11 +74,11 @@ def topic_faults(topics: Topics, axis: AxisSettings, period: float) -> list[str]
 
 
 def warn_of_limit(session: Session, axis: AxisSettings) -> None:
-    """Warn where the largest compensation does not go with the static force.
+    """Warn where the limit of the compensation does not fit the static force.
 
     Args:
         session: the session.
-        axis: with the friction that is known best.
+        axis: with the best known friction.
     """
     limit, static, readable = axis.compensation.limit, axis.friction.static_force, axis.units.readable
     if static <= limit <= LIMIT_MARGIN * FIRST_LIMIT_SHARE * static:
@@ -91,10 +91,10 @@ def warn_of_limit(session: Session, axis: AxisSettings) -> None:
 
 
 def connect(session: Session) -> str:
-    """Check what can be checked without a motion; remember where the axis stands.
+    """Check the topics without a motion, and store the position of the axis.
 
     Returns:
-        What was found, one sentence.
+        The result, one sentence.
 
     Raises:
         ConfigurationError: one sentence per fault.
@@ -121,7 +121,7 @@ def connect(session: Session) -> str:
 
 
 def _sign_run(session: Session, motion: Motion) -> tuple[Guard, Tracker]:
-    """Play the motion; return what judged the sign, and the samples."""
+    """Play the motion; return the guard, which knows the sign, and the samples."""
     slack = MAX_DELAY * motion.peak_speed
     guards: list[Guard] = []
 
@@ -137,19 +137,19 @@ def _sign_run(session: Session, motion: Motion) -> tuple[Guard, Tracker]:
     if guard.sign < WRONG_SIGN:
         raise DataError(
             f"control_effort acts against the motion of axis {session.axis.name} (correlation {guard.sign:.2f}): its"
-            f" sign is wrong; turn the sign of {session.axis.name}.effort_scale, or of position_scale"
+            f" sign is wrong; reverse the sign of {session.axis.name}.effort_scale, or of position_scale"
         )
     return guard, tracker
 
 
 def check(session: Session) -> tuple[str, list[str]]:
-    """Move a little, to see that the axis follows and that position and effort have the right signs.
+    """Play a small motion to check that the axis follows and that position and effort have the right signs.
 
     Args:
         session: the session, connected.
 
     Returns:
-        What was found, and the files.
+        The result and the files.
 
     Raises:
         DataError: a sign is wrong, or the axis does not follow.
@@ -160,7 +160,7 @@ def check(session: Session) -> tuple[str, list[str]]:
     table.lead = LEAD
     guard, tracker = _sign_run(session, motion)
     delay = tracker.best_delay()
-    if delay < -0.5 * LEAD:  # the machine follows a set-point when it arrives, not at its stamp
+    if delay < -0.5 * LEAD:  # the machine follows a set-point on arrival, not at its stamp
         table.lead = 0.0
         guard, tracker = _sign_run(session, motion)
         delay = tracker.best_delay()

@@ -28,27 +28,27 @@ from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.write import write_settings
 
 GAIN_STEPS = (1.0 / 3.0, 2.0 / 3.0, 1.0)
-"""Shares of the file's gain, in the order in which they are tried."""
+"""Shares of the file's gain, in the order of the trials."""
 WORSE_PEAK = 1.5
 """A tracking error this many times the largest one without compensation takes the compensation to zero at once."""
 WORSE_RMS = 1.02
-"""A gain whose rms or peak is this many times that of the gain before it is not kept: 2 % is what repeats differ by."""
+"""Largest rms or peak over that of the gain before for a gain to be accepted; repetitions differ by 2 %."""
 MIN_IMPROVEMENT = 0.98
 """The compensated rms must be below this multiple of the one without for the file to be of use."""
 MAX_CORRECTIONS = 3
-"""How often estimator.measurement_std is corrected by the root of NIS."""
+"""Largest number of corrections of estimator.measurement_std by the root of NIS."""
 OBSERVER_START = 10.0
-"""Time until an observer that is started is active [s]."""
+"""Time from the start of an observer until it is active [s]."""
 
 
 def time_to_compensate(session: Session) -> float:
-    """Return about how long the steps of this page take, from ``observe`` to ``before_and_after`` [s]."""
+    """Return the expected time of the steps from ``observe`` to ``before_and_after`` [s]."""
     motion_seconds = session.duration_of(load_motion(session, OWN_MOTION))
     return (1 + len(GAIN_STEPS) + 2) * motion_seconds + 2.0 * OBSERVER_START
 
 
 class TrackingWatch:
-    """Takes the compensation to zero at once where the tracking error grows beyond what it was without.
+    """Takes the compensation to zero at once where the tracking error is much larger than without it.
 
     Args:
         session: the session.
@@ -61,7 +61,7 @@ class TrackingWatch:
         self.worst = 0.0
 
     def begin(self) -> None:
-        """Switch the compensation on, and begin anew to look at the tracking error."""
+        """Switch the compensation on, and reset the largest tracking error."""
         self.worst = 0.0
         self._session.table.compensate(self._gain)
 
@@ -71,7 +71,7 @@ class TrackingWatch:
         return self.worst > WORSE_PEAK * self._largest
 
     def __call__(self, heard: Heard) -> None:
-        """Look at the newest samples."""
+        """Check the newest samples."""
         if self.has_released or not len(heard.time):
             return
         samples = heard.samples
@@ -83,7 +83,7 @@ class TrackingWatch:
 
 
 def observe(session: Session) -> Found:
-    """Run the observer without compensation; learn how late its compensation comes."""
+    """Move the axis with the observer and without compensation; measure the delay of its compensation."""
     ledger, axis = session.ledger, session.axis
     settings = load_settings(session.path(f"{ledger.facts['diagnosis']}/augmented.yaml"))
     off: dict[str, dict[str, Any]] = {one.name: {"compensation.enabled": False} for one in settings.axes}
@@ -115,15 +115,15 @@ def observe(session: Session) -> Found:
 
 
 def _consistent(session: Session, settings: Settings, changes: dict[str, dict[str, Any]]) -> str:
-    """Have the observer know its own uncertainty over the recorded own motion; return what it says of itself.
+    """Correct ``measurement_std`` by the NIS over the user's recorded motion; return NIS and friction_std as text.
 
     Args:
         session: the session.
         settings: of the diagnosis.
-        changes: to the settings, in the candidate; the standard deviation of the measurement is added if need be.
+        changes: to the settings, in the candidate; a corrected ``measurement_std`` is added.
 
     Raises:
-        DataError: the estimate is too uncertain to be fed forward.
+        DataError: the estimate is too uncertain for a compensation.
     """
     name, candidate = session.axis.name, session.path(CANDIDATE)
     axis = settings.wanted_axes([name], str(candidate))[0]
@@ -189,7 +189,7 @@ def compensate(session: Session) -> Found:
 
 
 def before_and_after(session: Session) -> Found:
-    """Play the user's own motion without and with the compensation, one right after the other."""
+    """Play the user's own motion without and then with the compensation."""
     ledger, readable = session.ledger, session.axis.units.readable
     gain = float(ledger.facts["gain"])
     motion = load_motion(session, OWN_MOTION)
@@ -212,7 +212,7 @@ def before_and_after(session: Session) -> Found:
 
 
 def _shortfall(gain: float, before: Tracking, after: Tracking) -> str:
-    """Return why the compensation must not be used; empty if it may be."""
+    """Return the reason why the compensation must not be used; empty without one."""
     if gain == 0.0:
         return "no gain made tracking better, so the compensation stays switched off"
     if after.rms >= MIN_IMPROVEMENT * before.rms:
@@ -234,7 +234,7 @@ def _tracking_json(before: Tracking, after: Tracking, unit: str) -> dict[str, An
 
 
 def _ensure_observer(session: Session, seconds: float, step: str) -> None:
-    """Start the observer, unless a step before did, if there is time for it and the motions behind it [s]."""
+    """Start the observer unless it runs; raise if there is no time for it and the motions after it [s]."""
     if not session.table.has_observer:
         session.need(seconds + OBSERVER_START, step)
         session.table.start_observer(session.path(CANDIDATE))

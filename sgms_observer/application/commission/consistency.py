@@ -1,4 +1,4 @@
-"""Whether an observer knows its own uncertainty: over a recording, before its compensation acts."""
+"""Checks the standard deviations of an observer over a recording, before its compensation acts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sgms_observer.settings.load import load_settings
 from sgms_observer.status import Status
 
 MAX_NIS = 2.0
-"""Largest mean NIS of an observer that knows its own uncertainty. Below 1 it is more certain than it says."""
+"""Largest mean NIS of an observer with consistent standard deviations. Below 1 they are larger than the innovations."""
 MAX_STD_SHARE = 0.5
 """Largest standard deviation of the estimated friction, as a share of the Coulomb force. Two standard deviations reach
 that force then: beyond it not even the sign of the friction is known."""
@@ -23,7 +23,7 @@ that force then: beyond it not even the sign of the friction is known."""
 
 @dataclass(frozen=True)
 class Consistency:
-    """What an observer says of itself over a recording.
+    """Consistency of an observer over a recording.
 
     Attributes:
         nis: mean normalised innovation squared [-]; NaN without a correction.
@@ -40,7 +40,7 @@ class Consistency:
 
 
 def consistency_of(bag: Path, config: Path, name: str) -> Consistency:
-    """Return what the observer says of itself over a recording, by the numbers that the node would publish.
+    """Return the consistency of the observer over a recording, from the numbers that the node would publish.
 
     Args:
         bag: the recording.

@@ -1,4 +1,4 @@
-"""The steps that learn the model: excite, record, identify, diagnose, and the next experiment."""
+"""The steps that identify the model: excite, record, identify and diagnose."""
 
 from __future__ import annotations
 
@@ -73,25 +73,26 @@ def own_rows(path: Path, axis: AxisSettings) -> tuple[Floats, Floats]:
 
 
 MAX_RECORD_TIME, RECORD_SHARE = 25.0, 0.08
-"""Length of the recording to learn from [s], and at most this share of the time for everything."""
+"""Largest length of the fitted recording [s], and its largest share of the time for everything."""
 OFFSET = "offset"
 """The effect that identification adds to a file."""
 WITHOUT_OFFSET = "identification/without_offset.yaml"
 """The identified file without the offset that identification added."""
 CLEARLY_BETTER = 0.8
-"""Identified values replace the file's where they leave less than this multiple of its gap on the own motion."""
+"""Identified values replace the file's where their gap on the user's own motion is below this multiple of the
+file's."""
 
 Found = tuple[str, list[str]]
 
 
 def largest_deflection(friction: FrictionSettings) -> float:
-    """Return the way over which the friction turns after a reversal [m]."""
+    """Return the travel over which the friction reverses after a reversal [m]."""
     deflection = np.array(friction.element_fraction) * friction.static_force / np.array(friction.element_stiffness)
     return 2.0 * float(np.max(deflection))
 
 
 def excite(session: Session) -> Found:
-    """Build the motions: the one to learn from, and the user's own or the one that stands for it."""
+    """Build the motions: the excitation, and the user's own motion or a representative one."""
     plan, axis = session.plan, session.axis
     period, limits = plan.settings.sample_period, plan.limits
     seconds = min(MAX_RECORD_TIME, RECORD_SHARE * plan.request.seconds)
@@ -131,7 +132,7 @@ def record(session: Session) -> Found:
 
 
 def identify(session: Session) -> Found:
-    """Identify the axis; its values replace the file's where they predict the own motion clearly better."""
+    """Identify the axis; its values replace the file's where they predict the user's own motion clearly better."""
     request, axis = session.plan.request, session.axis
     learn, own_bag = str(session.path(LEARN_BAG)), str(session.path(OWN_BAG))
     job = IdentifyJob(
@@ -160,8 +161,8 @@ def identify(session: Session) -> Found:
 def _without_new_offset(session: Session, found: AxisSettings) -> str:
     """Return the file to diagnose: the identified one, without an offset that the user's own file does not list.
 
-    While the axis slides, an offset stands for every force that depends on the direction. The diagnosis says which one
-    it is, and what else it may be; an offset in its file would hide that.
+    While the axis slides, an offset imitates every force that depends on the direction. The diagnosis names the force
+    and its alternatives; an offset in its file would hide them.
     """
     file_effects = {item.name for item in session.axis.effects}
     names = [item.name for item in found.effects if item.name != OFFSET or item.name in file_effects]
@@ -173,7 +174,7 @@ def _without_new_offset(session: Session, found: AxisSettings) -> str:
 
 
 def diagnose(session: Session) -> Found:
-    """Find what the model misses."""
+    """Find the effects that the model lacks."""
     session.ledger.facts[EXPERIMENTS] = []
     return diagnose_bags_of(session, [LEARN_BAG], "diagnosis")
 
@@ -183,8 +184,8 @@ def diagnose_bags_of(session: Session, bags: Sequence[str], out: str) -> Found:
 
     Args:
         session: the session.
-        bags: recordings to learn from, relative to the folder.
-        out: where the diagnosis goes, relative to the folder.
+        bags: fitted recordings, relative to the folder.
+        out: folder of the diagnosis, relative to the folder.
     """
     begun = time.monotonic()
     ledger, axis = session.ledger, session.axis

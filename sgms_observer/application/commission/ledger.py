@@ -33,7 +33,7 @@ DIAGNOSED = ("gap", "verdict", "diagnosis", "bags")
 EXPERIMENTS = "experiments"
 """Fact: the experiments that were recorded since the first diagnosis."""
 SHORTFALL = "shortfall"
-"""Fact: why the compensated motion is not good enough; empty if it is."""
+"""Fact: the reason why the compensated motion is not good enough; empty without one."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class Step:
         name: of the step.
         state: ``done``, ``skipped`` or ``failed``.
         seconds: how long it took [s].
-        sentence: what it found, or why it failed or was skipped.
-        files: what it wrote, relative to the folder; a rerun skips a step whose files are there.
+        sentence: its result, or the reason why it failed or was skipped.
+        files: its files, relative to the folder; a rerun skips a step whose files exist.
         warnings: what the user should look at.
     """
 
@@ -131,7 +131,7 @@ class Ledger:
 
     @property
     def reason(self) -> str | None:
-        """Return why ``yaml`` must not be used as it is; None if it may be."""
+        """Return the reason why ``yaml`` must not be used as it is; None without one."""
         if self.is_usable:
             return None
         for step in self.steps.values():

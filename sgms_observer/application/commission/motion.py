@@ -1,4 +1,4 @@
-"""Motions of a commissioning, relative to where the axis stood at its beginning, inside its limits by construction."""
+"""Motions of a commissioning, inside its limits, relative to the position of the axis at its beginning."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Floats = NDArray[np.float64]
 REST = 0.3
 """Rest at both ends of a motion [s]."""
 SETTLING_SHARE = 0.01
-"""Way from rest after which a recording begins, as a share of the stroke: many times the presliding distance."""
+"""Travel from rest after which a recording begins, as a share of the stroke: many presliding distances."""
 SIGN_SPEED_SHARE, SIGN_STROKE_SHARE = 0.1, 0.1
-"""Speed and width of the motion that shows signs, as shares of what is allowed: small enough to be harmless."""
+"""Speed and width of the motion that checks the signs, as shares of the limits: small enough to be harmless."""
 OWN_SPEED_SHARE, OWN_ACCELERATION_SHARE, OWN_STROKE_SHARE = 0.5, 0.1, 0.8
-"""Speed, acceleration and width of the motion that stands for the user's own, as shares of what is allowed."""
+"""Speed, acceleration and width of the representative motion, as shares of the limits."""
 PRESLIDING_MULTIPLE = 10.0
-"""A slow traverse is this many times longer than the presliding distance: most of it slides."""
+"""Length of a slow traverse over the presliding distance: most of it slides."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Motion:
 
     Attributes:
         period: time between two samples [s].
-        position: of each sample, relative to where the axis stood when the commissioning began [m], shape (n,).
+        position: of each sample, relative to the position at the beginning of the commissioning [m], shape (n,).
     """
 
     period: float
@@ -48,7 +48,7 @@ class Motion:
 
     @property
     def duration(self) -> float:
-        """Return how long it takes [s]."""
+        """Return its duration [s]."""
         return self.period * max(0, len(self.position) - 1)
 
     @property
@@ -66,12 +66,12 @@ class Motion:
     def sliding_from(self, way: float) -> int:
         """Return the first sample that is further than ``way`` from the start [m]; 0 if none is.
 
-        How friction stood at the start is not known: a recording begins where that is forgotten.
+        The friction at the start is unknown. A recording begins where it has no influence any more.
         """
         return int(np.argmax(np.abs(self.position - self.position[0]) > way))
 
     def after(self, other: Motion) -> Motion:
-        """Return this motion behind another one that ends where it starts."""
+        """Return another motion, which ends where this one starts, followed by this one."""
         return Motion(self.period, np.concatenate([other.position, self.position[1:]]))
 
     def write(self, path: Path) -> None:
@@ -81,14 +81,14 @@ class Motion:
 
 
 class _Path(Track):
-    """A track from where the axis stands, of moves, swings and rests."""
+    """A track from the position of the axis on, of moves, cycles and rests."""
 
     def __init__(self, period: float, limits: ExcitationLimits, start: float = 0.0) -> None:
         super().__init__(period, limits, -math.inf, math.inf, start)
         self._start = start
 
     def rest(self, seconds: float = REST) -> None:
-        """Stay where it is."""
+        """Add a rest."""
         self.dwell(seconds)
 
     def built(self) -> Motion:
@@ -98,14 +98,14 @@ class _Path(Track):
 
 
 def approach(start: float, target: float, limits: ExcitationLimits, period: float) -> Motion:
-    """Return a gentle move from where the axis stands to where a motion starts, the last of it a short slide forth.
+    """Return a slow move from the position of the axis to the start of a motion, with a short forward slide at its end.
 
-    So every motion starts with the friction in the same state, and a compensation that was just switched on has found
-    its own before the motion counts.
+    So every motion starts with the friction in the same state, and a compensation that was just switched on has
+    settled.
 
     Args:
-        start: where it stands [m].
-        target: where to [m].
+        start: position of the axis [m].
+        target: start of the motion [m].
         limits: what the machine may do.
         period: time between two samples [s].
     """
@@ -121,7 +121,7 @@ def approach(start: float, target: float, limits: ExcitationLimits, period: floa
 
 
 def longest_approach(limits: ExcitationLimits, period: float) -> float:
-    """Return how long the longest approach takes: over the whole stroke [s].
+    """Return the duration of the longest approach, over the whole stroke [s].
 
     Args:
         limits: what the axis may do.
@@ -131,7 +131,7 @@ def longest_approach(limits: ExcitationLimits, period: float) -> float:
 
 
 def sign_motion(limits: ExcitationLimits, period: float) -> Motion:
-    """Return the small motion that shows whether position and effort have the right signs.
+    """Return the small motion that checks the signs of position and effort.
 
     Args:
         limits: what the machine may do.
@@ -149,17 +149,18 @@ def sign_motion(limits: ExcitationLimits, period: float) -> Motion:
 def learning_motion(
     limits: ExcitationLimits, period: float, presliding: float, stribeck_velocity: float, seconds: float
 ) -> Motion:
-    """Return the motion that identification and diagnosis learn from.
+    """Return the motion for identification and diagnosis.
 
-    Half of its time goes over the whole stroke at several speeds, twice each way, for what is bound to places and
-    directions; the rest reverses in and around the presliding distance, creeps, and moves at the acceleration limit.
+    Half of its time are traverses of the whole stroke at several speeds, twice in each direction, for effects of
+    position and direction. The rest are reversals in and around the presliding distance, creep, and moves at the
+    acceleration limit.
 
     Args:
         limits: what the machine may do.
         period: time between two samples [s].
         presliding: distance in which the friction builds up after a reversal [m].
         stribeck_velocity: velocity at which static friction has fallen towards Coulomb friction [m/s].
-        seconds: about how long it may take [s].
+        seconds: approximate duration [s].
     """
     path = _Path(period, limits)
     half = 0.5 * OWN_STROKE_SHARE * limits.stroke
@@ -189,9 +190,9 @@ def learning_motion(
 
 
 def representative_motion(limits: ExcitationLimits, period: float) -> Motion:
-    """Return the motion that stands for the user's own: moves over most of the stroke, a slow one, short steps.
+    """Return the representative motion: moves over most of the stroke, a slow one, short steps.
 
-    Its acceleration is a tenth of what is allowed: what a friction compensation is for is friction, not inertia.
+    Its acceleration is a tenth of the limit, because a friction compensation cancels friction and not inertia.
 
     Args:
         limits: what the machine may do.
@@ -214,16 +215,16 @@ def representative_motion(limits: ExcitationLimits, period: float) -> Motion:
 
 
 def checked(motion: Motion, limits: ExcitationLimits, start: float, source: str) -> Motion:
-    """Return a motion after checking that it keeps inside the limits.
+    """Return a motion after a check of its limits.
 
     Args:
         motion: the motion.
         limits: what the machine may do.
-        start: where the axis stood, the middle of the stroke [m]; the motion is relative to it.
-        source: where it comes from, for the sentence.
+        start: middle of the stroke [m]; the motion is relative to it.
+        source: its source, for the sentence.
 
     Raises:
-        ConfigurationError: it does not keep inside them.
+        ConfigurationError: it exceeds a limit.
     """
     units = limits.units
     found = (

@@ -1,4 +1,4 @@
-"""A commissioning from the first step to the last; a rerun goes on behind the last step that is finished."""
+"""A commissioning from the first step to the last; a rerun continues after the last finished step."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sgms_observer.errors import SgmsError
 from sgms_observer.interrupts import obey_interrupt
 
 STOPPED_AFTER = "stopped_after"
-"""Fact: for each step that --time stopped, how long it had run [s]; it is not begun with less than that."""
+"""Fact: run time of each step that --time stopped [s]; it is not started again with less time."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class StepWork:
 
     Attributes:
         name: as in commission.json.
-        work: does it; returns what it found and the files it wrote.
+        work: does the step; returns its result and its files.
         moves: whether it needs the axis on the graph.
     """
 
@@ -48,25 +48,25 @@ STEPS = (
 
 
 def commission(session: Session, graph: AbstractContextManager[object]) -> Ledger:
-    """Do the steps that are not done yet; write the page in any case, behind the last motion.
+    """Do the unfinished steps; write the page in any case, after the last motion.
 
     Args:
-        session: the session; its ledger says what is done.
-        graph: holds the axis of the session on the graph while the steps run.
+        session: the session; its ledger holds the finished steps.
+        graph: context manager that connects the axis of the session to the graph.
 
     Returns:
         The ledger.
 
     Raises:
-        SgmsError: a step failed; ledger and page say which, and a rerun goes on with it.
-        KeyboardInterrupt: the user stopped it; as before.
+        SgmsError: a step failed; ledger and page name it, and a rerun continues with it.
+        KeyboardInterrupt: the user stopped it; a rerun continues.
     """
     *steps, report = STEPS
     try:
         with graph:
             _do(session, steps)
     except BaseException:
-        with suppress(Exception):  # what stopped the steps is what the user has to know
+        with suppress(Exception):  # the first error is the one to report
             _do(session, [report])
         raise
     _do(session, [report])
@@ -74,7 +74,7 @@ def commission(session: Session, graph: AbstractContextManager[object]) -> Ledge
 
 
 def _do(session: Session, steps: Sequence[StepWork]) -> None:
-    """Do the steps that are not finished, in their order; what stops one of them leaves out those behind it."""
+    """Do the unfinished steps in their order; after a stopped step the later ones are skipped."""
     ledger = session.ledger
     is_connected = False
     for number, step in enumerate(steps):
@@ -114,7 +114,7 @@ def _do(session: Session, steps: Sequence[StepWork]) -> None:
 
 
 def _told(error: BaseException) -> tuple[str, str]:
-    """Return state and sentence of a step that was stopped."""
+    """Return state and sentence of a stopped step."""
     if isinstance(error, OutOfTime):
         return SKIPPED, str(error)
     if isinstance(error, KeyboardInterrupt):

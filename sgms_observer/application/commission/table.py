@@ -262,7 +262,7 @@ class Guard:
         if abs(way) > self._stall_way and not is_late:
             if gone * math.copysign(1.0, way) < -STALL_SHARE * abs(way):
                 raise DataError(
-                    f"axis {name} moves against its reference; the motion was stopped; turn the sign of"
+                    f"axis {name} moves against its reference; the motion was stopped; reverse the sign of"
                     " position_scale, or correct the drive's"
                 )
             if abs(gone) < STALL_SHARE * abs(way):

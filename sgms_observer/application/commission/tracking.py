@@ -17,7 +17,7 @@ from sgms_observer.settings.axis import AxisSettings
 Floats = NDArray[np.float64]
 
 MAX_DELAY = 0.3
-"""Largest delay between a set-point's stamp and the motion that is looked for [s]."""
+"""Largest delay of the motion after the stamp of its set-point in the search [s]."""
 
 
 @dataclass(frozen=True)
@@ -61,23 +61,23 @@ class Tracker:
         self._position: list[Floats] = []
 
     def __call__(self, heard: Heard) -> None:
-        """Take in the newest samples."""
+        """Add the newest samples."""
         inside = (heard.time >= 0.0) & (heard.time <= self._grid[-1])
         self._time.append(heard.time[inside])
         self._position.append(heard.samples.position[inside])
 
     def tracking(self, delay: float | None = None) -> Tracking:
-        """Return the tracking error of what was heard so far.
+        """Return the tracking error of the samples so far.
 
         Args:
             delay: another delay than the table's [s].
 
         Raises:
-            DataError: nothing was heard.
+            DataError: there are no samples.
         """
         time, position = (np.concatenate(parts) if parts else np.zeros(0) for parts in (self._time, self._position))
         if not len(time):
-            raise DataError("no sample of the motion was heard; check the position's topic and start again")
+            raise DataError("no sample of the motion arrived; check the position's topic and start again")
         shift = self._delay if delay is None else delay
         meant = self._origin + np.interp(time - shift, self._grid, self._motion.position)
         return Tracking(time, position - meant, position)
