@@ -1,4 +1,4 @@
-"""Processes that run modules of this package and do not outlive the one that started them, even if that one is killed.
+"""Runs modules of this package in processes that end with their parent, also if the parent is killed.
 
 ``python -m sgms_observer.child_process PID MODULE ARGUMENT ...`` becomes the module, where PID started it.
 """
@@ -22,7 +22,7 @@ def child_command(module: str, arguments: Sequence[str] = ()) -> list[str]:
 
 
 def child_environment(more: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return this process's environment, in which a child finds this very package.
+    """Return the environment for a child process, in which it imports this package.
 
     Args:
         more: variables to add.
@@ -38,7 +38,7 @@ def main() -> None:
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_SIGNAL_AT_PARENTS_DEATH, int(signal.SIGINT), 0, 0, 0)
         if os.getppid() != parent:
-            sys.exit(1)  # gone already: nobody is left to tell
+            sys.exit(1)  # the parent has ended already
     sys.argv[:3] = [module]
     runpy.run_module(module, run_name="__main__", alter_sys=True)
 

@@ -1,8 +1,8 @@
-"""Kernels that only kernels call, without machine code of their own: LLVM sees each formula once, inside its caller.
+"""Compiles inner kernels without separate machine code: LLVM compiles each formula once, inside its caller.
 
-numba optimises and translates every function that it compiles, and again as a part of each function that calls it, as
-deep as the calls go. Only the outermost one is ever called. What is translated here stays LLVM's unoptimised code until
-then; the result has the same bits, because no floating-point operation may be reordered either way.
+numba compiles every function, and compiles it again as a part of each function that calls it. Only the outermost one is
+ever called. Here an inner kernel stays unoptimised LLVM code until its caller is compiled. The results are the same to
+the bit, because no floating-point operation may be reordered.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""SIGINT and SIGTERM: silent while modules load, not lost while a command works, noted while a node does.
+"""Handling of SIGINT and SIGTERM: silent during imports, never lost in a command, noted in a node.
 
-A node's signals are noted, not obeyed at once: it is still whole when it leaves its listeners. rclpy's own
-handlers end the context first. Nothing can be published after that, and whoever holds the last force of a compensation
-would hold it for ever.
+Signals of a node are noted, so that it can publish its last messages. The handlers of rclpy end the context first.
+Nothing can be published after that, and a receiver would hold the last force of a compensation for ever.
 """
 
 from __future__ import annotations
@@ -18,15 +17,15 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
-_LOST_AFTER = 5.0  # s after which an interrupt that had no effect comes again
-_SOON = 0.01  # s after which one comes again that is known to have had none
+_LOST_AFTER = 5.0  # s after which an interrupt without effect is raised again
+_SOON = 0.01  # s after which an interrupt that is known to have had no effect is raised again
 
 
 @contextmanager
 def silent_interrupts() -> Iterator[None]:
-    """Let SIGINT end the process without a word while the block runs; for the first lines of a program."""
+    """Let SIGINT end the process silently while the block runs; for the first lines of a program."""
     before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:  # ignored, or somebody's own: theirs to decide
+    if before is not signal.default_int_handler:  # ignored, or handled elsewhere
         yield
         return
     signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -40,9 +39,9 @@ def silent_interrupts() -> Iterator[None]:
 def noted_interrupts() -> Iterator[list[int]]:
     """Note every SIGINT and SIGTERM: they raise ``KeyboardInterrupt``, and are not lost.
 
-    SIGTERM by itself would end the process where it stands and leave behind what it started and half wrote. An import
-    that is interrupted may turn it into an error of its own, and a compiler's callback may swallow it: it is raised
-    again where the block still runs some seconds later. Signals that are ignored or somebody's own are left alone.
+    SIGTERM alone would end the process at once, with incomplete files and running children. An interrupted import may
+    convert the exception to another error, and a callback of a compiler may drop it. So it is raised again where the
+    block still runs some seconds later. Signals that are ignored or handled elsewhere are not changed.
 
     Yields:
         The numbers of the signals that came so far.
@@ -60,13 +59,13 @@ def noted_interrupts() -> Iterator[list[int]]:
         signal.default_int_handler(number, frame)
 
     def unraisable(lost: UnraisableHookArgs) -> None:
-        if isinstance(lost.exc_value, KeyboardInterrupt):  # it met a destructor, which swallows it
+        if isinstance(lost.exc_value, KeyboardInterrupt):  # raised in a destructor, which drops it
             signal.setitimer(signal.ITIMER_REAL, _SOON)
         else:
             usual_unraisable(lost)
 
     def printed(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-        if issubclass(kind, KeyboardInterrupt):  # it met an import by a module in C, which prints and goes on
+        if issubclass(kind, KeyboardInterrupt):  # raised in an import by a C module, which prints it and continues
             signal.setitimer(signal.ITIMER_REAL, _SOON)
         else:
             usual_excepthook(kind, error, trace)
@@ -88,7 +87,7 @@ def noted_interrupts() -> Iterator[list[int]]:
 
 
 def obey_interrupt() -> None:
-    """Say that an interrupt reached whoever has to end the work: it does not come again while that one tidies up."""
+    """Confirm an interrupt: it is not raised again while the work is ended."""
     signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
@@ -102,18 +101,18 @@ def note_signals() -> None:
 
 
 def ignore_signals() -> None:
-    """Hear no further signals: the process is about to end."""
+    """Ignore further signals: the process is about to end."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
 
 
 def is_told() -> bool:
-    """Return whether the process was told to stop."""
+    """Return whether a stop signal arrived."""
     return bool(_noted)
 
 
 class DeferredSignals:
-    """Notes SIGINT and SIGTERM while a block runs, and obeys them at its end.
+    """Notes SIGINT and SIGTERM while a block runs, and raises them at its end.
 
     Attributes:
         first: number of the first signal that came in the block; 0 for none.

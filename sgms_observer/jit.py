@@ -1,7 +1,7 @@
-"""The one door to numba: compiled kernels where numba is installed, the same Python code where it is not.
+"""Access to numba: compiled kernels where numba is installed, the same Python code where it is not.
 
-Kernels are cached on disk, each under a key made of its module and of every module of ours that it imports, so that a
-changed formula can never be served from a stale cache (numba itself only watches the file a kernel is written in).
+Kernels are cached on disk, each under a key of its module and of every module of the package that it imports. So a
+changed formula is never loaded from an old cache (numba itself checks only the file of the kernel).
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ if HAS_NUMBA:
 
 
 def _look_for_blas_later() -> None:
-    """Spare the start scipy.linalg: numba imports it with the first kernel, only to see whether it is there.
+    """Avoid the import of scipy.linalg: numba imports it with the first kernel, to check whether it is installed.
 
-    That takes 0.2 s, as much as all of numba. Its first question is answered without importing anything; a kernel that
-    uses linear algebra (none of ours does) asks again and gets numba's original answer.
+    That takes 0.2 s, as much as all of numba. The first check returns without an import. A kernel that uses linear
+    algebra (none of this package does) checks again and gets numba's original answer.
     """
     linalg = importlib.import_module("numba.np.linalg")
     original = getattr(linalg, "ensure_blas", None)
@@ -67,7 +67,7 @@ if HAS_NUMBA:
 
 
 def _cache_folder() -> Path:
-    """Return where kernels are kept: below XDG_CACHE_HOME where that is an absolute path, else below ~/.cache."""
+    """Return the folder of the kernels: below XDG_CACHE_HOME where that is an absolute path, else below ~/.cache."""
     home = Path(os.environ.get("XDG_CACHE_HOME", ""))
     return (home if home.is_absolute() else Path.home() / ".cache") / "sgms_observer" / "kernels"
 
@@ -76,7 +76,7 @@ _CACHE = _cache_folder()
 
 
 def _file_of(module: str) -> Path | None:
-    """Return the source file of one of our modules, or None for a name that is not a module."""
+    """Return the source file of a module of this package, or None for a name that is not a module."""
     base = _ROOT.joinpath(*module.split("."))
     for path in (base.with_suffix(".py"), base / "__init__.py"):
         if path.is_file():
@@ -86,7 +86,7 @@ def _file_of(module: str) -> Path | None:
 
 @cache
 def _imports(module: str) -> frozenset[str]:
-    """Return the modules of ours that a module names in its import statements."""
+    """Return the modules of this package that a module imports."""
     path = _file_of(module)
     if path is None:
         return frozenset()
@@ -99,7 +99,7 @@ def _imports(module: str) -> frozenset[str]:
 
 @cache
 def _sources(module: str) -> tuple[Path, ...]:
-    """Return the files of the module and of all that it imports, in a fixed order."""
+    """Return the files of the module and of all its imports, in a fixed order."""
     visited: set[str] = set()
     waiting = [module]
     while waiting:
@@ -146,9 +146,9 @@ def can_keep() -> bool:
 
 
 def _mark(name: str, module: str) -> Path:
-    """Return the file that says that a part's kernels are in the cache: of this source, numba, Python and processor.
+    """Return the file that marks a part's kernels as cached, for this source, numba, Python and processor.
 
-    numba keeps the kernels of each copy of the source apart, and forgets those of a file that was written again.
+    numba separates the kernels of each copy of the source, and drops those of a file that was written again.
     """
     from llvmlite import binding
 
@@ -175,7 +175,7 @@ def note_complete(name: str, module: str) -> None:
 
 
 def tell_each_compilation(tell: Callable[[], None]) -> None:
-    """Have a function called whenever a kernel was compiled.
+    """Register a function that is called after each compiled kernel.
 
     Args:
         tell: called after each, in the thread that compiles.
@@ -186,10 +186,10 @@ def tell_each_compilation(tell: Callable[[], None]) -> None:
 
     class Listener(event.Listener):  # type: ignore[misc]
         def on_start(self, happened: Any) -> None:
-            """Hear that a compilation began."""
+            """Ignore the start of a compilation."""
 
         def on_end(self, happened: Any) -> None:
-            """Hear that a compilation ended."""
+            """Report the end of a compilation."""
             tell()
 
     event.register("numba:compile", Listener())
@@ -216,7 +216,7 @@ def _compile(function: Kernel, **options: Any) -> Kernel:
 
 
 def _do_without_room(compiled: Any) -> None:
-    """Let a kernel work, uncached, where the disk that would keep it is full: numba would end with an error."""
+    """Let a kernel work uncached where the disk is full; numba itself would raise an error."""
     kernel_cache = getattr(compiled, "_cache", None)
     save = getattr(kernel_cache, "save_overload", None)
     if kernel_cache is None or save is None:
@@ -235,7 +235,7 @@ def njit(function: Kernel) -> Kernel:
 
 
 def njit_bare(function: Kernel) -> Kernel:
-    """Compile ``function`` without reference counting: it may be handed many arrays for nothing, but must not make one.
+    """Compile ``function`` without reference counting: many array arguments cost nothing, but it must not allocate one.
 
     Only kernels may call the result with arrays, or Python where it neither allocates nor returns any.
     """

@@ -1,4 +1,4 @@
-"""How a process of this package ends: its exit code, its result for ``--json``, one sentence about a wrong call."""
+"""The end of a process of this package: exit code, result for ``--json``, one sentence about a wrong call."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ EXIT_BROKEN_PIPE = 141
 EXIT_TERMINATED = 143
 
 SHOW_TRACEBACK = "SGMS_OBSERVER_TRACEBACK"
-"""Environment variable that has a fault of this package raised, with where it is."""
+"""Environment variable that shows the traceback of an internal error."""
 LONG_WORK = "long work"
-"""Name of a thread that may still compile when the process is told to stop."""
+"""Name of a thread that may still compile when the process stops."""
 
 
 class SentenceParser(argparse.ArgumentParser):
     """An argument parser that answers a wrong command line with one sentence."""
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong and where to read more, and exit with code 2."""
+        """Print the error and the command with the help, and exit with code 2."""
         self.exit(EXIT_USAGE, f"{self.prog}: {message}; see '{self.prog} --help'\n")
 
 
@@ -49,7 +49,7 @@ class Outcome:
 
 
 def json_value(value: Any) -> Any:
-    """Return a value as JSON can hold it: what is not finite becomes null, numpy's numbers and arrays become plain.
+    """Return a value for JSON: a number that is not finite becomes null, numpy's numbers and arrays become plain.
 
     Args:
         value: numbers, texts, lists and mappings.
@@ -64,7 +64,7 @@ def json_value(value: Any) -> Any:
 
 
 def leave_if_working(code: int) -> int:
-    """End the process at once where a thread is still compiling, which nothing else can stop.
+    """End the process at once where a thread is still compiling, which cannot be stopped otherwise.
 
     Returns:
         The same code, if there is no such thread.

@@ -1,4 +1,4 @@
-"""Files that come with the package, wherever it was installed to."""
+"""Finds the files that are installed with the package."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""What an observer reports about itself; the values are the sentences that a user reads."""
+"""Status codes of an observer and their sentences for the user."""
 
 from __future__ import annotations
 
 from enum import IntEnum
 
 MAX_NIS = 5.0
-"""Largest mean NIS of a model that fits; the standard deviations are then too small by its root, 2.2 times."""
+"""Largest mean NIS of a model that fits; at this NIS the standard deviations are 2.2 times too small."""
 
 
 class Status(IntEnum):

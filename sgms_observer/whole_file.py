@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all: a full disk or a signal leaves nothing half-written under their name."""
+"""Writes files completely or not at all: a full disk or a signal leaves no incomplete file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _number = itertools.count()
 
 
 def file_in_the_way(path: str | Path, error: Exception) -> RecordingError | None:
-    """Return the sentence about a path where a file is in the place of a folder, or None for another error."""
+    """Return the sentence about a path where a file is instead of a folder, or None for another error."""
     if not isinstance(error, FileExistsError | NotADirectoryError):
         return None
     reason = "it is a file, or lies in one, where a folder must be"
@@ -68,7 +68,7 @@ def write_bytes(content: bytes, path: str | Path) -> None:
 
 
 def try_folder(folder: str | Path) -> None:
-    """See whether a folder can be made and written into: before long work, not after it. It is not left there empty.
+    """Check before long work that a folder can be made and written into; an empty folder is removed again.
 
     Raises:
         RecordingError: it cannot be made or refuses files; one sentence.
@@ -80,14 +80,14 @@ def try_folder(folder: str | Path) -> None:
         probe.touch(exist_ok=False)
         probe.unlink()
         if is_new:
-            with contextlib.suppress(OSError):  # somebody else needs it already
+            with contextlib.suppress(OSError):  # another process uses it already
                 probe.parent.rmdir()
     except (OSError, ValueError) as error:
         raise _refused(folder, error) from None
 
 
 def refuse_existing_files(paths: Sequence[str | Path], is_overwriting: bool) -> None:
-    """Raise if a file that is to be written is there already.
+    """Raise if an output file exists already.
 
     Args:
         paths: the files.

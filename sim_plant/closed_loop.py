@@ -1,4 +1,4 @@
-"""The simulated table with an observer in the loop: its compensation enters the effort of the sample that follows."""
+"""The simulated table with an observer in the loop: its compensation is added to the effort of the next sample."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from sim_plant.record import StageRecord, join_records
 from sim_plant.table import SimulatedTable
 
 ObserverStep = Callable[[Samples], Estimates]
-"""What turns the newest samples of one axis into estimates; ``AxisObserver.step`` is one."""
+"""Function from new samples of one axis to estimates, such as ``AxisObserver.step``."""
 
 TableObserver = Callable[[Mapping[int, Samples]], Mapping[int, Estimates]]
-"""The same for all axes together, by number; ``AllAxes.step`` is one."""
+"""The same for all axes together, by number, such as ``AllAxes.step``."""
 
 
 class ClosedLoop:
@@ -42,7 +42,7 @@ class ClosedLoop:
         self._compensation = [0.0] * len(table.stages)
 
     def step(self, count: int) -> tuple[tuple[StageRecord, ...], tuple[Estimates, ...]]:
-        """Give the next samples of every axis and what the observers say of them.
+        """Return the next samples of every axis and their estimates.
 
         Args:
             count: number of samples, at least 1.
@@ -67,7 +67,7 @@ class ClosedLoop:
         return tuple(records), tuple(estimates)
 
     def _step_together(self, count: int) -> tuple[tuple[StageRecord, ...], tuple[Estimates, ...]]:
-        """Step axes that feel each other, all by one sample at a time."""
+        """Step coupled axes, all by one sample at a time."""
         record_rows, estimate_rows = [], []
         for _ in range(count):
             records = self._table.step(1, self._compensation)
@@ -88,7 +88,7 @@ class ClosedLoop:
 
 
 def _answer(observe: ObserverStep, rows: list[Estimates], samples: Samples) -> float:
-    """Ask one observer, keep what it says in ``rows``, and return its compensation [N]."""
+    """Step one observer, append its estimates to ``rows``, and return its compensation [N]."""
     estimates = observe(samples)
     rows.append(estimates)
     return float(estimates.compensation[-1])

@@ -47,7 +47,7 @@ class TrueFriction(NamedTuple):
 
 
 def true_friction(settings: FrictionSettings) -> TrueFriction:
-    """Turn checked settings into what the kernel takes."""
+    """Convert checked settings to arguments of the kernel."""
     return TrueFriction(
         is_gms=settings.model == "gms",
         is_paper_reset=settings.reset == "paper",
@@ -84,8 +84,8 @@ def advance_elements(
 ) -> tuple[float, float]:
     """Advance every element by one step at constant velocity.
 
-    The observer's loop is ``estimators.interval.advance_at_level``. This one is apart from it on purpose: the truth
-    reads its own parameters, and an error in the observer's loop must not be in both.
+    The observer's loop is ``estimators.interval.advance_at_level``. This one is separate on purpose, so that an error
+    in the observer's loop is not in the truth too.
 
     Args:
         friction: the true friction.
@@ -133,7 +133,7 @@ class EffectArrays(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Where the mass is and how it moves.
+    """Position and motion of the mass.
 
     Attributes:
         position: [m].
@@ -181,7 +181,7 @@ def substep(
         period: length h of the step [s].
         time: time since the first sample at the start of the step [s].
         effort: force of the actuator and of disturbances, constant over the step [N].
-        expected_acceleration: where to start the search [m/s^2].
+        expected_acceleration: start value of the search [m/s^2].
         other_velocity: velocity of the other axis [m/s].
         other_acceleration: acceleration of the other axis [m/s^2].
         motion: at the start of the step.

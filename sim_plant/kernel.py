@@ -1,4 +1,4 @@
-"""The hot loop of the simulated stage: encoder, controller, delay and motion, tick by tick."""
+"""The inner loop of the simulated stage: encoder, controller, delay and motion, tick by tick."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ VELOCITY_FILTER_RATIO = 5.0
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# Columns of what the kernel writes per sample.
+# Columns of the output of the kernel, one row per sample.
 POSITION, VELOCITY, ACCELERATION, MEASURED, CONTROL, APPLIED, FRICTION, EFFECT = range(8)
 REFERENCE_POSITION, REFERENCE_VELOCITY = range(8, 10)
 RECORDED = 10
 
-# Rows of what a plan holds per tick (see plan.py).
+# Rows of a plan, one column per tick.
 PLAN_POSITION, PLAN_VELOCITY, PLAN_ACCELERATION, PLAN_ENCODER_NOISE = range(4)
 PLAN_FORCE_NOISE, PLAN_DISTURBANCE = range(2)
 
 
 class ControllerGains(NamedTuple):
-    """What the controller multiplies with, for one tick of ``period``.
+    """Gains of the controller for one tick of ``period``.
 
     Attributes:
         position_gain: mass omega^2 [N/m].
         velocity_gain: 2 damping_ratio omega mass [N s/m].
         integral_gain: position_gain times the integral corner [N/(m s)].
         acceleration_gain: fed-forward mass [kg].
-        velocity_keep: share of the filtered velocity that survives one tick [-].
+        velocity_keep: share of the filtered velocity after one tick [-].
         limit: largest effort [N].
         period: one tick [s].
     """
@@ -52,7 +52,7 @@ class ControllerGains(NamedTuple):
 
 
 class ControllerMemory(NamedTuple):
-    """What the controller remembers from tick to tick.
+    """State of the controller.
 
     Attributes:
         position: last measured position [m]; NaN before the first.
@@ -134,7 +134,7 @@ def control(
 
 
 class StageConstants(NamedTuple):
-    """What does not change during a run.
+    """Constants of a run.
 
     Attributes:
         mass: moving mass with the effects' added mass [kg].
@@ -154,7 +154,7 @@ class StageConstants(NamedTuple):
 
 
 class StageMemory(NamedTuple):
-    """Arrays the kernel advances in place: all that changes during a run.
+    """Arrays that the kernel advances in place.
 
     Attributes:
         motion: the fields of ``Motion`` and, last, the effort of the last step [N], shape (6,).
@@ -205,11 +205,11 @@ def run_samples(
 ) -> None:
     """Run the stage over a block of samples.
 
-    At each tick the encoder is read, the controller computes, and the mass moves on under the (delayed) effort. The
-    first tick of a sample is the one published.
+    At each tick the encoder is read, the controller runs, and the mass moves under the (delayed) effort. The first tick
+    of a sample is published.
 
     Args:
-        constants: what does not change.
+        constants: of the run.
         friction: the true friction.
         effects: the true effects.
         user: compiled effects of the user's own.

@@ -1,4 +1,4 @@
-"""What the simulated stage says of a block of samples: the signals a real stage publishes, and the truth.
+"""Block of samples of the simulated stage: the signals that a real stage publishes, and the truth.
 
 The kernel fills a ``RecordBuffer``; a ``StageRecord`` is the whole block.
 """
@@ -29,13 +29,13 @@ class StageRecord:
         acceleration: true acceleration under ``effort_applied`` [m/s^2], shape (n,).
         measured_position: position as published: with noise, on the encoder's grid [m], shape (n,).
         control_effort: effort as published: commanded from this sample on, with force noise [N], shape (n,).
-        effort_applied: effort that reaches the mass just after the sample, without disturbances [N], shape (n,).
+        effort_applied: effort on the mass just after the sample, without disturbances [N], shape (n,).
         reference_position: set-point [m], shape (n,).
         reference_velocity: velocity of the set-point [m/s], shape (n,).
         friction: true friction of eq. 3 [N], shape (n,).
         element_force: true force of each element [N], shape (n, n_z).
         effect_force: true added force of the effects [N], shape (n,).
-        compensation: feedforward that went into the effort [N], shape (n,).
+        compensation: feedforward in the effort [N], shape (n,).
     """
 
     stamp_ns: NDArray[np.int64]
@@ -59,7 +59,7 @@ class StageRecord:
 
     @property
     def samples(self) -> Samples:
-        """Return what an observer gets to see of this block."""
+        """Return the part of this block that an observer gets."""
         return Samples(
             stamp_ns=self.stamp_ns,
             position=self.measured_position,
@@ -82,7 +82,7 @@ def join_records(records: Sequence[StageRecord]) -> StageRecord:
 
 
 class RecordBuffer:
-    """A block of samples in the making.
+    """A block of samples under construction.
 
     Args:
         first: number of the block's first sample in the run.
@@ -101,7 +101,7 @@ class RecordBuffer:
         self.compensation: Floats = np.zeros(count)
 
     def samples(self, k: int) -> Samples:
-        """Return sample ``k`` of the block as an observer gets to see it, without copying."""
+        """Return sample ``k`` of the block as an observer gets it, without copying."""
         row = slice(k, k + 1)
         return Samples(
             stamp_ns=self.stamp_ns[row],

@@ -1,4 +1,4 @@
-"""References: what the simulated stage is asked to follow, as functions of time."""
+"""References of the simulated stage as functions of time."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from sim_plant.reference_file import PiecewiseCubic, back_and_forth, read_refere
 Floats = NDArray[np.float64]
 
 COAST = 0.02
-"""How long the stage goes on at the velocity of the last set-point when the next one is overdue [s]; then it stops."""
+"""Time for which the stage keeps the velocity of the last set-point when the next one is late [s]; then it stops."""
 
 MAX_SET_POINT_INTERVAL = 0.25
 """Set-points further apart than this are steps, not points of one motion [s]."""
 
 FOREIGN_CLOCK = 10.0
-"""A stamp that differs from the stage's time by more than this is another clock's: it counts from its arrival [s]."""
+"""A stamp that differs from the stage's time by more than this is of another clock; the arrival time is used [s]."""
 
 _MOST = 100_000
 
 
 class FollowedReference:
-    """A motion through set-points that are taken in one by one.
+    """A motion through set-points that arrive one by one.
 
-    A set-point is reached at its stamp, as a drive does that interpolates; a late one is followed from its arrival on.
-    Between two set-points the motion is cubic, with the slopes of their neighbours. All times that come in are stamps;
-    ``anchor`` says which of them the stage's own time is.
+    A set-point is reached at its stamp, as by a drive that interpolates; a late one is followed from its arrival on.
+    Between two set-points the motion is cubic, with the slopes of their neighbours. All inputs have stamps; ``anchor``
+    relates them to the stage's time.
     """
 
     def __init__(self) -> None:
@@ -44,24 +44,24 @@ class FollowedReference:
         self._held = 0.0
         self._anchor_ns = 0
         self._anchor_time = 0.0
-        self._lock = threading.Lock()  # set-points come in one thread, the stage steps in another
+        self._lock = threading.Lock()  # set-points arrive in one thread, the stage steps in another
 
     def anchor(self, stamp_ns: int, time: float) -> None:
-        """Say which stamp belongs to which time of the stage.
+        """Relate a stamp to the time of the stage.
 
         Args:
             stamp_ns: a stamp [ns].
-            time: the stage's time of it [s].
+            time: of the stage at this stamp [s].
         """
         self._anchor_ns, self._anchor_time = stamp_ns, time
 
     def put(self, stamp_ns: int, position: float, velocity: float, now_ns: int) -> None:
-        """Take in a set-point.
+        """Add a set-point.
 
         Args:
-            stamp_ns: when it is to be reached [ns].
-            position: where [m]; ignored unless finite.
-            velocity: how fast [m/s]; NaN if unknown.
+            stamp_ns: time at which it is to be reached [ns].
+            position: its position [m]; ignored unless finite.
+            velocity: its velocity [m/s]; NaN if unknown.
             now_ns: the stage's clock [ns].
         """
         if not math.isfinite(position):
@@ -70,13 +70,13 @@ class FollowedReference:
             stamp_ns = now_ns
         with self._lock:
             while self._points and self._points[-1][0] >= stamp_ns:
-                self._points.pop()  # another sender, or one that started anew
+                self._points.pop()  # another publisher, or one that was restarted
             self._points.append((stamp_ns, position, velocity))
 
     def at(self, time: Floats) -> tuple[Floats, Floats, Floats]:
         """Evaluate the motion; see ``sim_plant.reference.Reference.at``. Times must not go back.
 
-        A turn of the stage asks for a handful of times: plain numbers are several times faster here than arrays.
+        A step of the stage needs a few times only, for which plain numbers are several times faster than arrays.
         """
         times: list[float] = time.tolist()
         points = self._around(times[0], times[-1])
@@ -96,7 +96,7 @@ class FollowedReference:
     def _around(self, first: float, last: float) -> list[tuple[float, float, float]]:
         """Return the set-points around a span of time: time [s], position [m], velocity [m/s].
 
-        One set-point before those that count and two behind them are among them where there are so many.
+        One set-point before the span and two after it are included where they exist.
         """
         start = self._anchor_ns + (first - self._anchor_time) * 1e9
         end = self._anchor_ns + (last - self._anchor_time) * 1e9
@@ -152,7 +152,7 @@ def _piece(points: Sequence[tuple[float, float, float]], i: int) -> _Piece:
 
 
 def _slope(points: Sequence[tuple[float, float, float]], i: int) -> float:
-    """Return the velocity at a set-point [m/s]: that of its neighbours; at the last one its own, if it is known."""
+    """Return the velocity at a set-point [m/s]: the slope of its neighbours; at the last one its own, if known."""
     if i + 1 == len(points):
         if math.isfinite(points[i][2]):
             return points[i][2]
@@ -168,7 +168,7 @@ def _slope(points: Sequence[tuple[float, float, float]], i: int) -> float:
 
 
 class Reference(Protocol):
-    """A motion that can be asked for any time."""
+    """A motion as a function of time."""
 
     def at(self, time: Floats) -> tuple[Floats, Floats, Floats]:
         """Evaluate the motion.

@@ -1,4 +1,4 @@
-"""References in a CSV file of times, positions and velocities: written here, read here."""
+"""Reads and writes references as CSV files of times, positions and velocities."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def s_curve_durations(stroke: float, velocity: float, acceleration: float, jerk:
         jerk: largest jerk [m/s^3].
 
     Returns:
-        Durations [s] of jerk +, 0, -, 0, -, 0, +; shape (7,); pieces that a short move has no room for are 0.
+        Durations [s] of jerk +, 0, -, 0, -, 0, +; shape (7,); pieces that do not fit into a short move are 0.
 
     Source: the double-S profile; L. Biagiotti and C. Melchiorri, Trajectory Planning for Automatic Machines and
         Robots, Springer 2008, section 3.4, for equal limits in both directions and rest at both ends.
@@ -174,7 +174,7 @@ def read_reference_file(
 ) -> PiecewiseCubic:
     """Read a reference from a CSV file; it repeats when it ends.
 
-    A file that ends elsewhere than it began is followed by a jerk-limited move back to its first position. A cubic
+    If the last position differs from the first, a jerk-limited move back to the first position is added. A cubic
     interpolation starts and ends at rest, or continues smoothly where the file ends as it began.
 
     Args:
@@ -189,7 +189,7 @@ def read_reference_file(
         The motion, its time counted from the file's first row.
 
     Raises:
-        ConfigurationError: if the file is missing, is no such table, or its times do not increase.
+        ConfigurationError: if the file is missing or not such a table, or its times do not increase.
     """
     time, position = _read_columns(path)
     return through_points(time, position, interpolation, velocity=velocity, acceleration=acceleration, jerk=jerk)

@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 SAMPLES_PER_PLAN = 512
 
 CONTROL_PERIOD = 1.0e-4
-"""Longest time between two runs of the controller [s]; a longer sample period holds several."""
+"""Longest time between two runs of the controller [s]; a longer sample period contains several."""
 
 
 class Plan:
@@ -73,11 +73,11 @@ class Plan:
         _draw(self._disturbance, self._settings.disturbance_noise, self.samples[PLAN_DISTURBANCE])
 
     def ask_reference(self, first: int, end: int) -> None:
-        """Fill in the set-points of samples that are about to run, where they come while the stage runs.
+        """Fill in the set-points of the next samples, where set-points arrive while the stage runs.
 
         Args:
             first: number of the first sample in the block.
-            end: number behind the last one.
+            end: number after the last one.
         """
         if self.followed is not None:
             start = (self._next_block - 1) * SAMPLES_PER_PLAN
@@ -93,7 +93,7 @@ def _draw(generator: np.random.Generator, deviation: float, row: Floats) -> None
 
 
 class StageParts(NamedTuple):
-    """What the kernel of a stage takes."""
+    """Arguments of the kernel of a stage."""
 
     constants: kernel.StageConstants
     friction: TrueFriction
@@ -110,10 +110,10 @@ class SimulatedStage:
         axis: the axis; ``stage``, ``stage_friction`` and ``stage_effects`` are the truth where they differ.
         sample_period: time between two published samples [s].
         start_ns: stamp of the first sample [ns].
-        reference: what the stage follows; that of the settings if None.
+        reference: of the stage; that of the settings if None.
 
     Raises:
-        ConfigurationError: when reference, effects or masses make no stage.
+        ConfigurationError: when reference, effects or masses are not valid.
     """
 
     def __init__(
@@ -183,17 +183,17 @@ class SimulatedStage:
 
     @property
     def parts(self) -> StageParts:
-        """Return what the kernel takes, for what runs it elsewhere."""
+        """Return the arguments of the kernel, for another caller of the kernel."""
         return StageParts(self._constants, self._friction, self._effects, self._gains, self._memory, self._compiled)
 
     @property
     def followed(self) -> FollowedReference | None:
-        """Return the set-points that come while the stage runs, where its reference is of that kind."""
+        """Return the motion through arriving set-points, where the reference is of that kind."""
         return self._plan.followed
 
     @property
     def samples_done(self) -> int:
-        """Return how many samples this stage has given."""
+        """Return the number of samples so far."""
         return self._done
 
     def reference_ahead(self, time: Floats) -> tuple[Floats, Floats]:
@@ -226,7 +226,7 @@ class SimulatedStage:
         other_velocity: float = 0.0,
         other_acceleration: float = 0.0,
     ) -> StageRecord:
-        """Give the next samples, and move on to the instant of the sample after them.
+        """Return the next samples, and advance to the instant of the sample after them.
 
         Args:
             count: number of samples, at least 1.
@@ -254,11 +254,11 @@ class SimulatedStage:
     def step_answered(
         self, count: int, answer: Callable[[Samples], float], compensation: float = 0.0
     ) -> tuple[StageRecord, float]:
-        """Give the next samples one by one, each answered by a compensation for the sample after it.
+        """Return the next samples; after each of them ``answer`` gives the compensation of the next one.
 
         Args:
             count: number of samples, at least 1.
-            answer: gets each sample as an observer sees it and returns the feedforward from the next one on [N].
+            answer: called with each sample as an observer gets it; returns the feedforward from the next sample on [N].
             compensation: feedforward at the first sample [N].
 
         Returns:
@@ -273,11 +273,11 @@ class SimulatedStage:
         return buffer.record(), compensation
 
     def _buffer(self, count: int) -> RecordBuffer:
-        """Return room for the next samples."""
+        """Return a buffer for the next samples."""
         return RecordBuffer(self._done, count, len(self._memory.force), self.sample_period, self.start_ns)
 
     def _taken(self, compensation: float | Floats, count: int) -> Floats:
-        """Return the feedforward that goes into the effort at each sample [N]."""
+        """Return the feedforward in the effort at each sample [N]."""
         if not self.axis.stage.accept_compensation:
             return np.zeros(count)
         if isinstance(compensation, float):

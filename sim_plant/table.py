@@ -18,8 +18,8 @@ Floats = NDArray[np.float64]
 class SimulatedTable:
     """All axes of a parameter file, in step.
 
-    An axis with the effect ``cross_axis_coupling`` feels the motion of its ``coupled_axis`` (by default the axis before
-    it, the first: the last) as it was one sample ago; a table with such an axis moves sample by sample.
+    On an axis with the effect ``cross_axis_coupling`` acts the motion of its ``coupled_axis`` one sample before (by
+    default the axis before it, for the first axis the last). A table with such an axis is simulated sample by sample.
 
     Args:
         settings: the whole file.
@@ -27,7 +27,7 @@ class SimulatedTable:
         seed: replaces every axis's ``stage.seed``; axes of one seed draw different noise.
 
     Raises:
-        ConfigurationError: when an axis makes no stage.
+        ConfigurationError: when the settings of an axis are not valid.
     """
 
     def __init__(self, settings: Settings, start_ns: int = 0, seed: int | None = None) -> None:
@@ -44,7 +44,7 @@ class SimulatedTable:
         return tuple(stage.axis.name for stage in self.stages)
 
     def step(self, count: int, compensation: Sequence[float | Floats] | None = None) -> tuple[StageRecord, ...]:
-        """Give the next samples of every axis.
+        """Return the next samples of every axis.
 
         Args:
             count: number of samples, at least 1.
@@ -61,7 +61,7 @@ class SimulatedTable:
         return tuple(join_records(records) for records in zip(*rows, strict=True))
 
     def _coupled_sample(self, forces: Sequence[float]) -> list[StageRecord]:
-        """Move every axis by one sample under the motion that its neighbour had at the start."""
+        """Advance every axis by one sample with the motion of its neighbour at the start."""
         neighbours = [self.stages[number] for number in self._neighbours]
         motions = [(neighbour.velocity, neighbour.acceleration) for neighbour in neighbours]
         return [

@@ -1,11 +1,11 @@
-"""Choice of segments: as much information as possible about what is asked, in the time that there is.
+"""Chooses segments with the most information about the asked quantities in the given time.
 
-The Fisher information of a reference is the sum over its segments. What counts of it is, for each quantity asked for,
-the information that is left when everything else is fitted as well (the Schur complement); where the prediction is
-known to be off in a known way, the square of the error that it causes counts as variance. Segments are added where they
-bring most per second, then exchanged while that helps, in both directions: one is taken out and the time filled again,
-or one is put in and those that bring least per second make room for it. Taking out alone never finds a segment that is
-longer than those that are taken out.
+The Fisher information of a reference is the sum over its segments. For each asked quantity the criterion is the
+information that remains when everything else is fitted as well (the Schur complement). Where the prediction has a known
+error, the square of the shift that it causes in an estimate is added to the variance. Segments are added by gain per
+second, then exchanged in both directions while that helps: one is removed and the time filled again, or one is added
+and those with the least gain per second are removed. Removal alone never finds a segment that is longer than the
+removed ones.
 
 Sources: Fedorov 1972, Theory of Optimal Experiments (sequential design and exchange); Pukelsheim 1993, Optimal Design
 of Experiments, ch. 3 (information for parameters of interest) and ch. 6 (matrix means); Atkinson, Fedorov 1975, The
@@ -27,13 +27,13 @@ Floats = NDArray[np.float64]
 
 _STEEPNESS = 4.0
 """Exponent of the mean that stands for the smallest efficiency: smooth, so that single segments can be compared."""
-_PASSES = 4  # of exchanges at most; each ends earlier when nothing helps
-_GAIN = 1.0e-6  # of the criterion: a smaller gain is rounding
+_PASSES = 4  # largest number of rounds of exchanges; they end earlier without a gain
+_GAIN = 1.0e-6  # of the criterion; a smaller gain is rounding
 
 
 @dataclass(frozen=True)
 class Goal:
-    """Quantities of one model, and how much of the information about each is to be brought.
+    """Quantities of one model, the information of each segment about them, and their weights.
 
     Attributes:
         names: of the quantities.
@@ -44,7 +44,7 @@ class Goal:
         rivals: columns that are fitted beside each quantity, a mask of shape (k, p).
         weight: of each quantity, shape (k,).
         is_smallest: whether the smallest efficiency counts instead of their geometric mean.
-        share: of this goal in the whole.
+        share: weight of this goal.
     """
 
     names: tuple[str, ...]
@@ -58,7 +58,7 @@ class Goal:
     share: float
 
     def left(self, counts: Floats) -> Floats:
-        """Return the information about each quantity that is left when its rivals are fitted as well.
+        """Return the information about each quantity that remains when its rivals are fitted as well.
 
         Args:
             counts: how often each segment is done, shape (..., segments).
@@ -83,7 +83,7 @@ class Goal:
         return out
 
     def best_alone(self, seconds: float, durations: Floats) -> Floats:
-        """Return the information about each quantity of the one segment that brings most, repeated all the time.
+        """Return the information about each quantity of its best single segment, repeated for the whole time.
 
         Args:
             seconds: of the reference [s].
@@ -109,7 +109,7 @@ class Design:
     """Choose segments.
 
     Args:
-        goals: what counts.
+        goals: the goals.
         durations: of each segment [s].
         seconds: time for all [s].
     """
@@ -119,7 +119,7 @@ class Design:
         self.best = [goal.best_alone(seconds, durations) for goal in self.goals]
 
     def value(self, counts: Floats) -> Floats:
-        """Return how good references are.
+        """Return the criterion of references.
 
         Args:
             counts: how often each segment is done, shape (..., segments).
@@ -154,7 +154,7 @@ class Design:
         return Choice(counts, efficiency)
 
     def _shortened(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Take out what brings least per second until the rest fits into the time."""
+        """Remove the segments with the least information per second until the rest fits into the time."""
         counts = counts.copy()
         while float(counts @ self.durations) > self.seconds:
             held = np.flatnonzero(counts)
@@ -193,7 +193,7 @@ def _mean(logs: Floats, goal: Goal) -> Floats:
 def spread_evenly(counts: NDArray[np.int64]) -> list[int]:
     """Return the numbers of the segments in an order that spreads the copies of each evenly over the time.
 
-    What changes with time then changes between copies of the same motion, and is not taken for something else.
+    A drift then changes between copies of the same motion, and is not confused with an effect.
 
     Args:
         counts: how often each segment is done, shape (segments,).

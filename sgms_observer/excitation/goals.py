@@ -1,4 +1,4 @@
-"""The goals of a design: Fisher information of each segment about what a question asks for."""
+"""The goals of a design: Fisher information of each segment about the asked quantities."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ _MOST_STEPS = 200  # in one sample
 _stribeck_level: Callable[..., float] = njit(stribeck_level)
 
 POWER = 0.9
-"""Share of such recordings that show an effect, or tell it from another one."""
+"""Share of such recordings in which an effect is detected, or separated from another one (power)."""
 MIN_Z_SCORE = 3.0 + float(stats.norm.ppf(POWER))
-"""Smallest expected z-score: that of the diagnosis would be reached by half of the recordings only."""
+"""Smallest expected z-score; with that of the diagnosis only half of the recordings would reach it."""
 MIN_INFORMATION = (2.0 * MIN_Z_SCORE) ** 2
-"""Information at which that is so: with it the squared residuals of two models differ by d^2 with a standard error of
-2 d, see ``diagnosis.evidence.improvement``."""
+"""Information for this z-score: the squared residuals of two models differ by d^2 with a standard error of 2 d, see
+``diagnosis.evidence.improvement``."""
 _GRID = (np.arange(200) + 0.5) / 200  # times at which effects over time are averaged, as shares of the whole
 
 
@@ -76,7 +76,7 @@ def followed(reference: Floats, period: float, axis: AxisSettings, friction: Fri
         reference: set-point [m], shape (n,).
         period: time between two samples [s].
         axis: mass, viscous friction, and the controller of ``stage``.
-        friction: what holds the table.
+        friction: of the table.
     """
     controller, mass = axis.stage.controller, axis.mass
     omega = 2.0 * math.pi * controller.bandwidth
@@ -103,8 +103,8 @@ class Goals:
 
     Attributes:
         goals: the goals.
-        hidden: effects that stay hidden within the limits.
-        inseparable: effects that show, but that no reference within the limits tells from the effects like them.
+        hidden: effects that are not detectable within the limits.
+        inseparable: detectable effects that no reference within the limits separates from similar effects.
     """
 
     goals: tuple[Goal, ...]
@@ -114,7 +114,7 @@ class Goals:
 
 @dataclass(frozen=True)
 class _Pieces:
-    """The segments one behind the other."""
+    """The segments one after the other."""
 
     position: Floats
     starts: Floats
@@ -139,16 +139,16 @@ def goals_of(
     """Return the goals of a question.
 
     Args:
-        question: what is asked for.
+        question: the asked parameters and effects.
         axis: settings.
-        limits: what the table may do.
-        place: where the motion is.
+        limits: stroke, speed and acceleration that the table may use.
+        place: window and home of the motion.
         segments: with their velocities.
         period: time between two samples of these [s].
         seconds: time of the whole reference [s].
         report: called with the completed share.
     """
-    loading = segments[0][1]  # after it the state of the contact is that between any two segments
+    loading = segments[0][1]  # after it the contact has the state that it has between any two segments
     velocity = np.concatenate([loading, *(values for _segment, values in segments)])
     starts = len(loading) + np.concatenate(([0], np.cumsum([len(values) for _segment, values in segments])))
     pieces = _Pieces(place.home + np.cumsum(velocity) * period, starts, period)
@@ -196,8 +196,8 @@ def _effect_goal(
     model: Sensitivity, found: Parameters, listed_owners: Sequence[str], listed: Floats, durations: Floats,
     seconds: float,
 ) -> tuple[Goal | None, tuple[str, ...], tuple[str, ...]]:  # fmt: skip
-    """Return the goal that no effect stays hidden behind parameters and effects like it, and those that do anyway:
-    behind the parameters, and behind the effects like it only."""
+    """Return the goal that every effect is separated from parameters and similar effects, and the effects for which
+    that is impossible: hidden by the parameters, and hidden by similar effects only."""
     wanted_names = list(dict.fromkeys([*question.effects, *(r for name in question.effects for r in
                                                             question.rivals(name))]))  # fmt: skip
     strength = _strength(question, axis, model)
@@ -220,7 +220,7 @@ def _effect_goal(
     information, bias = (pieces.products(model, stacked, others) for others in (stacked, model.errors()))
     over = np.array(growth)
     bias = bias * np.mean(over, axis=1)[:, None]
-    information = information * (over @ over.T / len(_GRID))  # copies of a segment lie anywhere in time
+    information = information * (over @ over.T / len(_GRID))  # copies of a segment are at any time
     size = information.shape[1]
     prior = np.diag([1.0] * len(found.names) + [SIZE**2] * listed.shape[1] + [(strength or SIZE) ** 2] * len(columns))
     numbers = [k for k, owner in enumerate(owners) if owner in question.effects]
@@ -232,7 +232,7 @@ def _effect_goal(
             if owners[k] == effect_name:
                 masks[:, row, found.names.index(name)] = False
         own_columns = [len(found.names) + j for j, owner in enumerate(listed_owners) if owner == owners[k]]
-        masks[:, row, own_columns] = False  # an effect of the file is its own columns' question
+        masks[:, row, own_columns] = False  # the columns of an effect of the file are separate
         rivals = [first + j for j, owner in enumerate(owners) if owner in question.rivals(owners[k])]
         masks[0, row, rivals] = True
     names = tuple(owners[k] for k in numbers)
@@ -260,7 +260,7 @@ def _effect_goal(
 def _strength(question: Question, axis: AxisSettings, model: Sensitivity) -> float | None:
     """Return the largest force, over the Coulomb force, of the weakest effect asked for that the file has, or None.
 
-    What has to be told from it imitates it, so it is as strong.
+    Its rivals imitate it, so they are assumed to be as strong.
     """
     if question.is_everything:
         return None
@@ -269,7 +269,7 @@ def _strength(question: Question, axis: AxisSettings, model: Sensitivity) -> flo
 
 
 def _growth(settings: EffectSettings, seconds: float) -> Floats:
-    """Return how far an effect over time has come, at the times of the grid."""
+    """Return the share of an effect over time at the times of the grid."""
     if settings.name == "thermal_drift":
         return np.asarray(1.0 - np.exp(-_GRID * seconds / settings.values[1]))
     return np.where(_GRID > 0.5, 1.0, 0.0)

@@ -1,4 +1,4 @@
-"""What the table may do while it is excited, and a reference under construction that keeps to it."""
+"""Limits of the table during an excitation, and a reference under construction within them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sgms_observer.settings.units import PRISMATIC, REVOLUTE, Units
 
 Floats = NDArray[np.float64]
 
-_NOTHING = 1.0e-6  # of the smallest reversal: rounding, not a way to go
+_NOTHING = 1.0e-6  # of the smallest reversal; a shorter travel is rounding
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def limits_of(
     acceleration: float | None = None,
     smallest: float | None = None,
 ) -> ExcitationLimits:
-    """Return the limits that are given, and cautious ones for the rest.
+    """Return the given limits, and cautious ones for the rest.
 
     Args:
         joint_type: of the axis.
@@ -80,7 +80,7 @@ def limits_of(
         smallest: smallest reversal [m].
 
     Raises:
-        ConfigurationError: one of them makes no sense.
+        ConfigurationError: one of them is not valid.
     """
     cautious = CAUTIOUS_LIMITS[joint_type]
     return ExcitationLimits(
@@ -93,7 +93,7 @@ def limits_of(
 
 
 class TooLongError(Exception):
-    """A track would have more samples than it may have."""
+    """A track is longer than its largest number of samples."""
 
 
 @dataclass
@@ -103,9 +103,9 @@ class Track:
     Attributes:
         period: time between two samples [s].
         limits: what the table may do.
-        low, high: ends of the window that the motion stays in [m].
-        at: position reached [m].
-        most: samples that it may have at most; None for any number.
+        low, high: ends of the window of the motion [m].
+        at: present position [m].
+        most: largest number of samples; None for any number.
         velocity: velocity of each sample, piece by piece [m/s].
         samples: how many there are.
     """
@@ -133,17 +133,17 @@ class Track:
         """Rest.
 
         Args:
-            seconds: how long [s].
+            seconds: duration [s].
         """
         count = max(1, round(seconds / self.period))
         self._check(count)
         self.append(np.zeros(count))
 
     def move(self, target: float, speed: float, acceleration: float | None = None) -> None:
-        """Go to a position with raised-cosine ramps; rounding to samples only ever slows the move.
+        """Move to a position with raised-cosine ramps; rounding to samples makes the move slower, never faster.
 
         Args:
-            target: where to; the nearest position of the window is taken [m].
+            target: end of the move, limited to the window [m].
             speed: largest speed; the limit is not exceeded [m/s].
             acceleration: largest acceleration [m/s^2]; None for the limit.
         """
@@ -161,10 +161,10 @@ class Track:
         self.append(shape * (distance / (float(np.sum(shape)) * self.period)))
 
     def cycles(self, amplitude: float, count: int, frequency: float) -> None:
-        """Swing down by twice the amplitude and back, starting and ending at rest at the top.
+        """Add cycles down by twice the amplitude and back, with rest at the top at both ends.
 
         Args:
-            amplitude: of the cosine; as much as the window leaves below is taken [m].
+            amplitude: of the cosine, limited to the window [m].
             count: number of cycles.
             frequency: largest frequency; speed and acceleration limits lower it [Hz].
         """

@@ -1,4 +1,4 @@
-"""What a reference is asked for: parameters of the force balance, every effect, or certain effects."""
+"""The question to a reference: parameters of the force balance, every effect, or certain effects."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DEFAULT = (IDENTIFY, DIAGNOSE)
 NO_REFERENCE_SHOWS = {
     "cross_axis_coupling": "the other axis has to move",
     "periodic_disturbance": "any motion shows it",
-    "quantisation": "it is read off the position",
+    "quantisation": "the position shows it directly",
     "mass_error": "it is the mass, which is identified",
     "actuator_gain": "only a known mass or force shows it",
     "actuator_saturation": "only efforts up to the actuator's limit show it",
@@ -29,12 +29,12 @@ NO_REFERENCE_SHOWS = {
     "learnt_map_2": "it is fitted to the residual",
     "learnt_map_3": "it is fitted to the residual",
 }
-"""Effects that no choice of the reference makes visible, and why."""
+"""Effects that no choice of the reference makes detectable, and the reason."""
 _OVER_TIME = ("thermal_drift", "wear_step")
 WEAK = 0.01
 """Strength of an effect whose size is not known."""
 _BELOW_BAND = 0.6  # frequency of a flexible mode over the band
-_CENTERS = (0.3, 0.75, 0.05, 0.95)  # over the stroke: what is bound to a place may be anywhere, at its ends too
+_CENTERS = (0.3, 0.75, 0.05, 0.95)  # over the stroke: an effect of the position may be anywhere, also at its ends
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Question:
     Attributes:
         parameters: whether all parameters of the force balance are asked for.
         effects: names of the effects that are asked for.
-        is_everything: whether these are all that the catalogue has.
+        is_everything: whether these are all effects of the catalogue.
     """
 
     parameters: bool
@@ -53,14 +53,14 @@ class Question:
 
     @staticmethod
     def of(asked: Sequence[str], axis: AxisSettings) -> Question:
-        """Check what the user asks for.
+        """Check the question of the user.
 
         Args:
             asked: ``identify``, ``diagnose``, names of effects; empty for ``DEFAULT``.
             axis: settings.
 
         Raises:
-            ConfigurationError: an unknown name, or an effect that no reference shows.
+            ConfigurationError: an unknown name, or an effect that no reference makes detectable.
         """
         wanted = list(dict.fromkeys(asked)) or list(DEFAULT)
         known = [name for name in catalogue.names() if name not in NO_REFERENCE_SHOWS]
@@ -85,14 +85,14 @@ class Question:
         return Question(IDENTIFY in wanted, tuple(effects), everything)
 
     def rivals(self, name: str) -> tuple[str, ...]:
-        """Return the effects that an effect has to be told from: the others asked for, or all that look like it."""
+        """Return the rivals of an effect: the other asked effects, or all similar ones."""
         if not self.is_everything and len(self.effects) > 1:
             return tuple(other for other in self.effects if other != name)
         return tuple(other for other in effect(name).confusable_with if other not in NO_REFERENCE_SHOWS)
 
 
 def is_possible(name: str, axis: AxisSettings) -> bool:
-    """Return whether an effect is one of its own on this type of joint."""
+    """Return whether an effect is a separate one on this type of joint."""
     return name != "gravity" or axis.units.is_revolute
 
 
@@ -100,16 +100,16 @@ def shapes(
     name: str, axis: AxisSettings, place: Place, limits: ExcitationLimits, band: float, seconds: float,
     strength: float = WEAK,
 ) -> list[EffectSettings]:  # fmt: skip
-    """Return instances of an effect: in the shape that the file has, or in typical shapes within the limits.
+    """Return instances of an effect: with the shape in the file, or with typical shapes within the limits.
 
     Args:
         name: the effect.
         axis: settings.
-        place: where the motion is.
-        limits: what the table may do.
+        place: window and home of the motion.
+        limits: stroke, speed and acceleration that the table may use.
         band: efforts are compared below this frequency [Hz].
         seconds: time of the whole reference [s].
-        strength: over the Coulomb force, the mass or what else the effect changes [-].
+        strength: over the Coulomb force, the mass or another quantity that the effect changes [-].
     """
     entry = effect(name)
     listed = next((item.values for item in axis.effects if item.name == name and item.values), None)
@@ -153,7 +153,7 @@ def _shape_value(
     parameter: EffectParameter, variant: int, axis: AxisSettings, place: Place, limits: ExcitationLimits, band: float,
     seconds: float,
 ) -> float:  # fmt: skip
-    """Return a typical value of a parameter that shapes an effect, within what the limits can show."""
+    """Return a typical value of a shape parameter of an effect, within the limits."""
     stroke, presliding_range = place.high - place.low, 0.5 * place.presliding
     travel = 0.25 * limits.speed * seconds
     second = variant % 2
@@ -183,5 +183,5 @@ def _shape_value(
 
 
 def over_time(name: str) -> bool:
-    """Return whether an effect grows with the time or the way since the start, whatever the motion is like."""
+    """Return whether an effect grows with the time or the travel since the start, for any motion."""
     return name in _OVER_TIME and is_built_in(name)

@@ -1,4 +1,4 @@
-"""A reference within the limits of a table that tells as much as possible about what is asked for."""
+"""Designs a reference within the limits of a table, with the most information about the asked quantities."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from sgms_observer.settings.axis import AxisSettings
 Floats = NDArray[np.float64]
 
 DURATION = 60.0
-"""Time of a reference where the user gives none [s]: enough for the default question on a table of some centimetres."""
+"""Default duration of a reference [s]: enough for the default question on a table of some centimetres."""
 MIN_DURATION = 8.0
-"""Shortest reference [s]: below it neither a band nor two of the slower segments fit."""
+"""Shortest reference [s]: it has room for a band and two of the slower segments."""
 _DESIGN_PERIOD = 1.0e-3  # s; segments are compared at this rate at most
 _REST = 0.5  # s at rest at the beginning and at the end
 _QUANTILE = 1.96  # standard deviations in half a 95 % interval
-_NOT_RELATIVE = ("offset", "delay")  # parameters whose interval is not a share of their value
-_SHOWN = 3  # quantities that a section is said to be for
+_NOT_RELATIVE = ("offset", "delay")  # parameters whose interval is absolute, not a share of their value
+_SHOWN = 3  # largest number of quantities that a section is labelled with
 
 
 class HiddenError(ConfigurationError):
-    """Nothing that was asked for can be shown within the limits."""
+    """None of the asked quantities is detectable within the limits."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ class Section:
     """One part of a reference.
 
     Attributes:
-        name: what the axis does.
+        name: of the motion.
         start: when it begins [s].
         end: when it ends [s].
-        shows: what most of the information of the whole reference would be lost about without such parts.
-        kind: what kind of motion it is.
+        shows: quantities that lose most information without parts of this kind.
+        kind: of the motion.
     """
 
     name: str
@@ -55,21 +55,21 @@ class Section:
 
 @dataclass(frozen=True)
 class Excitation:
-    """A reference that begins and ends at rest where the table stands.
+    """A reference that begins and ends at rest at the position of the table.
 
     Attributes:
         time: [s], shape (n,).
         position: [m], shape (n,).
         velocity: [m/s], shape (n,).
-        sections: what each stretch of it is.
+        sections: its parts.
         expected: half the 95 % interval of each parameter over its value that is expected if the file is right [-];
             empty where parameters were not asked for.
         efficiency: by effect: information that it brings, over that of the best single kind of motion [-].
-        hidden: effects that were asked for and stay hidden within the limits.
-        inseparable: effects that were asked for and show, but that no reference within the limits tells from the
-            effects like them.
+        hidden: asked effects that are not detectable within the limits.
+        inseparable: asked effects that are detectable, but that no reference within the limits separates from similar
+            effects.
         summary: sentences about range, peaks, duration and content.
-        warnings: sentences about what stays hidden or ambiguous.
+        warnings: sentences about effects that are not detectable or stay ambiguous.
     """
 
     time: Floats
@@ -104,28 +104,28 @@ def design_excitation(
     centre: float | None = None,
     report: Callable[[float], None] = lambda share: None,
 ) -> Excitation:
-    """Return the reference, among sequences of simple motions, that tells most about what is asked for.
+    """Return the reference, among sequences of simple motions, with the most information about the asked quantities.
 
     Args:
-        axis: settings; the design reckons with their friction, effects and noise, and with a contact that differs.
+        axis: settings; the design assumes their friction, effects and noise, and contacts that differ from them.
         limits: what the table may do.
         asked: ``identify``, ``diagnose`` or names of effects; empty for identify and diagnose together.
-        start: where the table stands; the reference begins and ends there at rest [m].
+        start: position of the table; the reference begins and ends there at rest [m].
         seconds: longest duration [s].
         rate: samples per second of the reference [Hz].
-        centre: middle of the window of ``limits.stroke`` that the motion stays in [m]; None for ``start``.
+        centre: middle of the window of ``limits.stroke`` [m]; None for ``start``.
         report: called with the completed share.
 
     Raises:
-        HiddenError: nothing that is asked for can be shown within the limits.
-        ConfigurationError: the question is none, the start is outside the window, or time is too short.
+        HiddenError: none of the asked quantities is detectable within the limits.
+        ConfigurationError: the question is not valid, the start is outside the window, or the time is too short.
     """
     question = Question.of(asked, axis)
     middle = start if centre is None else centre
     readable = limits.units.readable
     faults = []
     if not (math.isfinite(rate) and rate >= 20.0):
-        faults.append(f"rate = {rate:g} Hz must be at least 20 Hz; give the rate that the set-points are sent at")
+        faults.append(f"rate = {rate:g} Hz must be at least 20 Hz; give the rate of the set-points")
     if not seconds >= MIN_DURATION:
         faults.append(f"duration = {seconds:g} s is too short for a recording; allow {MIN_DURATION:g} s or more")
     if abs(start - middle) > 0.5 * limits.stroke * (1.0 + 1.0e-9):
@@ -168,7 +168,7 @@ def design_excitation(
 
 
 def _around(place: Place, limits: ExcitationLimits, period: float, start: float, order: Sequence[Segment]) -> Track:
-    """Return the way from the start to home, the segments, and the way back."""
+    """Return the move from the start to home, the segments, and the move back."""
     track = Track(period, limits, place.low, place.high, start)
     track.dwell(_REST)
     track.move(place.home - place.approach, math.inf)
@@ -205,7 +205,7 @@ def _efficiency(goals: Goals, choice: Choice) -> dict[str, float]:
 
 
 def _shows(design: Design, choice: Choice) -> dict[int, str]:
-    """Return for each segment what most would be lost about without it."""
+    """Return for each segment the quantities that lose most information without it."""
     out = {}
     for number in np.flatnonzero(choice.counts).tolist():
         without = choice.counts.astype(float)
@@ -222,7 +222,7 @@ def _shows(design: Design, choice: Choice) -> dict[int, str]:
 def _sections(
     order: Sequence[Segment], shows: dict[str, str], place: Place, limits: ExcitationLimits, rate: float, start: float
 ) -> tuple[Section, ...]:
-    """Return what each stretch of the reference is."""
+    """Return the parts of the reference."""
     track = _around(place, limits, 1.0 / rate, start, [])
     home = Track(1.0 / rate, limits, place.low, place.high, start)
     home.dwell(_REST)
@@ -230,14 +230,14 @@ def _sections(
     home.move(place.home, math.inf)
     home.dwell(_REST)
     samples = home.samples
-    out = [Section("rest and way to the first segment", 0.0, samples / rate, "noise", "rest")]
+    out = [Section("rest and move to the first segment", 0.0, samples / rate, "noise", "rest")]
     for segment in order:
         end = samples + len(velocity_of(segment, place, limits, 1.0 / rate))
         text = shows.get(segment.name, "")
         out.append(Section(f"{segment.kind}: {segment.name}", samples / rate, end / rate, text, segment.kind))
         samples = end
     end = samples + track.samples - home.samples
-    return (*out, Section("way back and rest", samples / rate, end / rate, "noise", "rest"))
+    return (*out, Section("move back and rest", samples / rate, end / rate, "noise", "rest"))
 
 
 def _summary(
@@ -274,7 +274,7 @@ def _summary(
 
 
 def _warnings(axis: AxisSettings, question: Question, goals: Goals) -> tuple[str, ...]:
-    """Return sentences about what stays hidden or ambiguous."""
+    """Return sentences about effects that are not detectable or stay ambiguous."""
     warnings = []
     if goals.hidden:
         warnings.append(

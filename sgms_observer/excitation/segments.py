@@ -1,7 +1,7 @@
 """The motion segments that a reference is made of; each begins and ends at rest at the same place.
 
-Every segment comes back to its home from below, so that the contact is loaded the same way in front of every segment
-and any order of them shows what each of them shows.
+Every segment returns to home from below, so that the contact is loaded the same way before every segment, and the
+information of a segment does not depend on the order.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sgms_observer.settings.axis import AxisSettings
 Floats = NDArray[np.float64]
 
 HOME_SHARE = 0.25
-"""Home keeps this share of the stroke to either end of the window: sines of that amplitude fit below it."""
+"""Distance of home from the ends of the window, as a share of the stroke: sines of that amplitude fit below it."""
 _SPEEDS = 9  # traverses, log-spaced
 _SLOWEST_SHARE = 0.01  # slowest traverse over the Stribeck velocity
 _SLOWEST_TIME = 3.0  # s, in which the slowest traverse passes the contact's own deflection
@@ -35,7 +35,7 @@ _SWEEP = (2.0, 40.0)  # Hz
 _DWELLS = (0.3, 1.0, 3.0)  # s
 _STOPS = 8
 _REST = 0.1  # s at the end of each segment
-_APPROACH = 10.0  # presliding distances travelled upwards in front of home
+_APPROACH = 10.0  # presliding distances travelled upwards before home
 _LONGEST_SHARE = 0.5  # of the whole time: a longer segment leaves no room for others
 
 
@@ -44,7 +44,7 @@ class Segment:
     """One kind of motion.
 
     Attributes:
-        kind: what it is, for people: segments of one kind differ in size and speed only.
+        kind: name of the kind; segments of one kind differ in size and speed only.
         name: with its size and speed.
         move: adds it to a track that rests at home.
     """
@@ -60,7 +60,7 @@ class Place:
 
     Attributes:
         low, high: ends of the window [m].
-        home: where segments begin and end [m].
+        home: start and end of segments [m].
         presliding: distance over which the contact of the file builds up its force [m].
         stribeck_velocity: of the file [m/s].
     """
@@ -94,7 +94,7 @@ class Place:
 
     @property
     def approach(self) -> float:
-        """Way that a segment comes up to home [m]."""
+        """Travel of a segment upwards to home [m]."""
         return min(_APPROACH * self.presliding, 0.9 * (self.home - self.low))
 
 
@@ -125,7 +125,7 @@ def velocity_of(
         place: where the motion is.
         limits: what the table may do.
         period: time between two samples [s].
-        most: samples that it may have at most; None for any number.
+        most: largest number of samples; None for any number.
 
     Raises:
         TooLongError: if it has more.
@@ -151,12 +151,12 @@ def _segments(place: Place, limits: ExcitationLimits) -> list[Segment]:
 
 
 def _down(track: Track, place: Place) -> None:
-    """Go below home, so that the way back loads the contact upwards."""
+    """Move below home, so that the move back loads the contact upwards."""
     track.move(place.home - place.approach, math.inf)
 
 
 def _traverses(place: Place, limits: ExcitationLimits) -> list[Segment]:
-    """Return ways forth and back at constant speed, over the stroke and over less of it around home."""
+    """Return traverses forth and back at constant speed, over the stroke and over parts of it around home."""
     presliding, stroke = place.presliding, place.high - place.low
     slowest = max(_SLOWEST_SHARE * place.stribeck_velocity, 2.0 * presliding / _SLOWEST_TIME)
     slowest = min(slowest, 0.1 * limits.speed)
@@ -189,7 +189,7 @@ def _apart(sizes: list[float]) -> list[float]:
 
 
 def _reversals(place: Place, limits: ExcitationLimits) -> list[Segment]:
-    """Return swings that begin and end at home, each of one size, and a series of nested ones."""
+    """Return reversals that begin and end at home, each of one size, and a series of nested ones."""
     largest = min(3.0 * place.presliding, 0.5 * (place.home - place.low))
     sizes = np.geomspace(largest, limits.smallest, _AMPLITUDES).tolist()
     out = []
@@ -264,7 +264,7 @@ def _sines(place: Place, limits: ExcitationLimits) -> list[Segment]:
 
 
 def _dwells(place: Place) -> list[Segment]:
-    """Return rests with a slow break-away in either direction behind them."""
+    """Return rests, each followed by a slow break-away in either direction."""
     out = []
     for seconds in _DWELLS:
 
@@ -280,7 +280,7 @@ def _dwells(place: Place) -> list[Segment]:
 
 
 def _stops(place: Place, limits: ExcitationLimits) -> list[Segment]:
-    """Return the way over the stroke in steps with rests between them."""
+    """Return traverses of the stroke in steps with rests between them."""
 
     def move(track: Track) -> None:
         track.move(place.low, math.inf)

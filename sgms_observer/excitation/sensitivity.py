@@ -1,9 +1,9 @@
 """Sensitivity of the effort to parameters and effects along a reference, in units of the noise.
 
-The reference stands for the motion. The effort that the model needs for it is differentiated by the parameters of the
-force balance, relative to their values, and by the strength of each effect that is looked for. All columns pass the
-low-pass that residuals are judged below. Their noise is white there: ``estimator.measurement_std``, and where the
-contact sticks the position noise times the stiffness that sticks.
+The motion is assumed to equal the reference. The effort of the model for it is differentiated by the parameters of the
+force balance, relative to their values, and by the strength of each effect. All columns pass the low-pass of the
+residuals. Their noise is white: ``estimator.measurement_std``, and where the contact sticks the position noise times
+the sticking stiffness.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 stribeck_level = vectorised("friction").stribeck_level
 
 BAND = 100.0
-"""Efforts are compared below this frequency [Hz] where the sample rate allows it: what compensation acts at."""
+"""Efforts are compared below this frequency [Hz] where the sample rate allows it, the band of a compensation."""
 RATE_SHARE = 0.1
 """Largest band over the sample rate, as for identification."""
 ROW_RATE = 2.5
@@ -37,23 +37,23 @@ ROW_RATE = 2.5
 SIZE = 0.1
 """Largest force of an effect that the file does not have, over the Coulomb force."""
 LOG_SPACED_COUNT = 6
-"""Elements that stand for a contact that the file does not know; their shares rise with the root of the deflection, as
-those of a contact whose force grows with the root of the way: little is carried by what slips first."""
+"""Number of elements of an assumed contact other than that of the file. Their shares rise with the root of the
+deflection, as in a contact whose force grows with the root of the travel."""
 HALF_DECADE = 10.0**0.5
-"""Rough values of a start file are wrong by this factor, in either direction; speeds of a fading friction, which nobody
-knows before identification, also by its square downwards."""
-_QUANTILE = 0.999  # of a force over time: its largest value but for single samples
+"""Assumed error of the values of a start file, a factor in either direction; the Stribeck velocity, which is unknown
+before an identification, may also be lower by its square."""
+_QUANTILE = 0.999  # quantile of a force over time: its largest value without single samples
 _DELAY_UNIT = 1.0e-3  # s
-_LEAST_RISE = 1.1  # static over Coulomb force: a file without Stribeck effect says nothing about where it would be
+_LEAST_RISE = 1.1  # static over Coulomb force, assumed where the file has no Stribeck effect
 _DIFFERENCE = 1.0e-4
-_LOWER_CORNER = 2.0**-0.5  # over the band: identification compares with what this low-pass shows
-_DRAWS = 4  # of the position's noise: what they have in common does not average out
+_LOWER_CORNER = 2.0**-0.5  # corner of the low-pass of the friction over the band, as in identification
+_DRAWS = 4  # of the position's noise: a common error does not average out
 _PARAMETERS = ("offset", "actuator_delay", "mass_error")  # effects that are parameters of the force balance
 
 
 @dataclass(frozen=True)
 class Contact:
-    """A contact that the design reckons with.
+    """A contact that the design assumes.
 
     Attributes:
         friction: its friction.
@@ -100,7 +100,7 @@ class Parameters:
     Attributes:
         names: of each column.
         columns: derivative of the effort by the logarithm of each, in units of the noise, shape (rows, columns).
-        asked: what a user asks for, by name: weights of the columns in its logarithm.
+        asked: asked quantities by name: weights of the columns in their logarithm.
     """
 
     names: tuple[str, ...]
@@ -109,11 +109,11 @@ class Parameters:
 
 
 class Sensitivity:
-    """The effort along a reference, and what it depends on.
+    """The effort along a reference, and its derivatives.
 
     Args:
         axis: settings.
-        contact: friction that is reckoned with.
+        contact: the assumed friction.
         position: reference [m], shape (n,).
         period: time between two samples [s].
     """
@@ -160,7 +160,7 @@ class Sensitivity:
         return self.axis.mass * acceleration + self.axis.friction.viscous_coefficient * velocity + friction
 
     def _row_weights(self) -> Floats:
-        """Return what rows are multiplied with: one over the noise, as far as rows are independent of each other."""
+        """Return the weights of the rows: one over the noise, for rows that are independent of each other."""
         travel = np.diff(self.position, prepend=self.position[:1])
         friction = self.contact.friction
         _force, stiffness = element_friction(
@@ -180,10 +180,10 @@ class Sensitivity:
         return np.asarray(filtered * (self._weights if columns.ndim == 1 else self._weights[:, None]))
 
     def errors(self) -> Floats:
-        """Return how far the friction is off because the motion that drives it is measured, shape (rows, 2).
+        """Return the error of the friction from the measured motion that drives it, shape (rows, 2).
 
-        The first column is for the low-pass that the measured motion passes, the second for its noise, which keeps a
-        contact at rest from resting. Neither averages out.
+        The first column is from the low-pass of the measured motion, the second from its noise, which moves a contact
+        that is at rest. Neither averages out.
         """
         corner = min(2.0 * _LOWER_CORNER * MOTION_OVER_BALANCE * self.band * self.period, 0.9)
         sections = signal.butter(4, corner, output="sos")
@@ -226,7 +226,7 @@ class Sensitivity:
         return Parameters(names, np.column_stack([self.rows(column) for column in found.values()]), asked)
 
     def effect_column(self, settings: EffectSettings) -> Floats:
-        """Return what an effect adds to the effort [N], shape (n,).
+        """Return the effort of an effect [N], shape (n,).
 
         Args:
             settings: the effect, weak.
@@ -247,7 +247,7 @@ class Sensitivity:
         return self._needed(position, velocity, acceleration, friction) + self._force - self.effort
 
     def level_column(self) -> Floats:
-        """Return what a friction level higher by a small share adds to the effort [N], shape (n,)."""
+        """Return the effort of a friction level that is higher by a small share [N], shape (n,)."""
         return self._elements(self.position, self._factor * (1.0 + _DIFFERENCE))[0] - self.friction
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""One value, one group of settings: what is meant is accepted, what cannot work is said in one sentence."""
+"""Checks single values and groups of settings; each fault is one sentence."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _NOT_MEANT = object()
 
 
 class Faults:
-    """Sentences in the order in which they were found, and the parameters that they are about."""
+    """Sentences about faults in the order of the file, and the faulty parameters."""
 
     def __init__(self) -> None:
         self.sentences: list[str] = []
@@ -53,12 +53,12 @@ class Faults:
         self.sentences.append(sentence)
 
     def has(self, *paths: str) -> bool:
-        """Return whether any of these parameters is already known to be wrong."""
+        """Return whether any of these parameters has a fault already."""
         return not self._paths.isdisjoint(paths)
 
 
 def shown(value: Any) -> str:
-    """Return a value as it would stand in the YAML, shortened if it is long."""
+    """Return a value as YAML text, shortened if it is long."""
     if value is None:
         return "(nothing)"
     if isinstance(value, bool):
@@ -72,7 +72,7 @@ def shown(value: Any) -> str:
         return f"[{inside}{', ...' if len(value) > 6 else ''}]"
     try:
         return _SHORT.repr(value).replace("\n", " ")
-    except ValueError:  # Python refuses to write out integers of thousands of digits
+    except ValueError:  # Python does not print integers of thousands of digits
         return "(a number of thousands of digits)"
 
 
@@ -83,16 +83,16 @@ def alternatives(words: Iterable[str]) -> str:
 
 
 def closest(word: str, words: Iterable[str]) -> str | None:
-    """Return the word that was most likely meant, or None."""
+    """Return the most similar known word, or None."""
     known = {entry.lower(): entry for entry in words}
     found = difflib.get_close_matches(word[:80].lower(), known, n=1, cutoff=0.6)
     return known[found[0]] if found else None
 
 
 def as_number(raw: Any) -> float | None:
-    """Return what is meant as a finite number, or None.
+    """Return a value as a finite number, or None.
 
-    PyYAML reads ``1e-4`` as text and rcl refuses an integer for a double; both are meant as numbers.
+    PyYAML reads ``1e-4`` as text, and rcl refuses an integer for a double; both count as numbers here.
     """
     if isinstance(raw, str) and _NUMBER.fullmatch(raw.strip()):
         raw = float(raw)
@@ -137,7 +137,7 @@ def _expectation(declared: Declared) -> str:
 
 
 def _example(declared: Declared) -> str:
-    """Return a number that would be right, with its point."""
+    """Return an example of a valid number, with its point."""
     default = declared.default if not declared.is_list else declared.default[0] if declared.default else 1.0
     return f"{default:.1f}" if float(default).is_integer() else shown(float(default))
 
@@ -208,7 +208,7 @@ def checked_value(path: str, declared: Declared, raw: Any, faults: Faults) -> An
 
 
 def unknown_key(path: str, key: Any, known: Collection[str], elsewhere: Mapping[str, str], faults: Faults) -> None:
-    """Note a key that is no setting, with what was probably meant.
+    """Note a key that is no setting, with the most similar setting.
 
     Args:
         path: full name of the group it stands in; empty at the top.
@@ -246,11 +246,11 @@ def checked_group(
 
     Args:
         path: full name of the group; empty at the top.
-        defaults: the group as it is when nothing is given.
+        defaults: the default values of the group.
         tree: the mapping as read; nothing stands for an empty one.
         faults: receives every sentence; a faulty setting keeps its default.
         separate: keys that the caller reads itself.
-        elsewhere: settings of other groups for better guesses, name to full name.
+        elsewhere: settings of other groups for suggestions, name to full name.
         joint_type: of the axis that the group belongs to; the sentences have its units.
     """
     if tree is None:

@@ -1,4 +1,4 @@
-"""Rules between settings: what each value allows alone can still be impossible together."""
+"""Rules between settings: values that are valid alone can be invalid together."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from sgms_observer.settings.units import Units
 #: Largest distance of the sum of the element fractions from one; printed tables round to two or three digits.
 FRACTION_TOLERANCE = 1e-3
 
-#: Longest window of the filter [samples]: longer ones are slips of the unit.
+#: Longest window of the filter [samples]: a longer one is a wrong unit.
 MAX_WINDOW = 10_000
 
 
@@ -35,15 +35,15 @@ def friction_consistency(
 
     Args:
         path: full name of the group, ``x.friction``.
-        friction: the values, each right by itself.
-        given: the keys that the file gives, to tell a wrong list from a missing one.
+        friction: the values, each valid alone.
+        given: the keys in the file, to distinguish a wrong list from a missing one.
         faults: receives the sentences.
         units: of the axis.
-        inherited_from: full name of the group that the other keys come from, whose faults are not said twice.
+        inherited_from: full name of the group that the other keys come from, whose faults are not reported twice.
     """
 
     def is_faulty(*names: str) -> bool:
-        """Return whether one of these is already known to be wrong, here or where it comes from."""
+        """Return whether one of these has a fault already, here or in the parent group."""
         places = (inherited_from if inherited_from and name not in given else path for name in names)
         return faults.has(*(f"{place}.{name}" for place, name in zip(places, names, strict=True)))
 
@@ -78,7 +78,7 @@ def friction_consistency(
 
 
 def _stage_consistency(path: str, stage: StageSettings, period: float, faults: Faults) -> None:
-    """Check reference and controller of a simulated stage, each right by itself, against the sample period [s]."""
+    """Check reference and controller of a simulated stage, each valid alone, against the sample period [s]."""
     nyquist = 0.5 / period
     bandwidth = stage.controller.bandwidth
     if bandwidth >= nyquist and not faults.has(f"{path}.controller.bandwidth", "sample_period"):
@@ -91,7 +91,7 @@ def _stage_consistency(path: str, stage: StageSettings, period: float, faults: F
 
 
 def _reference_consistency(path: str, reference: ReferenceSettings, nyquist: float, faults: Faults) -> None:
-    """Check that the chosen kind of reference has all it needs."""
+    """Check that the chosen kind of reference has all its settings."""
     if reference.kind == "sine":
         _check_frequencies(f"{path}.frequency", (reference.frequency,), nyquist, faults)
     if reference.kind == "multi_sine":
@@ -115,7 +115,7 @@ def _reference_consistency(path: str, reference: ReferenceSettings, nyquist: flo
 
 
 def _check_frequencies(path: str, frequencies: Sequence[float], nyquist: float, faults: Faults) -> None:
-    """Check that the sample rate can carry these frequencies."""
+    """Check that these frequencies are below half the sample rate."""
     for frequency in frequencies:
         if frequency >= nyquist and not faults.has(path, "sample_period"):
             faults.add(
@@ -126,7 +126,7 @@ def _check_frequencies(path: str, frequencies: Sequence[float], nyquist: float, 
 
 
 def is_file(name: str) -> bool:
-    """Return whether there is a file of this name, also when the name is no possible one."""
+    """Return whether there is a file of this name; False for an impossible name."""
     try:
         return Path(name).is_file()
     except (OSError, ValueError):
@@ -134,7 +134,7 @@ def is_file(name: str) -> bool:
 
 
 def _filter_consistency(path: str, filter_: FilterSettings, period: float, faults: Faults) -> None:
-    """Check block V, each value right by itself, against the sample period [s]."""
+    """Check block V, each value valid alone, against the sample period [s]."""
     if faults.has("sample_period"):
         return
     nyquist = 0.5 / period
@@ -146,7 +146,7 @@ def _filter_consistency(path: str, filter_: FilterSettings, period: float, fault
         )
     intervals = 2 * (
         filter_.degree // 2 + 1
-    )  # the shortest window that still smooths; a window by default stretches to it
+    )  # the shortest window that smooths; the default window is lengthened to it
     is_short = filter_.window < intervals * period * (1 - 1e-9) and filter_.window != FilterSettings().window
     if filter_.kind == "savgol" and is_short and not faults.has(f"{path}.window", f"{path}.degree"):
         faults.add(
@@ -188,7 +188,7 @@ def axis_consistency(axis: AxisSettings, period: float, faults: Faults) -> None:
     """Check one axis against the sample period (its friction models are checked where they are read).
 
     Args:
-        axis: the axis, each value right by itself.
+        axis: the axis, each value valid alone.
         period: nominal sample period [s].
         faults: receives the sentences.
     """

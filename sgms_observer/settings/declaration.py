@@ -23,7 +23,7 @@ def setting(
     """Declare a dataclass field as a user's setting.
 
     Args:
-        default: value when the YAML is silent; its type is the setting's type (a tuple means a list).
+        default: value without an entry in the YAML; its type is the setting's type (a tuple means a list).
         description: one sentence for people.
         unit: SI unit, or ``-``; that of a prismatic axis.
         minimum: smallest allowed value (each entry of a list).
@@ -48,7 +48,7 @@ def setting(
 
 
 def section(kind: type, description: str) -> Any:
-    """Declare a dataclass field as a group of settings of its own.
+    """Declare a dataclass field as a nested group of settings.
 
     Args:
         kind: the group's dataclass; its defaults are the group's.
@@ -91,7 +91,7 @@ class Declared:
         maximum: largest allowed value; likewise.
         above: bound that the value must strictly exceed, if any.
         choices: the allowed words, if they are listed.
-        is_nonzero: whether zero is the one number that is not allowed.
+        is_nonzero: whether zero is not allowed.
     """
 
     name: str
@@ -119,7 +119,7 @@ class Declared:
             object.__setattr__(self, "maximum", largest)
 
     def of_joint_type(self, joint_type: str) -> Declared:
-        """Return the setting with the unit that it has on an axis of this joint type.
+        """Return the setting with its unit on an axis of this joint type.
 
         Args:
             joint_type: ``prismatic`` or ``revolute``.

@@ -22,7 +22,7 @@ _HEAD = """# Parameters
 Written by `python -m sgms_observer.settings.document` from the declarations in `sgms_observer/settings/`; do not edit.
 
 A parameter file is ROS 2 YAML and serves the nodes and the command line alike; `config/table.yaml` is the one to start
-from. `/**` speaks to every node; a section of a node's own, such as `/observer_node`, is laid over it. Everything has a
+from. `/**` is for every node; a section of one node, such as `/observer_node`, overrides it. Everything has a
 default. A key that is not listed here, a wrong type or an impossible value stops the start with one sentence each.
 
 ```yaml
@@ -61,7 +61,7 @@ your own to the catalogue.
 
 The tables give the units of a prismatic axis. `joint_type: revolute` makes each `m` a `rad`, `N` a `N m` and `kg` a
 `kg m^2`: N/m is N m/rad, N s/m is N m s/rad. Everything but the two scales is in these units; `position_scale` and
-`effort_scale` bring what topics and bags carry to them, and what is published is in them.
+`effort_scale` convert topics and bags to these units, and all outputs are in them.
 
 ## The truth of the simulated stage: `x.stage.friction`, `x.stage.effects`
 

@@ -12,10 +12,10 @@ from sgms_observer.settings.units import PRISMATIC, Units
 
 #: The catalogue as the settings see it: effect by its name.
 Catalogue = Mapping[str, Effect]
-#: Gives the catalogue extended by the effects in the user's own files.
+#: Returns the catalogue extended by the effects in the user's files.
 CatalogueSource = Callable[[Sequence[str]], Catalogue]
 
-#: Stands alone in ``names`` for none at all, where an empty list is not possible: ROS hands on no empty lists.
+#: The only entry of ``names`` for no effect: ROS passes on no empty lists.
 NO_EFFECT = "none"
 
 NAMES = Declared("names", STRINGS, (), "effects of the catalogue that act on this axis")
@@ -66,7 +66,7 @@ def checked_effects(
     Args:
         path: full name of the group, ``x.effects``.
         tree: ``{names: [...], cogging: {...}}`` as read.
-        catalogue: known effects; None when they are not known, so that nothing can be said.
+        catalogue: known effects; None when they are unknown, so that names are not checked.
         faults: receives the sentences.
         joint_type: of the axis, for the units in the sentences.
     """

@@ -1,4 +1,4 @@
-"""From YAML to checked settings: the one way in, for the command line and for the nodes."""
+"""Reads YAML as checked settings, for the command line and for the nodes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ AXES = Declared(
     "axes", STRINGS, ("x",), "names of the axes, as in the messages; each has a group of settings of its own"
 )
 
-#: Joints of robots in one system are told apart by a slash: left/x.
+#: A slash separates the joints of several robots in one system: left/x.
 _AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(?:/[A-Za-z0-9_-]+)*")
 
 
@@ -99,7 +99,7 @@ def _friction(
     joint_type: str,
     parent: str = "",
 ) -> FrictionSettings:
-    """Return one friction model on top of its parent's; damping that the file leaves out is zero."""
+    """Return one friction model with the values of its parent as defaults; missing damping is zero."""
     friction = checked_group(path, defaults, tree, faults, elsewhere=elsewhere, joint_type=joint_type)
     given = tuple(key for key in tree if isinstance(key, str)) if isinstance(tree, Mapping) else ()
     n_z = len(friction.element_stiffness)
@@ -111,7 +111,7 @@ def _friction(
 
 @lru_cache(maxsize=8)
 def _places() -> dict[str, str]:
-    """Return where in an axis each setting stands; names that stand in several places are left out."""
+    """Return the place of each setting in an axis; names with several places are left out."""
     found: dict[str, str] = {}
     twice: set[str] = set()
 
@@ -129,7 +129,7 @@ def _places() -> dict[str, str]:
 
 
 def _elsewhere_in(axis: str) -> dict[str, str]:
-    """Return the full name of every setting, by its short name, for guesses at what a misplaced one means."""
+    """Return the full name of every setting, by its short name, for suggestions about misplaced ones."""
     shared = {key: key for key in (*declared_settings(Settings), "axes")}
     return {**{key: f"{axis}{place}" for key, place in _places().items()}, **shared}
 
@@ -147,7 +147,7 @@ def resolved(name: str, folder: Path) -> str:
     return in_folder if is_file(in_folder) else name
 
 
-#: Switches that every rclpy node declares, and parameters of other ROS nodes, which do nothing here.
+#: Switches that every rclpy node declares, and parameters of other ROS nodes, which have no effect here.
 ROS_SWITCHES = {
     name: Declared(name, BOOL, False, "a switch of every ROS node")
     for name in ("use_sim_time", "start_type_description_service")
@@ -198,7 +198,7 @@ def settings_from_tree(
 
     Args:
         tree: ``{"/**": {"ros__parameters": {...}}}`` or ``{"axes": [...], "x": {...}}``.
-        source_name: where it comes from, for sentences about the whole.
+        source_name: name of the source, for sentences about the whole.
         folder: relative file names in it start here.
         node_names: nodes whose sections are laid over ``/**``.
         catalogue: gives the known effects.
@@ -240,10 +240,10 @@ def settings_from_tree(
 def repeated_faults(
     document: Mapping[Any, Any], source_name: str, node_names: tuple[str, ...]
 ) -> Iterator[tuple[str, str]]:
-    """Yield the parameters that the sections of these nodes give twice, each with its sentence.
+    """Yield each parameter that the sections of these nodes define twice, with its sentence.
 
     Args:
-        document: the tree of a file; only one that ``read_document`` returned knows.
+        document: the tree of a file, as ``read_document`` returned it.
         source_name: name of the file.
         node_names: whose sections count.
     """
@@ -256,7 +256,7 @@ def repeated_faults(
 
 
 def usable_axes(raw: Any) -> tuple[str, ...]:
-    """Return those names of ``axes`` that an axis can have.
+    """Return the valid names of ``axes``.
 
     Args:
         raw: the list as read.

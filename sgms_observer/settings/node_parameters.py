@@ -1,8 +1,8 @@
-"""A node's parameters: what it declares, and its arguments, read and checked before ROS reads them. No ROS in here.
+"""The parameters of a node: their declarations, and its arguments, checked before ROS reads them. Imports no ROS.
 
-rcl refuses ``[12.0e6, 2, 3.0]`` and an integer for a double with a traceback, and hands on empty lists without a type.
-So the node's files and ``-p`` values are read here instead: every fault is said in one sentence, and the node is made
-with the parameters in the types that it declares.
+rcl refuses ``[12.0e6, 2, 3.0]`` and an integer for a double with a traceback, and passes on empty lists without a type.
+So the files and ``-p`` values of the node are read here. Every fault is one sentence, and the node gets its parameters
+in the types that it declares.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ class ParameterDeclaration:
     Attributes:
         name: full name, ``x.friction.static_force``.
         type: ``double``, ``integer``, ``bool``, ``string``, ``double_array`` or ``string_array``.
-        default: value when nobody gives one; a list for an array.
+        default: the default value; a list for an array.
         unit: SI unit, or ``-``.
         description: one sentence for people, with the unit.
-        minimum: smallest allowed value, itself allowed; None for what is no number.
-        maximum: largest allowed value, itself allowed; None for what is no number.
+        minimum: smallest allowed value; None for what is no number.
+        maximum: largest allowed value; None for what is no number.
         choices: the allowed words; None for any.
     """
 
@@ -78,10 +78,10 @@ def _declaration(name: str, declared: Declared) -> ParameterDeclaration:
 
 
 def declare_all(declare: Declare, catalogue: CatalogueSource = installed_catalogue) -> None:
-    """Declare every parameter of a node, each as soon as what it depends on is known.
+    """Declare every parameter of a node, each after the parameters that it depends on.
 
-    The axes decide which groups there are, the effects' names which parameters they have, the axis's friction what the
-    true friction is by default.
+    The axes determine the groups, the names of the effects determine their parameters, and the friction of the axis is
+    the default of the true friction.
 
     Args:
         declare: declares one parameter and returns its value (None stands for the default).
@@ -100,7 +100,7 @@ def declare_all(declare: Declare, catalogue: CatalogueSource = installed_catalog
 
 
 def _known_effects(catalogue: CatalogueSource, files: Any) -> Catalogue:
-    """Return the known effects; a file that cannot be used is left to the check, which has a sentence for it."""
+    """Return the known effects; the check reports a file that cannot be used."""
     try:
         return catalogue(
             checked_value("effect_files", declared_settings(Settings)["effect_files"], files, Faults()) or ()
@@ -116,7 +116,7 @@ def _declare_axis(axis: str, declared_value: Declare, known: Catalogue) -> None:
     joint_type = asked if asked in JOINT_TYPES else PRISMATIC
     for declaration in _group(axis, AxisSettings, joint_type):
         if declaration.name == f"{axis}.joint_type":
-            continue  # declared before the others, whose units follow it
+            continue  # declared first, because the units of the others follow it
         if declaration.name == f"{axis}.friction.element_damping":
             declaration = replace(
                 declaration, default=[0.0] * len(friction[f"{axis}.friction.element_stiffness"] or ())
@@ -139,7 +139,7 @@ def _group(path: str, kind: type, joint_type: str) -> Iterable[ParameterDeclarat
 
 
 def _declare_effects(path: str, declared_value: Declare, known: Catalogue, joint_type: str) -> None:
-    """Declare the names of effects, then the parameters of those that are named."""
+    """Declare the names of the effects, then their parameters."""
     names = declared_value(_declaration(f"{path}.names", NAMES))
     for name in dict.fromkeys(names if isinstance(names, (list, tuple)) else ()):
         for key, declared in declared_values(known[name], joint_type).items() if name in known else ():
@@ -157,8 +157,8 @@ def tree_from_parameters(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return parameters as the tree that ``settings_from_tree`` takes.
 
     Args:
-        values: full name to value; None, which ROS has for a parameter without a type, counts as not given, and so do
-            empty names of the stage's true effects: they are the axis's then, and ``none`` is the word for none.
+        values: full name to value. None, which ROS has for a parameter without a type, counts as not given. So do empty
+            names of the stage's true effects; the stage then has those of the axis, and ``none`` means no effect.
     """
     given = {name: _plain(value) for name, value in values.items() if value is not None}
     tree: dict[str, Any] = expanded(
@@ -172,12 +172,12 @@ _FILE, _PARAMETER, _REMAP = ("--params-file",), ("-p", "--param"), ("-r", "--rem
 
 @dataclass(frozen=True)
 class NodeArguments:
-    """What a node starts with.
+    """Checked arguments of a node.
 
     Attributes:
         argv: arguments for ``rclpy.init``: all but the parameter files and ``-p`` values.
         settings: the checked settings in those.
-        parameters: their values by full name, each in the type that the node declares; None if nobody gave any.
+        parameters: their values by full name, each in its declared type; None without any.
     """
 
     argv: list[str]
@@ -189,11 +189,11 @@ def read_arguments(argv: Sequence[str], node_name: str = "observer_node") -> Nod
     """Take the parameters out of a node's arguments and check them.
 
     Args:
-        argv: the process's arguments, ``sys.argv``; what has nothing to do with parameters stays as it is.
+        argv: the arguments of the process, ``sys.argv``; arguments other than parameters are returned unchanged.
         node_name: name of the node, unless the arguments rename it.
 
     Returns:
-        The parameters of all files and ``-p`` values, the later ones deciding, and the other arguments.
+        The parameters of all files and ``-p`` values, where later ones override, and the other arguments.
 
     Raises:
         ConfigurationError: one sentence per fault of all the parameters together.
@@ -210,7 +210,7 @@ def read_arguments(argv: Sequence[str], node_name: str = "observer_node") -> Nod
 
 
 def refuse_incomplete(arguments: NodeArguments, node_name: str) -> None:
-    """Refuse to start a node on the example's numbers: somebody's axes and their masses must be given.
+    """Refuse to start a node without axes or masses, because the defaults are those of an example.
 
     Args:
         arguments: what ``read_arguments`` returned.
@@ -231,7 +231,7 @@ def refuse_incomplete(arguments: NodeArguments, node_name: str) -> None:
 
 
 def missing_parameters(settings: Settings, axes: Sequence[AxisSettings]) -> list[str]:
-    """Return a sentence for each value that a node would not start without and that a parameter file lacks.
+    """Return a sentence for each required value that a parameter file lacks.
 
     Args:
         settings: of the file.
@@ -241,7 +241,7 @@ def missing_parameters(settings: Settings, axes: Sequence[AxisSettings]) -> list
 
 
 def refuse_missing(settings: Settings, axes: Sequence[AxisSettings]) -> None:
-    """Refuse a parameter file without axes or without a mass: the numbers of an example are nobody's machine.
+    """Refuse a parameter file without axes or without a mass, because the defaults are those of an example.
 
     Args:
         settings: of the file.
@@ -255,11 +255,11 @@ def refuse_missing(settings: Settings, axes: Sequence[AxisSettings]) -> None:
 
 
 def _missing(given: Mapping[str, Any], axes: Sequence[AxisSettings]) -> list[str]:
-    """Return a sentence for each value that parameters by full name lack."""
+    """Return a sentence for each required value that is missing in parameters by full name."""
     if "axes" not in given:
         return ["axes must be given; check the path of the parameter file, or write for instance axes: [x] into it"]
     names = [f"{axis.name}.mass" for axis in axes]
-    return [f"{name} must be given; weigh or identify what moves" for name in names if name not in given]
+    return [f"{name} must be given; weigh the moving mass, or identify it" for name in names if name not in given]
 
 
 def _laid_over_each_other(
@@ -278,18 +278,18 @@ def _laid_over_each_other(
         if our_sections(document, (full_name,)):
             parameters = _moved(parameter_tree(document, value, (full_name,)), Path(value).parent)
             name = parameters.get("save_file", SAVE_FILE if "axes" in parameters else None)
-            if isinstance(name, str):  # the check has a sentence for anything else
+            if isinstance(name, str):  # the check reports any other type
                 parameters["save_file"] = str(Path(value).resolve().parent / Path(name).expanduser())
             tree = overlaid(tree, parameters)
         else:
             for_others.append((document, value))
-    if for_others and not tree:  # a launch file may hand on files for others, but not only those
+    if for_others and not tree:  # a launch file may pass files for other nodes too, but not only those
         parameter_tree(*for_others[0], (full_name,))
     return tree, sentences
 
 
 def _moved(tree: dict[Any, Any], folder: Path) -> dict[Any, Any]:
-    """Return parameters whose relative file names no longer depend on the folder of their file."""
+    """Return parameters with absolute file names."""
     return normal_parameters(tree, lambda name: str((folder / name).resolve()) if (folder / name).exists() else name)
 
 

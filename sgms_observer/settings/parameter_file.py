@@ -1,4 +1,4 @@
-"""A ROS 2 parameter file as a tree: read safely, its sections found and laid over each other."""
+"""Reads a ROS 2 parameter file as a tree, finds its sections, and combines them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def read_document(path: str | Path) -> dict[str, Any]:
         ConfigurationError: the file is missing, not text, not YAML or has no section for parameters; one sentence.
     """
     try:
-        with Path(path).open("rb") as file:  # a device or a pipe has no size, and may have no end
+        with Path(path).open("rb") as file:  # a device or a pipe may have no end
             content = file.read(_LARGEST_FILE + 1)
         if len(content) > _LARGEST_FILE:
             raise ConfigurationError([f"{path} is larger than {_LARGEST_FILE // 1_000_000} MB; name a parameter file"])
@@ -67,14 +67,14 @@ def sections(
 
 
 def is_for_node(section_name: str, node_names: tuple[str, ...]) -> bool:
-    """Return whether a section speaks to one of these nodes.
+    """Return whether a section is for one of these nodes.
 
     Args:
         section_name: as ``sections`` yields it; ``*`` stands for one name and ``**`` for any.
         node_names: plain node names, or with their namespace (``/table/observer_node``, ``/observer_node``).
     """
     for node in node_names:
-        if "/" not in node:  # the namespace is not known: the last name decides
+        if "/" not in node:  # the namespace is unknown, so the last name is compared
             last = section_name.rsplit("/", 1)[-1]
             if last in ("*", "**", node):
                 return True
@@ -87,7 +87,7 @@ def is_for_node(section_name: str, node_names: tuple[str, ...]) -> bool:
 
 
 def overlaid(below: Mapping[Any, Any], above: Mapping[Any, Any]) -> dict[Any, Any]:
-    """Return two parameter trees as one, the second deciding where both speak."""
+    """Return two parameter trees as one; the second overrides the first."""
     merged = dict(below)
     for key, value in above.items():
         old = merged.get(key)
@@ -96,7 +96,7 @@ def overlaid(below: Mapping[Any, Any], above: Mapping[Any, Any]) -> dict[Any, An
 
 
 def expanded(tree: Any, _seen: dict[int, Any] | None = None) -> Any:
-    """Return a parameter tree with ``a.b: 1`` written as ``a: {b: 1}``, which ROS takes for the same.
+    """Return a parameter tree with ``a.b: 1`` written as ``a: {b: 1}``, which is the same for ROS.
 
     Args:
         tree: any YAML value; only mappings change.
@@ -106,7 +106,7 @@ def expanded(tree: Any, _seen: dict[int, Any] | None = None) -> Any:
     visited = {} if _seen is None else _seen
     if id(tree) in visited:
         return visited[id(tree)]
-    visited[id(tree)] = tree  # a tree that contains itself stays as it is
+    visited[id(tree)] = tree  # a tree that contains itself is not changed
     result: dict[Any, Any] = {}
     for key, value in tree.items():
         nested = expanded(value, visited)
@@ -120,7 +120,7 @@ def expanded(tree: Any, _seen: dict[int, Any] | None = None) -> Any:
 
 
 def repeated_keys(tree: Any, prefix: str = "", _seen: set[int] | None = None) -> Iterator[tuple[str, int]]:
-    """Yield the full name and line of every key that a file gives twice in one group, of which only the last counts.
+    """Yield the full name and line of every key that a file has twice in one group.
 
     Args:
         tree: parameters as ``yaml_text.parse`` returned them.
@@ -139,7 +139,7 @@ def repeated_keys(tree: Any, prefix: str = "", _seen: set[int] | None = None) ->
 def our_sections(
     document: Mapping[Any, Any], node_names: tuple[str, ...] = NODE_NAMES
 ) -> list[tuple[str, tuple[str, ...], Any]]:
-    """Return the sections that speak to these nodes, the one that overrules the others last.
+    """Return the sections for these nodes, in rising priority.
 
     Args:
         document: the tree of a file.

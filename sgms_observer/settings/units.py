@@ -11,12 +11,12 @@ PRISMATIC, REVOLUTE = "prismatic", "revolute"
 #: The words of URDF.
 JOINT_TYPES = (PRISMATIC, REVOLUTE)
 
-#: SI prefixes of the numbers that people read, largest first; a smaller number keeps the last one.
+#: SI prefixes of printed numbers, largest first; smaller numbers keep the last one.
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
 
 _REVOLUTE_WORDS = {"m": "rad", "N": "N m", "kg": "kg m^2"}
-#: Smallest positive and largest magnitude that a quantity has on any machine: every declared range is finite.
-#: Wide on purpose; they refuse a slip of six zeros, not a choice.
+#: Smallest positive and largest magnitude of a quantity on any machine, so that every declared range is finite.
+#: They are wide: they refuse an error of six zeros, not a choice.
 _PHYSICAL = {
     "-": (1e-9, 1e9),
     "Hz": (1e-4, 1e7),
@@ -47,7 +47,7 @@ def physical_range(unit: str) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Scales:
-    """Factors from what topics and bags carry to SI.
+    """Factors from the units of topics and bags to SI.
 
     Attributes:
         position: m (or rad) per unit of position, velocity and reference.

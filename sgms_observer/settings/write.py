@@ -1,4 +1,4 @@
-"""Settings back into a parameter file: whole or not at all, in the one form that every parser reads alike."""
+"""Writes settings to a parameter file, completely or not at all, in a form that every parser reads alike."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from sgms_observer.settings.parameter_file import expanded, our_sections, sectio
 from sgms_observer.settings.yaml_text import keyed_lines, text_of
 from sgms_observer.whole_file import write_text
 
-#: What a parameter of an effect may be: a number, a list of numbers, or a list of words.
+#: Types of a parameter of an effect: a number, a list of numbers, or a list of words.
 _EFFECT_NUMBER = Declared("value", DOUBLE, 0.0, "a parameter of an effect")
 _EFFECT_NUMBERS = Declared("value", DOUBLES, (), "a list of an effect")
 _EFFECT_WORDS = Declared("value", STRINGS, (), "a list of words of an effect")
 
 Comments = Mapping[str, str]
 
-#: What ``_at`` returns where there is nothing, not even null.
+#: Result of ``_at`` for a missing key.
 _MISSING = object()
 
 
@@ -33,7 +33,7 @@ def normal_parameters(tree: Mapping[Any, Any], file_name: Callable[[str], str] =
     """Return a tree of parameters with every known value written as its declared type.
 
     Numbers meant as doubles become doubles, single values of lists become lists, and texts are plain texts again.
-    What is no setting, or cannot be meant, stays as it is for the check to speak about.
+    Unknown settings and invalid values are not changed; the check reports them.
 
     Args:
         tree: the parameters of a node, ``{"axes": [...], "x": {...}}``.
@@ -123,7 +123,7 @@ def _normal_effects(tree: Any) -> Any:
 
 
 def _normal_stage_effects(tree: Any) -> Any:
-    """Return the true effects; none at all is a word, because an empty list does not reach a node."""
+    """Return the true effects; no effect is the word ``none``, because ROS passes on no empty list."""
     result = _normal_effects(tree)
     if tree is not None and isinstance(result, dict) and not result.get("names"):
         result["names"] = [NO_EFFECT]
@@ -143,7 +143,7 @@ def given_parameters(tree: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def _by_full_name(tree: Mapping[Any, Any], prefix: str) -> dict[str, Any]:
-    """Return what a tree holds, without its groups."""
+    """Return the values of a tree without its groups."""
     found: dict[str, Any] = {}
     for key, value in tree.items():
         if isinstance(value, Mapping):
@@ -154,7 +154,7 @@ def _by_full_name(tree: Mapping[Any, Any], prefix: str) -> dict[str, Any]:
 
 
 def updated_tree(tree: Mapping[Any, Any], axis: str, changes: Mapping[str, Any]) -> dict[Any, Any]:
-    """Return a copy of a tree with settings of one axis changed; the given tree stays as it is.
+    """Return a copy of a tree with changed settings of one axis.
 
     Args:
         tree: a document with its sections (``Settings.source``), or the parameters alone.
@@ -162,7 +162,7 @@ def updated_tree(tree: Mapping[Any, Any], axis: str, changes: Mapping[str, Any])
         changes: ``friction.static_force`` to its new value; None removes the setting or group.
 
     Returns:
-        The tree; each change stands in the section that had the setting, a new one beside the axis's other settings.
+        The tree; each change is in the section that had the setting, a new one next to the axis's other settings.
     """
     document = dict(tree) if any(sections(tree)) else dict(expanded(tree))
     places = [place for _, place, _ in our_sections(document)] or [()]
@@ -179,7 +179,7 @@ def updated_tree(tree: Mapping[Any, Any], axis: str, changes: Mapping[str, Any])
 
 
 def _at(tree: Any, keys: Sequence[str]) -> Any:
-    """Return what stands at these keys, or ``_MISSING``."""
+    """Return the value at these keys, or ``_MISSING``."""
     for key in keys:
         if not isinstance(tree, Mapping) or key not in tree:
             return _MISSING
@@ -188,7 +188,7 @@ def _at(tree: Any, keys: Sequence[str]) -> Any:
 
 
 def _put(tree: dict[Any, Any], keys: Sequence[str], value: Any) -> None:
-    """Set what stands at these keys in ``tree``, copying every group on the way; None removes it."""
+    """Set the value at these keys in ``tree``, with a copy of every group on the path; None removes it."""
     for key in keys[:-1]:
         below = tree.get(key)
         tree[key] = dict(below) if isinstance(below, Mapping) else {}
@@ -233,8 +233,8 @@ def tree_of(settings: Settings, catalogue: CatalogueSource = installed_catalogue
 def _kept_stage_friction(settings: Settings, axis: str, changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return every friction value of the stage, if the file lists some of them.
 
-    A value that the file leaves out is read from the observer's friction. Where that changes, the simulated truth is
-    written in full, so that it stays as it was.
+    A value that the file leaves out is that of the observer's friction. Where the observer's friction changes, the
+    simulated truth is written in full, so that it does not change.
     """
     friction = next((one.stage_friction for one in settings.axes if one.name == axis), None)
     if friction is None or not any(key.startswith("friction.") for key in changes):
@@ -256,7 +256,7 @@ def _group_tree(group: Any) -> dict[str, Any]:
 
 
 def _effects_tree(effects: Sequence[EffectSettings], known: Catalogue) -> dict[str, Any]:
-    """Return effects as they stand in the YAML."""
+    """Return effects in the form of the YAML."""
     tree: dict[str, Any] = {"names": [effect.name for effect in effects]}
     for effect in effects:
         named = named_values(known[effect.name], effect.values) or {}
@@ -273,9 +273,9 @@ def yaml_of(
 
     Args:
         tree: a document with its sections, or the parameters alone.
-        comments: parameter's full name to a remark behind it; the empty name for lines at the head of the file.
+        comments: parameter's full name to a remark after it; the empty name for lines at the head of the file.
         read_from: folder that relative file names in the tree start at.
-        to: folder that they will have to start at.
+        to: folder that they will start at.
     """
 
     def moved(name: str) -> str:
@@ -292,7 +292,7 @@ def yaml_of(
 
 
 def _commented(text: str, comments: Comments) -> str:
-    """Return YAML text with remarks; each at the first place where its parameter stands."""
+    """Return YAML text with remarks, each at the first place of its parameter."""
     left = dict(comments)
     lines = [f"# {line}".rstrip() for line in left.pop("", "").splitlines()]
     for line, name, indent in keyed_lines(text):

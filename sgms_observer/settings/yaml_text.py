@@ -1,4 +1,4 @@
-"""YAML text to a tree and back, so that PyYAML and rcl understand the same by it; and the comments in it."""
+"""Converts YAML text to a tree and back, so that PyYAML and rcl read it alike; and keeps its comments."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _INT = "tag:yaml.org,2002:int"
 _FLOAT = "tag:yaml.org,2002:float"
 _TIMESTAMP = "tag:yaml.org,2002:timestamp"
 
-#: Words that one of the parsers takes for something else than text.
+#: Words that one of the parsers does not read as text.
 _RESERVED = re.compile(r"(y|n|yes|no|true|false|on|off|null|none|nan|inf|infinity)$", re.IGNORECASE)
 _SAFE_PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./*-]*$")
 
@@ -27,13 +27,13 @@ _BEHIND = re.compile(r"""^((?:[^"'#]|"(?:[^"\\]|\\.)*"|'[^']*'|(?<!\s)#)*?)\s+#\
 
 
 class PlainText(str):
-    """Text that stood in the YAML without quotes."""
+    """Text without quotes in the YAML."""
 
     __slots__ = ()
 
 
 class Group(dict[Any, Any]):
-    """A mapping that remembers which of its keys the file gives twice, as (key, line)."""
+    """A mapping with the keys that the file has twice, as (key, line)."""
 
     repeated: tuple[tuple[str, int], ...] = ()
 
@@ -62,7 +62,7 @@ def _construct_group(loader: Any, node: Any) -> Any:
 
 
 def _construct_text(loader: Any, node: Any) -> str:
-    """Return a text, marked if it stood without quotes."""
+    """Return a text, marked if it has no quotes."""
     text: str = loader.construct_scalar(node)
     return text if node.style else PlainText(text)
 
@@ -132,13 +132,13 @@ def _represent_float(writer: yaml.SafeDumper, value: float) -> yaml.ScalarNode:
 
 
 def _represent_text(writer: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
-    """Return text with quotes wherever one of the parsers would take it for something else."""
+    """Return text with quotes where one of the parsers would not read it as text."""
     is_plain = _SAFE_PLAIN.match(value) and not _RESERVED.match(value)
     return writer.represent_scalar("tag:yaml.org,2002:str", value, style=None if is_plain else '"')
 
 
 def _represent_plain(writer: yaml.SafeDumper, value: PlainText) -> yaml.ScalarNode:
-    """Return text as it stood in the file that it was read from."""
+    """Return text in the form of the file that it was read from."""
     return writer.represent_scalar("tag:yaml.org,2002:str", str(value))
 
 
@@ -148,7 +148,7 @@ def _represent_list(writer: yaml.SafeDumper, value: Any) -> yaml.SequenceNode:
 
 
 def _represent_group(writer: yaml.SafeDumper, value: Mapping[Any, Any]) -> yaml.MappingNode:
-    """Return a group in its own order; ``y`` is an axis, and as a key both parsers take it for text."""
+    """Return a group in its order; as a key ``y`` is an axis, which both parsers read as text."""
     items = [(PlainText(key) if key in ("y", "Y", "n", "N") else key, entry) for key, entry in value.items()]
     return writer.represent_mapping("tag:yaml.org,2002:map", items, flow_style=False)
 
@@ -166,7 +166,7 @@ def text_of(tree: Any) -> str:
     """Return a tree as YAML text that rcl and ``parse`` read alike.
 
     Raises:
-        ConfigurationError: it contains itself or what YAML has no word for.
+        ConfigurationError: it contains itself or a type without a YAML form.
     """
     try:
         return str(yaml.dump(tree, Dumper=_Writer, sort_keys=False, width=sys.maxsize, allow_unicode=True))
@@ -184,7 +184,7 @@ class KeptComment:
     Attributes:
         name: full name of the key, from the head of the file, joined by points.
         above: lines in front of it, without ``#``; an empty line is an empty text.
-        behind: what follows on its line.
+        behind: the comment on its line.
     """
 
     name: str
@@ -193,7 +193,7 @@ class KeptComment:
 
 
 def comments_in(text: str) -> tuple[tuple[KeptComment, ...], tuple[str, ...]]:
-    """Return the comments of a YAML text, key by key, and those behind the last key."""
+    """Return the comments of a YAML text, key by key, and those after the last key."""
     found, above = [], []
     for line, name, _indent in keyed_lines(text):
         stripped = line.strip()
@@ -219,9 +219,9 @@ def with_comments(
     """Return a YAML text with comments at its keys; a key that already has a remark gets its old one in front.
 
     Args:
-        text: the text, with remarks of its own.
-        comments: comments of the file that it was made from.
-        last: comments behind its last key.
+        text: the text, with its remarks.
+        comments: comments of the original file.
+        last: comments after its last key.
         is_stale: whether a comment no longer holds where the key has a new remark.
     """
     waiting = {one.name: one for one in comments}

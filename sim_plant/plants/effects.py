@@ -1,8 +1,8 @@
 """Hidden effects: how each is drawn and scaled so that its largest force is a given share of the Coulomb force.
 
-An effect's chance is its own: it depends on the machine's seed and the effect, never on the motion. Where the force
-depends on speed, acceleration or stroke, the machine's own limits are the measure; ``sizing`` measures what has no
-formula (delay, flexible mode).
+The random numbers of an effect depend on the machine's seed and the effect, never on the motion. Where the force
+depends on speed, acceleration or stroke, it is scaled by the limits of the machine. Effects without a formula (delay,
+flexible mode) are scaled by a simulation.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def _dead_zone(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[
 
 
 def _flexible(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
-    """Draw a part of the mass behind a spring; ``sizing`` scales the part."""
+    """Draw a part of the mass behind a spring; ``recording`` scales the part."""
     part = share * m.mass
     frequency = m.bandwidth * rng.uniform(1.3, 2.2)
     damping = rng.uniform(0.015, 0.05)
@@ -186,7 +186,7 @@ class Kind:
         is_inside: whether a catalogue of friction effects usually has a name for it.
         is_repeatable: whether another recording shows the same force at the same place, speed or time.
         is_rotary: whether only rotary machines can have it.
-        has_small: whether it can be told at 5 % although the owner's file is off by up to 5 % in everything.
+        has_small: whether it can be detected at 5 % although every value of the owner's file is up to 5 % wrong.
     """
 
     draw: Draw
@@ -233,7 +233,7 @@ def draw_hidden(machine: Machine, peaks: Peaks, effects: dict[str, float], seed:
         machine: where.
         peaks: of its learning motion.
         effects: shares of the Coulomb force by name.
-        seed: of the effects' chance.
+        seed: of the random numbers of the effects.
 
     Raises:
         ValueError: for an unknown effect, or one that this machine cannot have.
@@ -274,13 +274,13 @@ def random_shape(rng: Generator) -> Floats:
 
 
 def outside_force(hidden: Hidden, count: int, period: float, rng: Generator) -> Floats:
-    """Return the hidden forces that have their own time: pulses at random times, and a slow wandering [N].
+    """Return the hidden forces over time: pulses at random times, and a slow random force [N].
 
     Args:
         hidden: gives their sizes.
         count: samples of the controller.
         period: of the controller [s].
-        rng: chance of the recording.
+        rng: random numbers of the recording.
     """
     force = np.zeros(count)
     if hidden.pulses:
