@@ -65,7 +65,7 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
     units = Units(draft.joint_type)
     force, length = units.effort, units.position
     scales = "from the topics' and bags' units to"
-    body = "moment of inertia that the actuator feels" if units.is_revolute else "all that moves with this axis"
+    body = "moment of inertia at the joint" if units.is_revolute else "all that moves with this axis"
     stiffness = ", ".join(map(number, draft.element_stiffness))
     zeros = ", ".join(["0.0"] * len(FRACTIONS))
     amplitude = 0.25 * draft.stroke

@@ -1,4 +1,4 @@
-"""The folder of a rosbag2 bag: its metadata.yaml, its files, packed or not, and what may take its place."""
+"""The folder of a rosbag2 bag: its metadata.yaml, its files, compressed or not, and the rules for replacing it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _BAG_FILES = (".mcap", ".db3", ".zstd", ".db3-wal", ".db3-shm")
 
 
 class _Plain(yaml.SafeDumper):  # type: ignore[misc]
-    """Writes every value out: yaml-cpp reads anchors, but people do not."""
+    """Writes repeated values in full: yaml-cpp reads anchors, but people do not."""
 
     def ignore_aliases(self, data: Any) -> bool:
         """Return that nothing is written as a reference."""
@@ -179,7 +179,7 @@ def refuse_own_recording(out: str | Path, bags: Sequence[str | Path]) -> None:
         bags: folders or files of the recordings.
 
     Raises:
-        RecordingError: it is the folder of one of them, whatever may be overwritten.
+        RecordingError: it is the folder of one of them; --overwrite does not allow it either.
     """
     target = Path(out).resolve()
     for bag in bags:
@@ -282,7 +282,7 @@ def unpack_message(data: bytes) -> bytes:
 
 
 def unpack_file(path: Path, folder: Path) -> Path:
-    """Unpack a file ``NAME.mcap.zstd`` or ``NAME.db3.zstd`` into a folder, as far as it goes.
+    """Unpack a file ``NAME.mcap.zstd`` or ``NAME.db3.zstd`` into a folder, up to any damage.
 
     Args:
         path: the compressed file.

@@ -1,4 +1,4 @@
-"""Many recorded messages at once: where they are in a buffer, and JointStates read from them with numpy."""
+"""Blocks of recorded messages: their places in a buffer, and JointStates read from them with numpy."""
 
 from __future__ import annotations
 
@@ -82,8 +82,8 @@ class JointStates:
         position: [m] or [rad], shape (n, k); NaN where the message had none.
         velocity: [m/s] or [rad/s], shape (n, k); NaN where the message had none.
         effort: [N] or [N m], shape (n, k); NaN where the message had none.
-        row: which row of the block each one was, shape (n,).
-        filled: how many positions, velocities and efforts each message had; empty where messages differ in that.
+        row: row of each one in the block, shape (n,).
+        filled: number of positions, velocities and efforts in each message; empty where the messages differ.
     """
 
     names: tuple[str, ...]
@@ -100,7 +100,7 @@ def join_blocks(first: MessageBlock, second: MessageBlock) -> MessageBlock:
 
     Args:
         first: the block before.
-        second: the block behind it.
+        second: the block after it.
     """
     begin, end = int(first.start.min()), int((first.start + first.length).max())
     first = replace(first, data=first.data[begin:end], start=first.start - begin)
@@ -115,7 +115,7 @@ def join_blocks(first: MessageBlock, second: MessageBlock) -> MessageBlock:
 
 
 def gather(data: Bytes, start: Ints, width: int) -> Bytes:
-    """Copy ``width`` bytes from each start; behind the end of the data there are zeros.
+    """Copy ``width`` bytes from each start; zeros after the end of the data.
 
     Args:
         data: the buffer.
@@ -196,7 +196,7 @@ def decode_joint_states(
                 bad += 1
                 rows = rows[1:]
                 continue
-        # Many different layouts in one block are no recording of a machine: go on without looking ahead.
+        # Many different layouts in one block are no recording of a machine: continue without a pattern.
         tried = rows if rounds <= _LAYOUTS_AT_ONCE else first
         found, group = _read(block, tried, known[0])
         if group.row.size:
@@ -206,7 +206,7 @@ def decode_joint_states(
 
 
 def _used(layout: JointStateLayout) -> tuple[int, ...]:
-    """Return how many numbers of each array belong to a name."""
+    """Return the number of values of each array per name."""
     return tuple(min(entries, len(layout.names)) for entries in layout.counts)
 
 

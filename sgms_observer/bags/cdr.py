@@ -2,7 +2,7 @@
 
 The places of all numbers follow from the lengths in the message: a ``JointStateLayout`` holds them, so that one
 ``struct`` call reads a message. Padding is never compared: Fast DDS leaves uninitialised bytes between the fields, and
-up to 16 behind the last one.
+up to 16 after the last one.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from sgms_observer.errors import DataError
 Buffer = bytes | bytearray | memoryview
 
 HEADER = 4
-"""Bytes of encapsulation; alignment counts from behind them."""
+"""Bytes of encapsulation; alignment counts from their end."""
 _ENCODINGS = {b"\x00\x01": "<", b"\x00\x00": ">"}
 _SECOND = 1_000_000_000
 _SEC_LIMIT = 2**31
@@ -29,7 +29,7 @@ _KEPT_LAYOUTS = 8
 
 
 def aligned(offset: int, size: int) -> int:
-    """Return the first multiple of ``size`` at or behind ``offset``, counted as XCDR1 does.
+    """Return the first multiple of ``size`` at or after ``offset``, counted as in XCDR1.
 
     Args:
         offset: place in the message [bytes], encapsulation included.
@@ -39,7 +39,7 @@ def aligned(offset: int, size: int) -> int:
 
 
 class Cursor:
-    """A place in a message, at first behind the stamp; reading beyond the end is a DataError, nothing else.
+    """A place in a message, at first after the stamp; reading beyond the end raises DataError and no other error.
 
     Args:
         message: the whole message with its encapsulation.
@@ -353,7 +353,7 @@ def effort_template(names: Sequence[str]) -> tuple[Callable[..., bytes], bytes, 
         names: entries of ``name``, as many as there are efforts.
 
     Returns:
-        ``pack``, and the bytes before and behind the stamp.
+        ``pack``, and the bytes before and after the stamp.
     """
     encoder = JointStateEncoder(names, ("effort",))
     head, middle = encoder.template[:HEADER], encoder.template[HEADER + 8 : encoder.starts[0]]

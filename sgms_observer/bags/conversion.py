@@ -35,7 +35,7 @@ class Table:
         control_effort: [N] or [N m], shape (n,), or None.
         reference: set-point [m] or [rad], shape (n,), or None.
         reference_velocity: derivative of the set-point [m/s] or [rad/s], shape (n,), or None.
-        notices: sentences about what was done or looks odd.
+        notices: sentences about changes and suspicious values.
     """
 
     stamp_ns: NDArray[np.int64]
@@ -50,7 +50,7 @@ class Table:
 
         Args:
             first: number of the first one.
-            last: number of the one behind the last.
+            last: number after the last one.
         """
         effort, reference, velocity = (
             None if values is None else values[first:last]
@@ -82,14 +82,14 @@ def open_log(path: Path) -> MatLog | TextLog:
 
 
 def parse_map(items: Sequence[str], has_rate: bool = False) -> dict[str, str]:
-    """Parse what says which column is what.
+    """Parse the assignment of columns.
 
     Args:
         items: ``KEY=COLUMN[*FACTOR]`` each, or a sum of such.
         has_rate: the sample rate is given, so that no time is needed.
 
     Returns:
-        Key to what stands behind the sign.
+        Key to the text after the sign.
 
     Raises:
         RecordingError: an item is malformed, unknown or repeated, or a needed one is missing.
@@ -242,7 +242,7 @@ def write_table(
 
 
 def _ordered(path: Path, name: str, values: Mapping[str, Floats]) -> tuple[dict[str, Floats], list[str]]:
-    """Return the values without those that repeat a stamp, and what is to be said; the times increase then.
+    """Return the values without repeated stamps, so that the times increase, and sentences about the changes.
 
     Raises:
         RecordingError: a time is not finite or beyond a ROS stamp, steps back, or is too coarse.

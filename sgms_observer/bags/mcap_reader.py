@@ -154,7 +154,7 @@ class McapReader:
                     self._define(int(ops[row]), content[starts[row] : starts[row] + lengths[row]].tobytes())
 
     def _scan_messages(self, at: int, length: int) -> int:
-        """Take a run of messages outside chunks as a piece; return the place behind it."""
+        """Note a run of messages outside chunks as a piece; return the place after it."""
         size = max(_WINDOW, RECORD_HEAD.size + length)
         content = np.frombuffer(self._read(at, size), np.uint8)
         ops, starts, lengths, end = find_records(content)
@@ -189,7 +189,7 @@ class McapReader:
         )
 
     def _define(self, op: int, content: bytes) -> None:
-        """Learn of a message type or of a topic."""
+        """Note a message type or a topic."""
         try:
             if op == Op.SCHEMA:
                 (number,) = struct.unpack_from("<H", content)
@@ -210,7 +210,7 @@ class McapReader:
             )
 
     def _unpack(self, piece: _Piece, quiet: bool = False) -> bytes:
-        """Return a piece's content, or what is left of it."""
+        """Return the readable content of a piece."""
         stored = self._read(piece.offset, piece.stored)
         content = unpack(stored, piece.compression, piece.size)
         is_damaged = piece.is_whole and (

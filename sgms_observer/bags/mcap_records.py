@@ -70,7 +70,7 @@ def text_map(values: Mapping[str, str]) -> bytes:
 
 
 def read_text(content: bytes, at: int) -> tuple[str, int]:
-    """Read a string; return it and the place behind it. ``struct.error`` or ``ValueError`` where there is none.
+    """Read a string; return it and the place after it. Raises ``struct.error`` or ``ValueError`` where there is none.
 
     Args:
         content: of a record.
@@ -86,7 +86,7 @@ def read_text(content: bytes, at: int) -> tuple[str, int]:
 def _find(
     data: NDArray[np.uint8], op: NDArray[np.uint8], start: NDArray[np.int64], length: NDArray[np.int64]
 ) -> tuple[int, int]:
-    """Fill op, start and length of each whole record in ``data``; return their number and the place behind them."""
+    """Fill op, start and length of each whole record in ``data``; return their number and the place after them."""
     size = data.size
     at = np.int64(0)
     count = 0
@@ -112,7 +112,7 @@ def find_records(data: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np
 
     Returns:
         Opcode, first byte of the content and length of the content of each whole record, each of shape (n,), and the
-        place behind the last whole record.
+        place after the last whole record.
     """
     if not HAS_NUMBA:
         return find_in_python(data.tobytes())

@@ -167,7 +167,7 @@ class McapWriter:
         self._file.close()
 
     def _let_go(self) -> None:
-        """Tell the operating system that nobody reads what was written before: that memory then serves what comes next.
+        """Tell the operating system that the written part is not read again, so that it can reuse the memory.
 
         A long recording then pushes nothing else out of memory, and goes to the disk steadily instead of in bursts.
         """

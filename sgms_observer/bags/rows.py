@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 BY_ARRAYS = 24
 
 SECOND = 1_000_000_000
-STAMP_PLACE = 4  # seconds and nanoseconds, the first thing behind the encapsulation
+STAMP_PLACE = 4  # seconds and nanoseconds, directly after the encapsulation
 HALF, LOWER = np.uint64(32), np.uint64(2**32 - 1)
 
 
@@ -96,7 +96,7 @@ class MessageRows:
 
 
 def warm_up_encoding() -> None:
-    """Encode a block once: the kernel behind it is not compiled while a block waits to be sent."""
+    """Encode a block once, so that its kernel is not compiled while a block waits to be sent."""
     encode_joint_states(np.arange(BY_ARRAYS, dtype=np.int64), ("x",), {"effort": np.zeros((BY_ARRAYS, 1))})
 
 

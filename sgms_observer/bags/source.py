@@ -1,4 +1,4 @@
-"""A recorded bag as one stream of message blocks, whatever its storage and damage, and what its topics hold."""
+"""Reads a bag of any storage, also a damaged one, as one stream of message blocks; lists its topics."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ class SqliteReader:
                     length,
                 )
         except (sqlite3.Error, OverflowError, ValueError) as error:  # ValueError: its message is no UTF-8
-            self.warnings.append(f"{self.path} is damaged ({error}); the messages behind the damage are missing")
+            self.warnings.append(f"{self.path} is damaged ({error}); the messages after the damage are missing")
 
 
 _SCHEMA = """

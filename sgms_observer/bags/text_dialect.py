@@ -54,7 +54,7 @@ class Dialect:
         return _seconds_of_day if _TIME_OF_DAY.fullmatch(field) else None
 
     def is_time_of_day(self, column: int) -> bool:
-        """Return whether a column holds times such as 13:45:02.5, which start anew at midnight.
+        """Return whether a column holds times such as 13:45:02.5, which restart at midnight.
 
         Args:
             column: number of the column, from 0.

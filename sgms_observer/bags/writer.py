@@ -51,7 +51,7 @@ class BagWriter:
     Args:
         path: the bag's folder; must not exist, unless it may be replaced.
         storage: ``mcap`` or ``sqlite3``.
-        keep_on_failure: leave ``NAME.partial`` behind if the block ends with an error; it can be read as it is.
+        keep_on_failure: keep ``NAME.partial`` if the block ends with an error; it is readable.
         is_overwriting: replace a bag of that name, once this one is complete.
 
     Attributes:
@@ -205,7 +205,7 @@ class BagWriter:
         self._unlock()
 
     def discard(self) -> None:
-        """Stop and remove what was written, whatever was to be kept."""
+        """Stop and remove the written files in any case."""
         self._keep = False
         self.abort()
 

@@ -1,4 +1,4 @@
-"""A process that notes when each message of some topics arrives and what it says, until it is told to stop."""
+"""A process that stores arrival time and content of each message of some topics, until a stop signal."""
 
 from __future__ import annotations
 

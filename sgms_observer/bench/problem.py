@@ -88,7 +88,7 @@ class Problem:
     def windows(self, estimator: Estimator) -> Iterator[tuple[int, bool]]:
         """Lead an estimator to one window after another, each with its newest measurement taken in.
 
-        The caller improves the estimate; the estimator then goes on from it.
+        The caller improves the estimate; the estimator then continues from it.
 
         Args:
             estimator: from ``estimator``.

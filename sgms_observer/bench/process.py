@@ -43,7 +43,7 @@ class Usage:
     Attributes:
         wall: from start to end [s].
         cpu: computing time of all its threads [s].
-        peak_mb: largest memory [MB], if the process tells it (``TELL_PEAK``).
+        peak_mb: largest memory [MB], if the process prints it (``TELL_PEAK``).
         output: what it printed.
     """
 
@@ -76,7 +76,7 @@ def run_python(arguments: Sequence[str], environment: Mapping[str, str] | None =
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode != 0:
-        last = (output.strip() or "it said nothing").splitlines()[-1]
+        last = (output.strip() or "it printed nothing").splitlines()[-1]
         raise DataError(f"python {' '.join(arguments[:3])} failed: {last}")
     peak = re.search(r"^VmHWM:\s*(\d+) kB", output, re.MULTILINE)
     return Usage(

@@ -112,7 +112,7 @@ def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) 
 
 
 def _sleep(conductor: Conductor, seconds: float, show: Callable[[float], None]) -> None:
-    """Wait while every process lives; ``show`` is told how long it has been [s]."""
+    """Wait while every process runs; ``show`` is called with the elapsed time [s]."""
     end = time.monotonic() + seconds
     while (left := end - time.monotonic()) > 0.0:
         conductor.watch()

@@ -81,7 +81,7 @@ def add_topic_option(parser: argparse.ArgumentParser) -> None:
 
 
 def add_holdout_option(parser: argparse.ArgumentParser, meaning: str) -> None:
-    """Declare the recordings that a model is judged on.
+    """Declare the recordings that a model is evaluated on.
 
     Args:
         parser: the command's own parser.

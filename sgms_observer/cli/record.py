@@ -121,7 +121,7 @@ def _let_others_first() -> None:
 
 
 def _drain(executor: Executor, node: RecorderNode, writer: BagWriter) -> None:
-    """Take in what had arrived when the recording was told to stop, for a second at most."""
+    """Write the messages that had arrived before the stop, for a second at most."""
     end = time.monotonic() + _LONGEST_DRAIN
     before, count = -1, sum(writer.counts.values())
     while count != before and not node.done.done() and time.monotonic() < end:

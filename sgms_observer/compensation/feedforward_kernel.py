@@ -100,8 +100,8 @@ class ActuatorPath(NamedTuple):
     Attributes:
         kinds, p_at, parameters: effects as ``needed_command`` takes them; no kinds where the path changes no force.
         delay: from the command to the force [s].
-        mass: that the controller commands the force of itself, for the present and not for what is ahead [kg].
-        added_mass: that effects add to it, and nobody else commands the force of [kg].
+        mass: mass whose inertial force the controller commands, for the present set-point [kg].
+        added_mass: mass of effects, whose inertial force only the compensation commands [kg].
     """
 
     kinds: Integers

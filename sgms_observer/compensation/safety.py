@@ -59,11 +59,11 @@ class SafetyStage:
 
         Args:
             target: compensation from the observer [N].
-            age: how old the sample behind it is [s]; beyond ``timeout`` (or not a number) the target is zero.
+            age: age of its sample [s]; beyond ``timeout`` (or not a number) the target is zero.
             period: time since the last call [s].
 
         Returns:
-            Output [N], safe whatever the arguments were.
+            Output [N], safe for any arguments.
         """
         fresh = self._settings.enabled and 0.0 <= age <= self._settings.timeout
         wanted = target if fresh else 0.0

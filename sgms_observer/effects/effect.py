@@ -67,12 +67,12 @@ class EffectParameter:
     Attributes:
         name: key in the YAML.
         unit: SI unit, or ``-``.
-        default: value when the YAML is silent [``unit``]; strengths default to none of the effect.
+        default: value without an entry in the YAML [``unit``]; the default of a strength switches the effect off.
         minimum: smallest physical value [``unit``].
         maximum: largest physical value [``unit``].
         description: one sentence for people.
         is_strength: whether the effect vanishes with this parameter (otherwise it shapes the effect).
-        prismatic_default: value on a prismatic axis when the YAML is silent [``unit``]; None where it is ``default``.
+        prismatic_default: default value on a prismatic axis [``unit``]; None where it is ``default``.
         acts_on: recorded quantity out of ``QUANTITIES`` whose range bounds a value that a recording can show: a pitch
             is not longer than the stroke, a limit not above the effort. Empty where none does.
         may_end: whether a fitted value may lie at an end of the range, because a part of the effect is absent there.
@@ -139,7 +139,7 @@ class EffectList:
     Attributes:
         name: key in the YAML.
         unit: SI unit of each entry, or ``-``.
-        default: entries when the YAML is silent [``unit``].
+        default: entries without an entry in the YAML [``unit``].
         minimum: smallest physical entry [``unit``].
         maximum: largest physical entry [``unit``].
         description: one sentence for people.
@@ -164,9 +164,9 @@ class Effect:
         place: where it acts.
         parameters: in the order of the formula's ``p``.
         equation: for people.
-        signature: how it shows in a residual.
-        excitation: what a recording needs to show it.
-        confusable_with: names of effects that can look the same.
+        signature: its form in a residual.
+        excitation: motion that a recording needs to show it.
+        confusable_with: names of effects that can look the same in a recording.
         reference: where the model comes from.
         output: formula; its argument names are taken from ``INPUTS``, ``s`` and ``p``.
         advance: formula of the next state, or None without state.
@@ -174,15 +174,15 @@ class Effect:
         lists: parameters that are lists. They follow the others in ``p``, each as its length and then its entries.
         list_faults: returns one sentence per fault that the lists have together, or None where there is no rule; gets
             the lists by name, and the effect's path in the YAML.
-        coordinates: some of ``COORDINATES``, over which a term of no particular form could say the same; empty where
-            none could, as for effects of the other axis, in the frequency or on the effort.
-        inverse: formula of the command that lets a force arrive, or of the true position behind a measured one.
+        coordinates: some of ``COORDINATES``, over which a free-form term could imitate it; empty where none could, as
+            for effects of the other axis, in the frequency or on the effort.
+        inverse: formula of the command for a force, or of the true position for a measured one.
         added_mass: mass that it adds to the model's own, as a multiple of its first parameter [-].
         is_delay: whether it delays the effort by its first parameter [s].
-        special_case_of: effect that becomes this one at some values of its shape, or empty; it is no other explanation.
+        special_case_of: effect that equals this one at some values of its shape, or empty; it is no alternative.
         is_contact_law: whether it only describes another contact law than that of the file.
-        question: what a report asks about it, parameters in braces (``Is there a {pitch} pitch?``); empty asks for it
-            by its name.
+        question: question of a report about it, parameters in braces (``Is there a {pitch} pitch?``); empty for a
+            question with its name.
     """
 
     name: str

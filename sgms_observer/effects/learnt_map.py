@@ -80,7 +80,7 @@ def learnt_coordinates(names: tuple[str, ...], path: MotionPath, reversal_distan
     Args:
         names: some of ``COORDINATES``.
         path: the motion.
-        reversal_distance: travel in which the direction turns round [m].
+        reversal_distance: travel over which the direction reverses [m].
     """
     q, v, a, t = path.columns()
     numbers = np.array([COORDINATES.index(name) for name in names], dtype=np.int64)
@@ -95,9 +95,9 @@ class LearntMap:
 
     Attributes:
         coordinates: one or two of ``COORDINATES``.
-        grids: grid points of each coordinate [SI units], rising; those of ``direction`` are -1, 1 whatever is given.
+        grids: grid points of each coordinate [SI units], rising; those of ``direction`` are always -1 and 1.
         values: forces at the grid points [N], the last coordinate running fastest.
-        reversal_distance: travel in which the direction turns round [m].
+        reversal_distance: travel over which the direction reverses [m].
         scale: factor on the values [-].
         name: ``learnt_map``, ``learnt_map_2`` or ``learnt_map_3``.
 
@@ -134,7 +134,7 @@ class LearntMap:
         Args:
             coordinates: as the class has them.
             grids: as the class has them [SI units].
-            reversal_distance: travel in which the direction turns round [m].
+            reversal_distance: travel over which the direction reverses [m].
         """
         by_name = dict(zip(coordinates, grids, strict=True))
         return cls(coordinates, grids, (0.0,) * size_of(tuple(coordinates), by_name), reversal_distance)

@@ -98,10 +98,10 @@ def _entry(name: str) -> Effect:
         Place.ADDED_FORCE,
         (
             EffectParameter("scale", "-", 1.0, -10.0, 10.0, "factor on the table's forces", is_strength=True),
-            EffectParameter("reversal_distance", "m", 1.0e-5, 1.0e-9, 1.0, "travel in which the direction turns round"),
+            EffectParameter("reversal_distance", "m", 1.0e-5, 1.0e-9, 1.0, "travel over which the direction reverses"),
         ),
         "F = scale * table(x1) or scale * table(x1, x2), linear between the grid points",
-        "whatever the table says: what a diagnosis learnt and could not name",
+        "any shape: a force that a diagnosis learnt and could not name",
         "the motions that the axis will make: the table is zero beyond them",
         (),
         "Bishop 2006, Pattern Recognition and Machine Learning, ch. 3 (linear models of local basis functions)",

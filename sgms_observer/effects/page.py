@@ -36,18 +36,18 @@ file, here friction along a rail, larger downwards:
           values: [-2.3, 2.3, -6.1, 4.0, -3.0, 2.5]    # N, the last coordinate fastest: both at 0.0 m, ...
 ```
 
-Between grid points the force is linear. Outside the grid it fades to zero within a tenth of the grid's range: what was
-never recorded is left to the model as it was without the map. So it is bounded by its largest value. The direction
-turns round over `reversal_distance` and stays as it is at rest, so noise of a resting encoder does not move it; the
-compensation takes it along the reference. `dwell` counts the time at rest before the present motion. In Python,
+Between grid points the force is linear. Outside the grid it fades to zero within a tenth of the grid's range, because
+nothing was recorded there. So it is bounded by its largest value. The direction reverses over `reversal_distance` and
+does not change at rest, so the noise of a resting encoder has no effect; the compensation computes it along the
+reference. `dwell` counts the time at rest before the present motion. In Python,
 `sgms_observer.effects.learnt_map.LearntMap` makes, evaluates and fits such maps.
 
-How each place is used: an **added force** and a **level factor** act in the stage, the observer (the sum is taken
-off the measured friction, the factor scales the model's Stribeck curve), replay and compensation. The **effort's path**
-turns the published effort into the one that arrives, before anything else uses it. A **measured position** effect is
-put on the true position by the simulated stage and taken off the measured one by the observer. **Plant** effects
-change the mass (`added_mass`); a flexible mode also carries the attached mass's deflection as state, driven by the
-carriage's acceleration.
+How each place is used: an **added force** and a **level factor** act in the stage, the observer (the force is
+subtracted from the measured friction, the factor scales the model's Stribeck curve), replay and compensation. The
+**effort's path** converts the published effort to the effort on the mass, before any other use. The simulated stage
+adds a **measured position** effect to the true position, and the observer subtracts it from the measured one. **Plant**
+effects change the mass (`added_mass`); a flexible mode also has the deflection of the attached mass as a state, driven
+by the acceleration of the carriage.
 """
 
 

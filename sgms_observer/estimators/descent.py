@@ -205,7 +205,7 @@ def _iterate_once(flat: Floats) -> tuple[int, bool]:
                 _accept_trial(flat)
                 if largest <= tolerance:
                     return CONVERGED, False
-                if scalars[MODEL] == GMS:  # its cost is not smooth: a slope has no meaning behind a corner
+                if scalars[MODEL] == GMS:  # its cost is not smooth: a slope has no meaning beyond a corner
                     return IMPROVED, False
                 return IMPROVED, share < 1.0 or _line_search(flat, after, slope)
             if largest <= tolerance:

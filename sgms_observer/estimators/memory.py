@@ -23,7 +23,7 @@ COUNT, SAMPLES, EKF_NEXT, STARTED, HEADER = range(12, 17)
 # entries of one measurement record
 EFFORT, VELOCITY, ACCELERATION, FACTOR, IS_USED, LEVEL, MEASUREMENT_SIZE = range(7)
 
-PLACE = 4  # numbers behind the header per field: where it starts, and its lengths
+PLACE = 4  # numbers after the header per field: its start and its lengths
 
 _TABLE: dict[str, tuple[str, ...]] = {}
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 _STEEPNESS = 4.0
-"""Exponent of the mean that stands for the smallest efficiency: smooth, so that single segments can be compared."""
+"""Exponent of the mean that replaces the smallest efficiency: it is smooth, so that single segments can be compared."""
 _PASSES = 4  # largest number of rounds of exchanges; they end earlier without a gain
 _GAIN = 1.0e-6  # of the criterion; a smaller gain is rounding
 

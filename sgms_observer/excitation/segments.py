@@ -138,7 +138,7 @@ def velocity_of(
 
 
 def _segments(place: Place, limits: ExcitationLimits) -> list[Segment]:
-    """Return all segments, whatever their length."""
+    """Return all segments of any length."""
     return [
         Segment("approach", "down and up again", lambda track: _down(track, place)),
         *_traverses(place, limits),

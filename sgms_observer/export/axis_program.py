@@ -72,7 +72,7 @@ class Memory:
         """Return a constant array of the file.
 
         Args:
-            name: its name behind the prefix.
+            name: its name after the prefix.
             data: its entries.
             binds: functions are written for it.
             selects: the translator decides what it selects.

@@ -34,7 +34,7 @@ FLOAT_TOLERANCE = 5e-2
 """The same in float: the type has seven digits, of which differences of positions lose some."""
 
 FLOAT_VALUES = {"SGMS_TOLERANCE": 1.0e-7}
-"""Constants that float needs otherwise: the S-GMS step ends where no better ratio can be told apart."""
+"""Constants with other values for float: the S-GMS iteration ends where float resolves no better ratio."""
 
 NAME = "sgms"
 """Name of header and source, and beginning of every public name."""

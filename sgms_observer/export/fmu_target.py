@@ -170,7 +170,7 @@ def _stage_source(settings: Settings, axis: AxisSettings, fmi: int) -> tuple[str
 
 
 def _token(text: str) -> str:
-    """Return what tells this FMU from any other."""
+    """Return the identifier of this FMU."""
     digest = hashlib.sha256(f"{__version__}{text}".encode()).hexdigest()
     return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
 
@@ -238,6 +238,6 @@ def _compiled(source: str, model: str, suffix: str) -> bytes:
         command = [compiler, *_FLAGS, "-o", str(library), str(file), "-lm"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
-            first = (done.stderr.strip().splitlines() or ["it said nothing"])[0]
+            first = (done.stderr.strip().splitlines() or ["it printed nothing"])[0]
             raise ConfigurationError([f"{compiler} could not build the FMU: {first}; set CC to another C compiler"])
         return library.read_bytes()

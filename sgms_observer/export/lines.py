@@ -85,7 +85,7 @@ def without_unused(block: list[Statement]) -> list[Statement]:
 
 
 def _needed(block: list[Statement], needed: frozenset[str]) -> list[Statement]:
-    """Return a block without assignments nobody reads and without empty blocks."""
+    """Return a block without unused assignments and without empty blocks."""
     used: list[Statement] = []
     for statement in block:
         if isinstance(statement, Line):

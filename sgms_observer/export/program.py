@@ -24,9 +24,9 @@ class Parameter:
 
     Attributes:
         name: its name.
-        value: what stands for it inside the function.
+        value: its value inside the function.
         is_used: whether the function needs it; one that it does not need is left out.
-        is_written: whether the function writes the memory behind it.
+        is_written: whether the function writes to its memory.
     """
 
     name: str
@@ -97,7 +97,7 @@ class Program(ABC):
 
         Args:
             name: the name.
-            found: what it stands for.
+            found: its value.
             scope: the function's global names.
         """
         if isinstance(found, bool) or not isinstance(found, (int, float)):

@@ -252,7 +252,7 @@ def _declaration(parameter: Parameter) -> str:
 
 
 def _inside(name: str, argument: Value) -> Value:
-    """Return what stands for an argument inside the function."""
+    """Return the value of an argument inside the function."""
     if argument.binds or argument.type is None:
         return argument
     if isinstance(argument.type, Scalar) and argument.is_known and isinstance(argument.const, bool):

@@ -110,7 +110,7 @@ class Value:
         selects: loops over this array are written out, so that what it selects is decided by the translator.
         binds: a function that is handed this array is written for it, instead of taking it as a parameter.
         reads: local names in ``text``.
-        roots: names through which memory behind this value is reached.
+        roots: names through which the memory of this value is accessed.
         items: members of a tuple that exists in Python only.
         is_pointer: a structure reached through a pointer.
         is_stable: ``text`` means the same memory everywhere in the function.

@@ -1,4 +1,5 @@
-"""The filter's step: judges a sample's stamp, then hands it to the chosen kind. Plain arrays, compiled."""
+"""The filter's step: checks the stamp of a sample, then calls the chosen kind of filter. Compiled, with plain
+arrays."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ _LARGEST = 1.0e9
 
 @njit
 def _has_jumped(config: Floats, state: Floats, position: float, period: float) -> bool:
-    """Return whether the speed changed by more than an axis can change it: the encoder wrapped or was set anew."""
+    """Return whether the speed changed by more than is possible: the encoder wrapped or was set to another value."""
     speed = (position - state[layout.LATEST_POSITION]) / period
     return bool(abs(speed - state[layout.LATEST_SPEED]) > config[layout.JUMP_SPEED])
 

@@ -21,7 +21,7 @@ DEGREE = layout.OWN + 1
 WEIGHTS = layout.OWN + 2  # (degree + 1) per sample of the window, then one effort weight per interval
 
 # own part of state
-END = layout.MEMORY  # index behind the newest sample in the buffers
+END = layout.MEMORY  # index after the newest sample in the buffers
 REGULAR = layout.MEMORY + 1  # how many of the latest periods were nominal
 LAST_POSITION = layout.MEMORY + 2
 BUFFERS = layout.MEMORY + 3  # periods, positions, efforts: twice the window each, then scratch

@@ -142,7 +142,7 @@ def _diagnose(job: DiagnoseJob) -> dict[str, Any]:
 
 
 def job_names(bags: list[str]) -> list[str]:
-    """Return a name for each recording: its own, with a number behind it where several are called the same.
+    """Return a name for each recording: its own, with a number after it where several have the same name.
 
     Args:
         bags: the recordings, in the order of the command line.
@@ -169,7 +169,7 @@ def run_jobs(jobs: Sequence[Job], workers: int, scheduler: str | None, show: Sho
         jobs: what is to be done.
         workers: jobs at a time on this machine; 0 for one per core.
         scheduler: address of a Dask scheduler, or None for this machine.
-        show: told how many jobs are done.
+        show: called with the number of finished jobs.
 
     Raises:
         ConfigurationError: the number of workers makes no sense, or Dask is not installed.

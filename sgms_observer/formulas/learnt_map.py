@@ -21,7 +21,7 @@ REST_TIME = 0.05  # s without motion after which an axis counts as resting, and 
 def learnt_map_next(v, h, s, p):
     """Advance direction, travel, clock, dwell and rest by one step; see the module for ``s`` and ``p``.
 
-    The direction follows the motion like a slip element: it turns round over the reversal distance and stays where it
+    The direction follows the motion like a slip element: it reverses over the reversal distance and stays where it
     is at rest, so that noise on a resting encoder does not move it. The axis moves where that element slips.
     """
     turned = s[0] + 2.0 * v * h / p[1]

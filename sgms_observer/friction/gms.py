@@ -87,7 +87,7 @@ def gms_step_in_branch(
     stribeck: float,
     rate: float,
 ) -> tuple[float, int, float, float, float]:
-    """Advance one element's force by one step whose branch was decided beforehand, whatever the force says now.
+    """Advance one element's force by one step with a branch that was decided before, independent of the present force.
 
     Args: as ``gms_step_with_slopes``, but
         branch: ``STICKS`` or ``SLIPS``.

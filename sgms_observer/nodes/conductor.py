@@ -36,7 +36,7 @@ _GOALS = {
     Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
     Transition.TRANSITION_DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
 }
-_MATCHING = 2.0  # s from the discovery of a subscription until it surely gets messages
+_MATCHING = 2.0  # s from the discovery of a subscription until it gets messages
 
 
 def prepare_graph() -> int:

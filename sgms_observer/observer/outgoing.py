@@ -149,7 +149,7 @@ class Outgoing:
         return found
 
     def pass_over(self, observed: Mapping[int, Observed]) -> None:
-        """Count samples that nobody wants ``others`` of, so that ``publish_every`` goes on as with them.
+        """Count samples without a call of ``others``, so that ``publish_every`` counts every sample.
 
         Args:
             observed: number of the axis to the observation of its new samples.

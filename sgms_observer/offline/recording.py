@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 MIN_SAMPLES = 200
 """Samples of a piece that is worth learning from."""
 MIN_RATE = 20.0
-"""Lowest sample rate [Hz]; the interface promises 20 Hz to 20 kHz."""
+"""Lowest sample rate [Hz]; the interface supports 20 Hz to 20 kHz."""
 MAX_END = 0.1
 """Longest end of a recording without set-points that is filled [s]; figures of tracking leave out the first 0.5 s."""
 _RATE_TOLERANCE = 0.98  # of MIN_RATE: a clock that runs slow
@@ -108,7 +108,7 @@ class Recording:
 
         Args:
             first: number of the first one.
-            last: number of the one behind the last.
+            last: number after the last one.
         """
         cut = slice(first, last)
         reference, other = (

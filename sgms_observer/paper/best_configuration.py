@@ -29,7 +29,7 @@ from sgms_observer.settings.axis import EstimatorSettings, FilterSettings
 from sim_plant.record import StageRecord
 
 PERIODS = 11  # the last one follows ten periods of learning
-_SECONDS_TO_SETTLE = 0.05  # s, left out where the whole run is judged
+_SECONDS_TO_SETTLE = 0.05  # s at the start that the whole-run figures leave out
 _BAND = 1.959964  # standard deviations on either side of a 95 % band
 
 

@@ -41,10 +41,10 @@ def seal(truth: dict[str, Any], truth_file: Path, case_folder: Path) -> None:
     Args:
         truth: what is hidden; must carry a ``salt``.
         truth_file: must lie outside of ``case_folder``.
-        case_folder: what the workflow sees.
+        case_folder: folder that the workflow reads.
 
     Raises:
-        ValueError: when there is no salt, or the truth would lie where the workflow can see it.
+        ValueError: when there is no salt, or the truth would be where the workflow can read it.
     """
     if not truth.get("salt"):
         raise ValueError("a truth without a salt can be guessed from its digest; add an entry 'salt'")
@@ -72,8 +72,8 @@ class CasePaths:
     """Where one case lies.
 
     Attributes:
-        folder: everything the workflow may see.
-        bag: recording to learn from.
+        folder: everything that the workflow may read.
+        bag: fitted recording.
         config: YAML of the nominal model.
         holdouts: recordings of kinds the first does not contain.
         truth_file: the sealed truth, outside of ``folder``.
@@ -93,7 +93,7 @@ class Scene:
     Attributes:
         hidden: what is hidden (with nothing in it for a null case).
         nominal: the owner's model by axis.
-        motions: first the one to learn from.
+        motions: first that of the fitted recording.
         tracks: recordings of each motion by axis.
         sizes: strengths used per effect.
         truths: comparable figures per effect.
@@ -134,7 +134,7 @@ def without_effect(hidden: Hidden) -> Hidden:
 
 
 def chance(seed: int, *purpose: int) -> Generator:
-    """Return the source of chance of one purpose of one seed; what is hidden does not disturb the others."""
+    """Return the random numbers of one purpose of one seed; the hidden effect does not change the others."""
     return np.random.default_rng([seed, *purpose])
 
 
@@ -225,7 +225,7 @@ def make_case(
         seed: see ``make_scene``.
         effect: a name of the menu, two joined by ``+``, or ``nothing``.
         size: share of the Coulomb force.
-        out: the case goes to ``out/cases``, the truth to ``out/truth``; names do not tell the effect.
+        out: the case goes to ``out/cases``, the truth to ``out/truth``; names do not show the effect.
         duration: of the main recording [s].
         mass_tolerance: largest relative error of the owner's mass.
 
@@ -243,7 +243,7 @@ def make_case(
 
 
 def case_name(seed: int, effect: str, size: float) -> str:
-    """Return the name of a case's folder; it does not tell what is hidden."""
+    """Return the name of a case's folder; it does not show what is hidden."""
     return "c" + hashlib.sha256(f"{seed}/{effect}/{size:.6f}".encode()).hexdigest()[:12]
 
 

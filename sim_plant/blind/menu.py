@@ -128,7 +128,7 @@ def encoder_interpolation_error(stage: TrueStage, motion: Motion, rng: Generator
 
 
 def quantisation(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
-    """A coarser encoder than its owner believes."""
+    """A coarser encoder than in the file of its owner."""
 
     def make(strength: float) -> Hidden:
         step = min(max(strength * 5.0e-6, 5.0e-8), 2.0e-5)

@@ -1,4 +1,4 @@
-"""What the owner of a stage knows, and its YAML: four elements of contact, every figure off by up to five per cent."""
+"""The model of the owner of a stage, and its YAML: four elements, every value wrong by up to five per cent."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def virgin_curve(deflection: Floats, shares: Floats, slip_deflections: Floats) -
 
 
 def reduce_contact(shares: Floats, slip_deflections: Floats, count: int = ELEMENTS) -> tuple[Floats, Floats]:
-    """Return shares and slip_deflections [m] of the ``count`` elements whose virgin curve is closest."""
+    """Return shares and slip deflections [m] of the ``count`` elements whose virgin curve is closest."""
     grid = np.geomspace(0.3 * slip_deflections.min(), 1.1 * slip_deflections.max(), 200)
     goal = virgin_curve(grid, shares, slip_deflections)
 
@@ -60,11 +60,11 @@ def reduce_contact(shares: Floats, slip_deflections: Floats, count: int = ELEMEN
 def nominal_model(
     stage: TrueStage, rng: Generator, tolerance: float = 0.05, mass_tolerance: float | None = None
 ) -> NominalModel:
-    """Return what the owner believes: the best four elements, each figure off by up to ``tolerance``.
+    """Return the model of the owner: the best four elements, each value wrong by up to ``tolerance``.
 
     Args:
         stage: the truth without anything hidden.
-        rng: source of chance.
+        rng: random numbers.
         tolerance: largest relative error of a friction figure.
         mass_tolerance: largest relative error of the mass; None for the same.
     """

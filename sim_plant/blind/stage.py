@@ -1,4 +1,4 @@
-"""The true stage of one seed, with nothing hidden in it, and its references: to learn from, and to be judged on."""
+"""The true stage of one seed, with nothing hidden in it, and the references of its fitted and held-out recordings."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ def tones(stage: TrueStage, rng: Generator, lowest: float, highest: float, count
 
 
 def rich_motion(stage: TrueStage, rng: Generator, duration: float = 30.0) -> Motion:
-    """Return everything an identification wants: tones, log-spaced speeds, traverses, dwells, small swings, moves."""
+    """Return a motion for identification: tones, log-spaced speeds, traverses, dwells, small cycles, moves."""
     half_stroke, max_speed, max_acceleration = stage.half_stroke, stage.top_speed, stage.top_acceleration
     path = Path(0.0)
 
@@ -268,7 +268,7 @@ def held_out_motion(kind: str, stage: TrueStage, rng: Generator, duration: float
             np.max(np.abs(np.gradient(np.gradient(swing, PERIOD), PERIOD))) / (1.2 * max_acceleration),
         )
         path.sines(duration - 0.4, amplitudes / excess, frequencies, phases)
-    elif kind == "triangle":  # scanning to and fro with sharp turns
+    elif kind == "triangle":  # scanning back and forth with sharp reversals
         while path.duration < duration:
             half = half_stroke * rng.uniform(0.1, 0.95)
             speed = max_speed * float(np.exp(rng.uniform(np.log(0.1), 0.0)))

@@ -114,7 +114,7 @@ def _quadratic(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[
 
 
 def _thermal(m: Machine, peaks: Peaks, share: float, rng: Generator) -> tuple[dict[int, float], dict[str, float]]:
-    """Draw friction that falls while running in; anew in each recording."""
+    """Draw friction that falls while running in, from the start of each recording."""
     tau = rng.uniform(4.0, 12.0)
     fall = share / -np.expm1(-NOMINAL_DURATION / tau)
     return {s.WARM_SHARE: fall, s.WARM_TIME: tau}, {"time_constant": tau}

@@ -1,4 +1,4 @@
-"""References: a rich one to learn from, and point-to-point steps with dwells to be judged on."""
+"""References: a rich one for the fitted recording, and point-to-point steps with dwells for the held-out ones."""
 
 from __future__ import annotations
 

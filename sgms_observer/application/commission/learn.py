@@ -103,7 +103,7 @@ def excite(session: Session) -> Found:
         user_motion = read_motion(source, own_rows(source, axis), session.origin, period)
         motion_name = str(source)
     else:
-        user_motion, motion_name = representative_motion(limits, period), "the motion that stands for your own"
+        user_motion, motion_name = representative_motion(limits, period), "the representative motion"
     checked(learn, limits, session.origin, "the excitation")
     checked(user_motion, limits, session.origin, motion_name)
     learn.write(session.path(EXCITATION))
