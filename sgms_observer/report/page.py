@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
@@ -141,6 +141,19 @@ class Light:
 
 
 @dataclass(frozen=True)
+class Link:
+    """A link to another report.
+
+    Args:
+        text: what it leads to.
+        path: relative to the page's folder.
+    """
+
+    text: str
+    path: str
+
+
+@dataclass(frozen=True)
 class Section:
     """A part of the page.
 
@@ -173,6 +186,7 @@ class Page:
         warnings: sentences that start with ``Warning:``; they stand above everything but the verdict.
         lights: questions with their answers; those of one topic stand together.
         lead: pictures that show the verdict; they stand above the questions.
+        links: other reports of the same run; they stand below the warnings.
     """
 
     title: str
@@ -182,11 +196,23 @@ class Page:
     warnings: Sequence[str] = ()
     lights: Sequence[Light] = ()
     lead: Sequence[Picture] = ()
+    links: Sequence[Link] = ()
+
+    long_topic: ClassVar[int] = 4
+    """A topic with more questions gets a column twice as wide, and a row of its own where columns are narrow."""
+
+    @cached_property
+    def topics(self) -> dict[str, list[Light]]:
+        """Return the questions of each topic; a topic has one column of the page."""
+        topics: dict[str, list[Light]] = {}
+        for one in self.lights:
+            topics.setdefault(one.topic, []).append(one)
+        return topics
 
     @property
-    def topics(self) -> list[str]:
-        """Return the topics of the lights, each once."""
-        return list(dict.fromkeys(light.topic for light in self.lights))
+    def light_columns(self) -> str:
+        """Return the widths of the topics' columns on a desk, for the style sheet."""
+        return " ".join("2fr" if len(lights) > self.long_topic else "1fr" for lights in self.topics.values())
 
     @cached_property
     def plots(self) -> list[Plot]:

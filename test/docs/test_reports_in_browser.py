@@ -17,7 +17,7 @@ from program import load_script
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Samples
 from sgms_observer.report.drawing import Line, Panel, sheet, time_plot
-from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Section, Table, light, write_page
+from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Link, Page, Section, Table, light, write_page
 from sgms_observer.settings.load import load_settings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -65,6 +65,55 @@ def test_report_says_the_answer_and_the_warnings_before_anything_else(page: Path
     assert places == sorted(places) and places[-1] < body.index("<h2>")
     for state, word in ((GOOD, "Yes."), (UNSURE, "Not sure."), (BAD, "No.")):
         assert f'<li class="{state}">' in body and f"<strong>{word}</strong>" in body
+
+
+@pytest.mark.parametrize(("width", "media"), [(1200, ""), (718, ""), (718, "print"), (400, "")])
+def test_every_question_stands_below_the_heading_of_its_topic(
+    tmp_path: Path, browser: Browser, width: int, media: str
+) -> None:
+    """Nine questions of the last topic stay in its one column, whatever the width of the page."""
+    topics = ["Data"] * 2 + ["Convergence"] * 2 + ["Believability"] * 9
+    lights = [Light(topic, f"Is number {k} true?", GOOD, "word " * 12) for k, topic in enumerate(topics)]
+    page = write_page(Page("title", "verdict", [], lights=lights), tmp_path)
+    edges = "(e => [e.left, e.top, e.right, e.bottom])(%s.getBoundingClientRect())"
+    asked = (
+        "[...document.querySelectorAll('.lights section')].map(s => "
+        f"[{edges % 's.firstElementChild'}, [...s.querySelectorAll('li')].map(e => {edges % 'e'})])"
+    )
+    groups, complaints = browser.press(page, [], [asked], width=width, media=media)
+    assert complaints == () and [len(questions) for _, questions in groups[0]] == [2, 2, 9]
+    boxes = []
+    for heading, questions in groups[0]:
+        assert {question[0] for question in questions} == {heading[0]}
+        tops = [heading[1], *(question[1] for question in questions)]
+        assert tops == sorted(tops)
+        boxes.append((heading[0], heading[1], questions[0][2], questions[-1][3]))
+    for one in boxes:
+        for other in boxes:
+            is_apart = one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
+            assert one is other or is_apart
+    lefts = {box[0] for box in boxes}
+    assert len(lefts) == {1200: 3, 718: 2, 400: 1}[width]
+
+
+def test_links_lead_to_the_reports_beside_the_page(tmp_path: Path, browser: Browser) -> None:
+    (tmp_path / "diagnosis").mkdir()
+    (tmp_path / "diagnosis" / "report.html").write_text("<p>the diagnosis</p>")
+    page = write_page(
+        Page(
+            "title",
+            "verdict " * 20,
+            [],
+            warnings=["Warning: look."],
+            links=[Link("Diagnosis", "diagnosis/report.html")],
+        ),
+        tmp_path,
+    )
+    check_report(browser, page, 0)
+    found, _ = browser.press(page, [], ["document.querySelector('.links a').href"])
+    assert found == [(tmp_path / "diagnosis" / "report.html").resolve().as_uri()]
+    text = page.read_text(encoding="utf-8")
+    assert text.index('class="warnings"') < text.index('class="links"')
 
 
 def test_report_is_reached_by_keyboard(page: Path, browser: Browser) -> None:
