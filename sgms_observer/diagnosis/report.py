@@ -212,7 +212,7 @@ def _fit(answer: Answer, traces: Sequence[Trace], units: Units) -> Section:
         f" The residual is the measured minus the modelled {word}. residual.mcap holds these signals for PlotJuggler"
         " and Foxglove."
     )
-    pictures = [measured_over_modelled(answer, traces, units), *friction_pictures(traces, units)]
+    pictures = [measured_over_modelled(answer, traces, units), *friction_pictures(traces, answer.model.friction, units)]
     return Section(f"Measured and modelled {word}", [text], (), pictures, [over_time(traces, units)])
 
 
@@ -241,6 +241,7 @@ def _decisions(answer: Answer, run: Run) -> Section:
     diagnosis = answer.diagnosis
     noise = diagnosis.evaluation.fit_data.noise
     text = [*run.notes, *diagnosis.notes]
-    text += [f"Noise below the band {item.rms:.3g} rms, corner {item.corner:.0f} Hz." for item in noise]
+    unit = run.axis.units.effort
+    text += [f"Noise below the band {item.rms:.3g} {unit} rms, corner {item.corner:.0f} Hz." for item in noise]
     tables = [*test_tables(answer), refit_table(answer, run.options), *screening_table(answer)]
     return Section("Everything the run decided", text, tables, is_folded=True)

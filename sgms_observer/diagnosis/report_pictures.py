@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from sgms_observer.diagnosis.map_fit import FittedMap
 from sgms_observer.diagnosis.traces import Trace
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
+from sgms_observer.effects.compiled import CompiledEffects
+from sgms_observer.effects.effect import EffectSettings, Place
 from sgms_observer.report.drawing import (
     BACKWARD,
     ESTIMATE,
@@ -34,7 +36,10 @@ from sgms_observer.report.friction_pictures import (
     residual_over_position,
     stribeck_points,
 )
+from sgms_observer.report.gap_picture import gap_picture
 from sgms_observer.report.page import Picture, Plot
+from sgms_observer.report.reversal_picture import presliding_distance, reversal_picture
+from sgms_observer.settings.axis import FrictionSettings
 from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
@@ -57,48 +62,77 @@ def gap_bar(answer: Answer) -> Picture:
         steps.append(("with changed values", gap.after))
     if answer.learnt:
         steps.append(("with learnt map", answer.gap_with_learnt))
-    caption = "Gap after each step, down to the residual that no recorded signal predicts."
-    with sheet("gap", caption, height=0.8 + 0.32 * len(steps)) as drawn:
-        axes = drawn.axes[0]
-        names, sizes = [name for name, _ in steps][::-1], [size for _, size in steps][::-1]
-        bars = axes.barh(names, sizes, color=MEASURED, height=0.62, label="gap")
-        axes.bar_label(bars, labels=[f"{size:.3g} %" for size in sizes], padding=3, fontsize=9.0)
-        axes.axvline(gap.floor, color=ESTIMATE, lw=1.6, ls="--", label=f"not predictable, {gap.floor:.3g} %")
-        axes.set_xlim(0.0, 1.18 * max(*sizes, gap.floor, 1e-12))
-        axes.set_xlabel("gap [% of rms effort]")
-        axes.grid(visible=False, axis="y")
-    return drawn.picture
+    return gap_picture(steps, gap.floor)
 
 
 def effect_over_position(answer: Answer, traces: Sequence[Trace], units: Units) -> Picture:
     """Draw the residual of the model without the found effects over the position, and the fitted effects."""
     names = [item.settings.name for item in answer.effects if item.settings.name in traces[0].effects]
     names += [item.settings.name for item in answer.learnt]
+    effects = {name: np.concatenate([one.effects[name] for one in traces]) for name in names}
     position, velocity = (_all(traces, lambda one: one.position), _all(traces, lambda one: one.velocity))
-    if not names:
-        residual = _all(traces, lambda one: one.residual)
+    settings = [item.settings for item in answer.effects]
+    return effects_over_position(position, velocity, _all(traces, lambda one: one.residual), effects, settings, units)
+
+
+def effects_over_position(
+    position: Floats,
+    velocity: Floats,
+    residual: Floats,
+    effects: Mapping[str, Floats],
+    settings: Sequence[EffectSettings],
+    units: Units,
+) -> Picture:
+    """Draw the residual of a model without some of its effects over the position, and these effects.
+
+    Args:
+        position, velocity: motion, shape (n,).
+        residual: of the whole model, shape (n,).
+        effects: effort of each effect that is left out, shape (n,).
+        settings: the values of named effects.
+        units: of the axis.
+    """
+    name = "residual_over_position"
+    if not effects:
         caption = "Residual in even bins of the position, with its standard error, by direction."
-        return residual_over_position("residual_over_position", caption, position, velocity, residual, units)
-
-    def found(trace: Trace) -> Floats:
-        return np.asarray(np.sum([trace.effects[name] for name in names], axis=0), dtype=np.float64)
-
-    fitted = _all(traces, found)
-    residual = _all(traces, lambda one: one.residual) + fitted
-    listed = ", ".join(name.replace("_", " ") for name in names)
+        return residual_over_position(name, caption, position, velocity, residual, units)
+    fitted = np.sum(list(effects.values()), axis=0)
+    listed = ", ".join(name.replace("_", " ") for name in effects)
     caption = (
         f"Residual of the model without {listed}, in even bins of the position, with its standard error, by direction."
         " Lines: the fitted effect."
     )
     periods = [
         value
-        for item in answer.effects
-        for parameter, value in zip(effect(item.settings.name).parameters, item.settings.values, strict=False)
+        for item in settings
+        for parameter, value in zip(effect(item.name).parameters, item.values, strict=False)
         if parameter.name == "pitch"
     ]
     return residual_over_position(
-        "residual_over_position", caption, position, velocity, residual, units, fitted, min(periods, default=None)
-    )
+        name, caption, position, velocity, residual + fitted, units, fitted, min(periods, default=None),
+        force_over_position([item for item in settings if item.name in effects]),
+    )  # fmt: skip
+
+
+def force_over_position(settings: Sequence[EffectSettings]) -> Callable[[Floats], Floats] | None:
+    """Return the force of the effects that are functions of the position alone, or None if none of them is.
+
+    Args:
+        settings: effects with their values.
+    """
+    entries = [(item, effect(item.name)) for item in settings]
+    of_position = [
+        item for item, entry in entries if entry.place is Place.ADDED_FORCE and entry.coordinates == ("position",)
+    ]
+    if not of_position:
+        return None
+
+    def force(position: Floats) -> Floats:
+        zero = np.zeros(len(position))
+        compiled = CompiledEffects(of_position, 1.0)
+        return compiled.evaluate(position, zero, zero, zero, zero, zero, zero, compiled.initial_state())[0]
+
+    return force
 
 
 def measured_over_modelled(answer: Answer, traces: Sequence[Trace], units: Units) -> Picture:
@@ -108,11 +142,17 @@ def measured_over_modelled(answer: Answer, traces: Sequence[Trace], units: Units
     return measured_against_modelled("fit", caption, measured, modelled, 100.0 - answer.gap_with_learnt, units)
 
 
-def friction_pictures(traces: Sequence[Trace], units: Units) -> tuple[Picture, ...]:
-    """Draw friction over velocity and over position."""
+def friction_pictures(traces: Sequence[Trace], friction: FrictionSettings, units: Units) -> tuple[Picture, ...]:
+    """Draw friction over velocity, over position, and at one reversal.
+
+    Args:
+        traces: model and measurement.
+        friction: of the model, for the distance over which presliding shows.
+        units: of the axis.
+    """
     sliding = [trace.is_sliding for trace in traces]
     velocity = np.concatenate([one.velocity[rows] for one, rows in zip(traces, sliding, strict=True)])
-    friction = np.concatenate([one.friction[rows] for one, rows in zip(traces, sliding, strict=True)])
+    measured_there = np.concatenate([one.friction[rows] for one, rows in zip(traces, sliding, strict=True)])
     modelled = np.concatenate([one.modelled_friction[rows] for one, rows in zip(traces, sliding, strict=True)])
     centre, mean, _deviation = stribeck_points(velocity, modelled)
     curve = [(centre[side], mean[side]) for side in (centre < 0.0, centre > 0.0) if side.any()]
@@ -125,9 +165,15 @@ def friction_pictures(traces: Sequence[Trace], units: Units) -> tuple[Picture, .
     position = with_holes([one.position for one in traces])
     measured = with_holes([one.friction for one in traces])
     model = with_holes([one.modelled_friction for one in traces])
+    distance = presliding_distance(
+        friction.element_stiffness, [friction.static_force * share for share in friction.element_fraction]
+    )
+    pieces = [(one.position, one.friction, one.modelled_friction) for one in traces]
+    reversal = reversal_picture("reversal", pieces, distance, units)
     return (
-        over_velocity("stribeck", sliding_caption, velocity, friction, curve, units),
+        over_velocity("stribeck", sliding_caption, velocity, measured_there, curve, units),
         hysteresis("hysteresis", loops, position, measured, model, units),
+        *([reversal] if reversal else []),
     )
 
 

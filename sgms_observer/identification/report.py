@@ -23,6 +23,7 @@ from sgms_observer.report.friction_pictures import (
     residual_over_position,
 )
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Plot, Section, Table
+from sgms_observer.report.reversal_picture import presliding_distance, reversal_picture
 from sgms_observer.settings.units import Units
 
 Floats = NDArray[np.float64]
@@ -220,10 +221,26 @@ def _friction(part: IdentifiedAxis) -> list[Picture]:
         with_holes([getattr(one, key) for one in traces]) for key in ("position", "friction", "modelled_friction")
     ]
     binned = [_all(traces, key) for key in ("position", "velocity", "residual")]
+    reversal = _reversal(part)
     return [
         hysteresis(f"{part.name}_hysteresis", loops, looped[0], looped[1], looped[2], units),
+        *([reversal] if reversal else []),
         residual_over_position(f"{part.name}_residual", residual, binned[0], binned[1], binned[2], units),
     ]
+
+
+def _reversal(part: IdentifiedAxis) -> Picture | None:
+    """Draw one reversal magnified; None for a model without elements, or where no reversal has enough rows."""
+    values = {row.name: row.value for row in part.answer.rows}
+    stiffness, share = (
+        [value for name, value in values.items() if name.startswith(f"friction.element_{key}[")]
+        for key in ("stiffness", "fraction")
+    )
+    if not stiffness:
+        return None
+    distance = presliding_distance(stiffness, [values["friction.static_force"] * one for one in share])
+    pieces = [(one.position, one.friction, one.modelled_friction) for one in part.traces.learnt]
+    return reversal_picture(f"{part.name}_reversal", pieces, distance, part.units)
 
 
 def _all(traces: Sequence[Trace], key: str) -> Floats:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -20,8 +21,8 @@ Floats = NDArray[np.float64]
 Curve = tuple[Floats, Floats]
 
 SLOWEST = 1.0e-3
-"""Slowest range of the velocity that is drawn, as a share of the largest velocity."""
-_RANGES = 14  # of the velocity, in each direction
+"""Slowest velocity of a model's line, as a share of the largest velocity."""
+_RANGES_OF_A_DECADE, _MIN_RANGES, _MAX_RANGES = 7, 4, 28  # of the speed, in each direction
 _MIN_ROWS = 5  # rows of a bin that is drawn
 _MAX_DOTS = 20_000  # of a picture
 _MAX_POINTS = 2_000  # of a line over position
@@ -29,19 +30,34 @@ _BINS = 120  # of the position, as far as the rows suffice
 _ROWS_OF_A_BIN = 20
 _BINS_OF_A_PERIOD = 12  # so that a period is seen and not folded
 _PERIODS = 20  # of an effect that are shown where the whole stroke has too many
+_LINE_POINTS = 1_000  # of an effect's line over position: fifty for each period
+
+
+def slowest_speed(velocity: Floats) -> float:
+    """Return the speed from which on there is data [m/s]: the slowest one but a few; 0 where too few rows slide.
+
+    Args:
+        velocity: of rows where the axis slides.
+    """
+    speed = np.sort(np.abs(velocity[velocity != 0.0]))
+    return float(speed[_MIN_ROWS - 1]) if len(speed) >= _MIN_ROWS else 0.0
 
 
 def stribeck_points(velocity: Floats, friction: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return mean velocity, mean friction and its standard deviation in each range of velocity, slow ones narrower.
+    """Return mean velocity, mean friction and its standard deviation in ranges that are even in the speed's logarithm.
+
+    The ranges begin at the slowest speed and end at the fastest one.
 
     Args:
         velocity: of rows where the axis slides.
         friction: of the same rows.
     """
-    top = float(np.max(np.abs(velocity), initial=0.0))
+    slowest = slowest_speed(velocity)
     points = []
-    if top > 0.0:
-        edges = np.concatenate(([0.0], top * np.geomspace(SLOWEST, 1.0 + 1e-9, _RANGES)))
+    if slowest > 0.0:
+        top = float(np.max(np.abs(velocity)))
+        count = int(np.clip(_RANGES_OF_A_DECADE * math.log10(top / slowest), _MIN_RANGES, _MAX_RANGES))
+        edges = np.geomspace(slowest * (1.0 - 1e-9), top * (1.0 + 1e-9), count + 1)
         for low, high in pairwise(edges):
             for sign in (-1.0, 1.0):
                 inside = (sign * velocity > low) & (sign * velocity <= high)
@@ -54,11 +70,11 @@ def stribeck_points(velocity: Floats, friction: Floats) -> tuple[Floats, Floats,
 def over_velocity(
     name: str, caption: str, velocity: Floats, friction: Floats, model: Sequence[Curve], units: Units
 ) -> Picture:
-    """Draw friction over velocity: rows, their means and the model.
+    """Draw friction over velocity: rows, their means and the model; the caption says from which speed on there is data.
 
     Args:
         name: short name.
-        caption: what it shows.
+        caption: what it shows, without the speed.
         velocity: of rows where the axis slides.
         friction: measured, of the same rows.
         model: velocity and friction of the model, a line for each direction.
@@ -66,8 +82,12 @@ def over_velocity(
     """
     fastest = max([float(np.max(np.abs(part[0]), initial=0.0)) for part in model], default=0.0)
     factor, unit = units.prefixed(max(fastest, float(np.max(np.abs(velocity), initial=0.0))), "m/s")
-    none = "" if len(velocity) else " It never slides so far and so long one way that a row counts."
-    with sheet(name, caption + none) as drawn:
+    slowest = slowest_speed(velocity)
+    slowest_row = " It never slides so far and so long one way that a row counts."
+    if slowest > 0.0:
+        speed = units.readable(slowest, "m/s")
+        slowest_row = f" There is data from {speed} on: no slower row is far enough from a reversal."
+    with sheet(name, caption + slowest_row) as drawn:
         axes = drawn.axes[0]
         _draw_rows(axes, factor * velocity, friction, REFERENCE, 1.5, 0.5, "rows")
         centre, mean, deviation = stribeck_points(velocity, friction)
@@ -131,8 +151,11 @@ def residual_over_position(
     units: Units,
     effect: Floats | None = None,
     period: float | None = None,
+    of_position: Callable[[Floats], Floats] | None = None,
 ) -> Picture:
     """Draw the residual in even bins of the position, a colour for each direction, with the fitted effects.
+
+    The line of the effects goes over all positions that were visited, also where a bin holds too few rows.
 
     Args:
         name: short name.
@@ -143,6 +166,7 @@ def residual_over_position(
         effect: effort of the effects at the same rows; None where there are none.
         period: shortest period in position of an effect; the part of the stroke with the most rows is shown where the
             whole has more than ``_PERIODS`` of them and too many bins.
+        of_position: effort of those of the effects that are functions of the position alone; None where there are none.
     """
     low, high, count = position_bins(position, period)
     factor, unit = units.prefixed(max(abs(low), abs(high)))
@@ -154,14 +178,36 @@ def residual_over_position(
             rows = (sign * velocity > 0.0) & (position >= low) & (position <= high)
             mean, error = binned(position[rows], residual[rows], edges)
             axes.errorbar(centre, mean, error, fmt="o", color=colour, ms=2.5, lw=0.8, label=label)
-            if effect is not None:
-                fitted = binned(position[rows], effect[rows], edges)[0]
-                axes.plot(centre, fitted, color=colour, lw=1.4, label=f"effect, {label}")
+            if effect is not None and rows.any():
+                places, fitted = effect_line(position[rows], effect[rows], edges, of_position)
+                axes.plot(factor * places, fitted, color=colour, lw=1.4, label=f"effect, {label}")
         axes.set_xlabel(f"position [{unit}]")
         axes.set_ylabel(f"residual [{units.effort}]")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2 if effect is not None else 4,
                     borderaxespad=0.2, columnspacing=1.0, handlelength=1.4)  # fmt: skip
     return drawn.picture
+
+
+def effect_line(
+    position: Floats, effect: Floats, edges: Floats, of_position: Callable[[Floats], Floats] | None
+) -> tuple[Floats, Floats]:
+    """Return even positions over the visited range, and the effort of the effects there.
+
+    What is a function of the position is evaluated. Of the rest the means of the bins that hold a row are joined: it is
+    computed, so that one row is enough.
+
+    Args:
+        position: of rows of one direction, at least one.
+        effect: effort of the effects at the same rows.
+        edges: of the bins.
+        of_position: the part of the effort that is a function of the position; None where there is none.
+    """
+    places = np.linspace(float(np.min(position)), float(np.max(position)), _LINE_POINTS)
+    known, rest = (0.0, effect) if of_position is None else (of_position(places), effect - of_position(position))
+    mean = binned(position, rest, edges, 1)[0]
+    has_rows = np.isfinite(mean)
+    centre = 0.5 * (edges[1:] + edges[:-1])
+    return places, np.interp(places, centre[has_rows], mean[has_rows]) + known
 
 
 def position_bins(position: Floats, period: float | None) -> tuple[float, float, int]:
@@ -185,18 +231,19 @@ def position_bins(position: Floats, period: float | None) -> tuple[float, float,
     return start, start + width, max(1, round(width * _BINS_OF_A_PERIOD / period))
 
 
-def binned(position: Floats, values: Floats, edges: Floats) -> tuple[Floats, Floats]:
+def binned(position: Floats, values: Floats, edges: Floats, least: int = _MIN_ROWS) -> tuple[Floats, Floats]:
     """Return mean of each bin and its standard error; NaN where a bin holds too few rows.
 
     Args:
         position: shape (n,).
         values: shape (n,).
         edges: of k bins, shape (k + 1,).
+        least: so many rows a bin has to hold.
     """
     size = len(edges) - 1
     place = np.clip(np.searchsorted(edges, position, side="right") - 1, 0, size - 1)
     count = np.bincount(place, minlength=size)
-    enough = np.where(count >= _MIN_ROWS, count, np.nan)
+    enough = np.where(count >= least, count, np.nan)
     mean = np.bincount(place, values, size) / enough
     square = np.bincount(place, values**2, size) / enough
     return mean, np.sqrt(np.maximum(square - mean**2, 0.0) / enough)

@@ -31,15 +31,20 @@ def _trace(name: str, seed: int, count: int = 100_000) -> Trace:
     )  # fmt: skip
 
 
-def _axis(name: str, seed: int) -> IdentifiedAxis:
-    rows = tuple(Row(f"friction.part[{k}]", 1.0, 0.1, "N", True) for k in range(25))
+ROWS = tuple(Row(f"friction.part[{k}]", 1.0, 0.1, "N", True) for k in range(25))
+
+
+def identified_axis(name: str, seed: int, rows: tuple[Row, ...] = ROWS) -> IdentifiedAxis:
+    """Return an identified axis with long recordings."""
     traces = Traces((_trace("first", seed),), (_trace("second", seed + 100),), np.sign)
     return IdentifiedAxis(name, Units(), Answer({}, {}, rows), traces, 100.0, 0.1, True, ())
 
 
 @pytest.mark.parametrize("axes", [1, 7])
 def test_the_page_of_an_identification_stays_small(axes: int) -> None:
-    page = identification_page([_axis(f"joint_{k}", k) for k in range(axes)], "out.yaml", ["first"], ["second"])
+    page = identification_page(
+        [identified_axis(f"joint_{k}", k) for k in range(axes)], "out.yaml", ["first"], ["second"]
+    )
     assert len(page.plots) == 2 * axes
     assert len(render_page(page).encode()) < LARGEST_PAGE
 

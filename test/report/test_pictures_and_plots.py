@@ -9,6 +9,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from sgms_observer.diagnosis.report_pictures import force_over_position
+from sgms_observer.effects.effect import EffectSettings
 from sgms_observer.report.drawing import (
     ESTIMATE,
     Line,
@@ -19,7 +21,14 @@ from sgms_observer.report.drawing import (
     time_plot,
     with_holes,
 )
-from sgms_observer.report.friction_pictures import binned, position_bins, residual_over_position, stribeck_points
+from sgms_observer.report.friction_pictures import (
+    binned,
+    effect_line,
+    over_velocity,
+    position_bins,
+    residual_over_position,
+    stribeck_points,
+)
 from sgms_observer.report.page import COLOURS
 from sgms_observer.settings.units import Units
 
@@ -106,12 +115,54 @@ def test_residual_is_drawn_for_both_directions_with_the_effect_on_it() -> None:
     assert ">effect, forward<" not in plain.svg
 
 
+def test_the_line_of_an_effect_has_no_break_where_bins_are_empty() -> None:
+    """The axis passes two of four places fast: few rows there, or none."""
+    places = np.concatenate([np.linspace(0.0, 0.02, 2000), [0.025], np.linspace(0.04, 0.06, 2000)])
+    edges = np.linspace(0.0, 0.06, 121)
+
+    def wave(position: np.ndarray) -> np.ndarray:
+        return np.sin(2.0 * np.pi * position / 0.004)
+
+    assert np.isnan(binned(places, wave(places), edges)[0]).any()
+    drawn, line = effect_line(places, wave(places) + 0.5, edges, wave)
+    assert (drawn[0], drawn[-1]) == (0.0, 0.06) and np.max(np.diff(drawn)) < 1e-4
+    assert line == pytest.approx(wave(drawn) + 0.5, abs=1e-9)
+    drawn, line = effect_line(places, wave(places) + 0.5, edges, None)
+    assert np.isfinite(line).all()
+    visited = (drawn > 0.0005) & (drawn < 0.019)
+    assert line[visited] == pytest.approx(wave(drawn[visited]) + 0.5, abs=0.15)
+
+
+def test_effects_of_the_position_alone_are_evaluated() -> None:
+    cogging, offset = EffectSettings("cogging", (0.8, 0.004, 0.3, 0.1, 0.2)), EffectSettings("offset", (0.5,))
+    force = force_over_position([offset, cogging, EffectSettings("spring", (80.0, 0.001))])
+    assert force is not None
+    places = np.linspace(-0.01, 0.01, 57)
+    turns = 2.0 * np.pi * places / 0.004
+    ripple = 0.8 * np.sin(turns + 0.3) + 0.1 * np.sin(2.0 * turns + 0.2)
+    assert force(places) == pytest.approx(ripple + 80.0 * (places - 0.001))
+    assert force_over_position([offset]) is None
+
+
 def test_stribeck_points_are_means_of_ranges_that_are_narrower_where_it_is_slow() -> None:
     velocity = np.concatenate([np.geomspace(1e-4, 0.1, 400), -np.geomspace(1e-4, 0.1, 400)])
     friction = 4.0 * np.sign(velocity) + 30.0 * velocity
     centre, mean, _deviation = stribeck_points(velocity, friction)
-    assert len(centre) == 26 and np.all(np.diff(centre) > 0.0)
+    assert len(centre) == 40 and np.all(np.diff(centre) > 0.0)
     assert mean == pytest.approx(4.0 * np.sign(centre) + 30.0 * centre)
+
+
+def test_stribeck_points_begin_at_the_slowest_speed_that_slides() -> None:
+    """All rows lie between 6 and 50 mm/s: no range is spent below, and the caption says so."""
+    velocity = np.concatenate([np.geomspace(6e-3, 0.05, 400), -np.geomspace(8e-3, 0.05, 400)])
+    centre, _mean, _deviation = stribeck_points(velocity, np.sign(velocity))
+    speeds = centre[centre > 0.0]
+    assert len(speeds) == 6 and speeds[0] < 8e-3
+    assert np.diff(np.log(speeds)) == pytest.approx(np.log(50.0 / 6.0) / 6, rel=0.1)
+    picture = over_velocity("a", "Friction.", velocity, np.sign(velocity), [], Units())
+    assert "There is data from 6.13 mm/s on" in picture.caption
+    nothing = over_velocity("a", "Friction.", velocity[:3], np.sign(velocity[:3]), [], Units())
+    assert "never slides" in nothing.caption and len(stribeck_points(velocity[:3], velocity[:3])[0]) == 0
 
 
 def test_a_long_plot_keeps_its_peaks_and_holes() -> None:
