@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,6 +16,8 @@ Floats = NDArray[np.float64]
 
 BINS = 16
 SHIFTS = 199
+MAX_RANGE_SHARE = 0.9
+"""Largest range of the largest residuals, as a share of what was visited, that says where the residual is."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,7 @@ class Located:
         share: share of the slow residual's variance that the bins explain.
         p_value: share of shifted residuals that the bins explain as well.
         low, high: ends of the range of the bins with the largest mean residual.
+        visited: length of the range of all bins; infinite if it is not known.
     """
 
     coordinate: str
@@ -41,6 +45,12 @@ class Located:
     p_value: float
     low: float
     high: float
+    visited: float = math.inf
+
+    @property
+    def is_in_a_range(self) -> bool:
+        """Return whether the largest residuals lie in a part of what was visited, rather than all over it."""
+        return self.high - self.low <= MAX_RANGE_SHARE * self.visited
 
 
 COORDINATE_UNITS = {
@@ -105,4 +115,5 @@ def _binned(label: str, unit: str, coordinate: Floats, signal: Floats, shifts: N
     rows = np.flatnonzero(worst)
     p = float((1 + np.sum(chance >= share)) / (1 + len(chance)))
     centres = 0.5 * (edges[1:] + edges[:-1])
-    return Located(label, unit, centres, mean, band, share, p, float(edges[rows[0]]), float(edges[rows[-1] + 1]))
+    low, high, visited = float(edges[rows[0]]), float(edges[rows[-1] + 1]), float(edges[-1] - edges[0])
+    return Located(label, unit, centres, mean, band, share, p, low, high, visited)

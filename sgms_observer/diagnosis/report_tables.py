@@ -6,6 +6,7 @@ import numpy as np
 
 from sgms_observer.diagnosis.answer import Answer
 from sgms_observer.diagnosis.diagnosis import Options
+from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.named import Named
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import Table
@@ -30,21 +31,35 @@ def gap_table(answer: Answer) -> Table:
 
 def changed_table(answer: Answer, units: Units) -> list[Table]:
     """Return the table of changed values of the file, if there are any."""
-    rows = [
-        (
-            item.name, _number(item.before), _number(item.after),
-            f"{item.std_error:.2g}" if item.std_error > 0.0 else "not known",
-            units.of(item.unit), f"{100.0 * item.closes:.0f} %",
-        )
-        for item in answer.changed
-    ]  # fmt: skip
+    rows = []
+    for item in answer.changed:
+        numbers = [value for value in (item.before, item.after) if not isinstance(value, str)]
+        factor, unit = prefixed_unit(max(map(abs, numbers), default=0.0), item.unit, units)
+        error = f"{factor * item.std_error:.2g}" if item.std_error > 0.0 else "not known"
+        values = _number(item.before, factor), _number(item.after, factor)
+        rows.append((item.name, *values, error, unit, f"{100.0 * item.closes:.0f} %"))
     header = ("value of the file", "in the file", "in the recordings", "standard error", "unit", "closes together")
     return [Table(header, rows, "Values of the file that moved beyond their tolerance")] if rows else []
 
 
-def _number(value: float | str) -> str:
-    """Return a value of the file with four digits."""
-    return value if isinstance(value, str) else f"{value:.4g}"
+def _number(value: float | str, factor: float) -> str:
+    """Return a value of the file, times a factor, with four digits."""
+    return value if isinstance(value, str) else f"{factor * value:.4g}"
+
+
+def prefixed_unit(size: float, unit: str, units: Units) -> tuple[float, str]:
+    """Return the factor and the unit in which numbers are easy to read.
+
+    Masses, frequencies and phases keep their unit.
+
+    Args:
+        size: largest number to be shown, in the unit without a prefix.
+        unit: what it has on a prismatic axis.
+        units: of the axis.
+    """
+    if unit in ("", "-", "rad", "kg", "Hz"):
+        return 1.0, units.of(unit)
+    return units.prefixed(float(f"{size:.3g}"), unit)
 
 
 def effect_tables(answer: Answer, units: Units) -> list[Table]:
@@ -58,9 +73,10 @@ def _parameter_rows(item: Named, units: Units) -> list[tuple[str, str, str, str]
     entry = effect(item.settings.name)
     rows = []
     for parameter, value, error in zip(entry.parameters, item.settings.values, item.std_error, strict=True):
-        low, high = value - NINETY * error, value + NINETY * error
+        factor, unit = prefixed_unit(max(abs(value), error), parameter.unit, units)
+        low, high = factor * (value - NINETY * error), factor * (value + NINETY * error)
         interval = f"{low:.4g} .. {high:.4g}" if error > 0.0 else "fixed"
-        rows.append((parameter.name, f"{value:.5g}", interval, units.of(parameter.unit)))
+        rows.append((parameter.name, f"{factor * value:.5g}", interval, unit))
     return rows
 
 
@@ -100,7 +116,7 @@ def located_table(answer: Answer, units: Units) -> Table:
     rows = [
         (
             item.coordinate,
-            f"{item.low:.3g} .. {item.high:.3g} {units.of(item.unit)}",
+            _range(item, units),
             f"{100 * item.share:.0f} %",
             f"{item.p_value:.3f}",
         )
@@ -108,6 +124,14 @@ def located_table(answer: Answer, units: Units) -> Table:
     ]
     header = ("coordinate", "residual is largest at", "explains of the slow residual", "p-value")
     return Table(header, rows, "Coordinates over which the residual varies by more than chance")
+
+
+def _range(item: Located, units: Units) -> str:
+    """Return where the residual is largest; no range where that is nearly all that was visited."""
+    if not item.is_in_a_range:
+        return "all over its range"
+    factor, unit = prefixed_unit(max(abs(item.low), abs(item.high)), item.unit, units)
+    return f"{factor * item.low:.3g} .. {factor * item.high:.3g} {unit}"
 
 
 def detectable_table(answer: Answer) -> Table:
