@@ -108,15 +108,18 @@ def _element_rows(result: Identification, axis: AxisSettings, widths: Floats) ->
     parameters, known = result.parameters, result.confidence.is_identifiable
     n_z, coulomb = parameters.count, float(parameters.level.sum())
     unit = axis.units.of
-    note = f"reverse over less than {float(parameters.slip_deflection.min()):.1g} {unit('m')}, many times"
+    notes = [
+        f"reverse over less than {axis.units.readable(float(slip))}, where this element slips, many times"
+        for slip in parameters.slip_deflection
+    ]
     rows = [
         Row(f"friction.element_stiffness[{i + 1}]", kappa, float(widths[ELEMENTS + i]), unit("N/m"),
-            bool(known[ELEMENTS + i]), note)
+            bool(known[ELEMENTS + i]), notes[i])
         for i, kappa in enumerate(parameters.kappa)
     ]  # fmt: skip
     return rows + [
         Row(f"friction.element_fraction[{i + 1}]", level / coulomb, float(widths[ELEMENTS + n_z + i]) / coulomb, "-",
-            bool(known[ELEMENTS + n_z + i]), note)
+            bool(known[ELEMENTS + n_z + i]), notes[i])
         for i, level in enumerate(parameters.level)
     ]  # fmt: skip
 

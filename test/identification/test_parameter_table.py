@@ -1,0 +1,27 @@
+"""The table of parameters says what to do for each parameter that a recording does not identify."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sgms_observer.identification.problem import ELEMENTS, Parameters
+from sgms_observer.identification.table import _element_rows
+from sgms_observer.settings.axis import AxisSettings
+from sgms_observer.settings.units import REVOLUTE
+
+
+@pytest.mark.parametrize(("joint_type", "unit"), [("prismatic", "m"), (REVOLUTE, "rad")])
+def test_each_element_has_the_note_of_its_own_slip_deflection(joint_type: str, unit: str) -> None:
+    """One element slips after 30 nm, one after half a millimetre."""
+    level, deflection = np.array([0.3, 0.5]), np.array([30e-9, 0.5e-3])
+    parameters = Parameters(np.zeros(ELEMENTS), level / deflection, level)
+    known = np.zeros(ELEMENTS + 4, dtype=bool)
+    result: Any = SimpleNamespace(parameters=parameters, confidence=SimpleNamespace(is_identifiable=known))
+    rows = _element_rows(result, AxisSettings(joint_type=joint_type), np.full(ELEMENTS + 4, 0.1))
+    assert [row.name.split("[")[1] for row in rows] == ["1]", "2]", "1]", "2]"]
+    for row, size in zip(rows, (f"30 n{unit}", f"500 u{unit}") * 2, strict=True):
+        assert f"reverse over less than {size}," in row.note and row.note in row.remark
