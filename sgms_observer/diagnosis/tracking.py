@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -13,7 +12,8 @@ from numpy.typing import NDArray
 from sgms_observer.settings.units import Units
 
 MAX_RATIO = 1.5
-"""Largest ratio of simulated to recorded error for which the simulated controller counts as that of the recording."""
+"""Largest ratio of simulated to recorded error, rms and peak, for which the simulated controller counts as that of the
+recording."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,11 @@ class TrackingError:
     def as_dict(self) -> dict[str, float]:
         """Return the content for JSON."""
         return {"rms": self.rms, "peak": self.peak}
+
+
+def _agree(simulated: float, recorded: float) -> bool:
+    """Return whether the ratio of two errors is at most ``MAX_RATIO``, either way."""
+    return recorded > 0.0 and 1.0 / MAX_RATIO <= simulated / recorded <= MAX_RATIO
 
 
 @dataclass(frozen=True)
@@ -77,14 +82,20 @@ class PredictedTracking:
                 "the recording has no reference, so nothing shows whether stage.controller of the file is the"
                 f" controller of the recording; {remedy}"
             )
-        ratio = self.without.rms / self.recorded.rms if self.recorded.rms > 0.0 else math.inf
-        if 1.0 / MAX_RATIO <= ratio <= MAX_RATIO:
-            return ""
-        return (
-            f"the recorded tracking error is {units.readable(self.recorded.rms)} rms, the simulated one without"
-            f" compensation {units.readable(self.without.rms)}: stage.controller of the file is not the controller of"
-            f" the recording, or a compensation was on; {remedy}"
-        )
+        if not _agree(self.without.rms, self.recorded.rms):
+            return (
+                f"the recorded tracking error is {units.readable(self.recorded.rms)} rms, the simulated one without"
+                f" compensation {units.readable(self.without.rms)}: stage.controller of the file is not the controller"
+                f" of the recording, or a compensation was on; {remedy}"
+            )
+        if not _agree(self.without.peak, self.recorded.peak):
+            return (
+                f"the recorded tracking error has a peak of {units.readable(self.recorded.peak)}, the simulated one"
+                f" without compensation {units.readable(self.without.peak)}: the model lacks what causes the peak,"
+                " stage.controller of the file is not the controller of the recording, or a compensation was on;"
+                f" {remedy}"
+            )
+        return ""
 
     def sentence(self, units: Units) -> str:
         """Return the errors in words.

@@ -100,6 +100,16 @@ def test_a_caution_bounds_the_ratio_of_the_errors(ratio: float, is_reported: boo
     assert bool(predicted.caution(Units())) == is_reported
 
 
+@pytest.mark.parametrize("peak, is_reported", [(3.07e-6, False), (1.43e-6, True), (6.0e-6, True)])
+def test_a_caution_bounds_the_ratio_of_the_peaks_too(peak: float, is_reported: bool) -> None:
+    recorded, simulated = TrackingError(1.0e-6, 3.07e-6), TrackingError(1.0e-6, peak)
+    caution = PredictedTracking(simulated, simulated, simulated, recorded, 10.0).caution(Units())
+    assert bool(caution) == is_reported
+    if is_reported:
+        assert f"a peak of 3.07 um, the simulated one without compensation {peak * 1e6:.3g} um:" in caution
+        assert "the model lacks what causes the peak, stage.controller of the file" in caution
+
+
 def test_the_feedforward_figure_counts_the_reference_while_it_moves() -> None:
     """Half of the recording rests; a force there is nothing that a feedforward along the reference could cancel."""
     given = _augmented(_given())
