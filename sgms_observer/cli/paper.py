@@ -31,6 +31,7 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.cli.progress import Progress
     from sgms_observer.paper.best_configuration import beyond, beyond_markdown, runs_beyond
     from sgms_observer.paper.figures import figure_five, figure_three, figure_two, figures_six_and_seven
+    from sgms_observer.paper.over_time import estimates_over_time
     from sgms_observer.paper.report import paper_page
     from sgms_observer.paper.table import runs_of_table, table_markdown, table_two
     from sgms_observer.report.page import write_page
@@ -49,7 +50,7 @@ def run(args: argparse.Namespace) -> Outcome:
         further = beyond(args.seeds, args.consistency_seeds, lambda: progress.show(next(done)))
         write_text(json.dumps(further, indent=1), folder / "beyond.json")
         write_text(beyond_markdown(further), folder / "beyond.md")
-        write_page(paper_page(table, further, figures), folder)
+        write_page(paper_page(table, further, figures, estimates_over_time()), folder)
     print(table_markdown(table).split("\n## ")[0])
     print(beyond_markdown(further))
     print(f"seeds 1 to {args.seeds}; everything is in {folder}")

@@ -8,7 +8,7 @@ from typing import Any
 from sgms_observer.paper.conditions import ESTIMATORS, MODELS, PAPER, ROWS
 from sgms_observer.paper.table import READINGS
 from sgms_observer.report.drawing import ESTIMATE, MEASURED, sheet
-from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Section, Table
+from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Plot, Section, Table
 
 _ROWS = {"minus20": "kappa -20 %", "plus20": "kappa +20 %"}
 _MODELS = {"gms": "GMS", "sgms": "S-GMS"}
@@ -16,13 +16,16 @@ _COLUMNS = {"ekf_z": "EKF(z)", "mhe_z": "MHE(z)", "mhe_zp": "MHE(z,p)"}
 _TABLE, _BEYOND, _CONSISTENCY = "Table II", "Beyond the paper", "Consistency"
 
 
-def paper_page(table: dict[str, Any], beyond: dict[str, Any], figures: Sequence[Picture]) -> Page:
+def paper_page(
+    table: dict[str, Any], beyond: dict[str, Any], figures: Sequence[Picture], plots: Sequence[Plot] = ()
+) -> Page:
     """Return the report.
 
     Args:
         table: what table2.json holds.
         beyond: what beyond.json holds.
         figures: of the paper.
+        plots: the estimates over time.
     """
     best = max(beyond[row]["nrmse"] for row in ROWS)
     least = min(PAPER[row][model][name] for row in ROWS for model in MODELS for name in ESTIMATORS)
@@ -41,12 +44,14 @@ def paper_page(table: dict[str, Any], beyond: dict[str, Any], figures: Sequence[
         f"NRMSE in % of the friction's range over period {beyond['conditions']['period']}, every estimate live at its"
         " own instant, from position and effort only."
     )
+    over_time = f"One noise seed, the estimators of Figures 6 and 7. Table II counts period {conditions['period']}."
     return Page(
         "The paper's simulation again",
         verdict,
         [
             Section("Table II", [text], [_table(table), *_readings(table)], [_bars(table)]),
             Section("Beyond Table II", [beyond_text], [*_beyond(beyond)]),
+            *([Section("Estimates over time", [over_time], plots=plots)] if plots else []),
             Section("Figures of the paper", pictures=figures),
         ],
         f"From {seeds}, simulated.",

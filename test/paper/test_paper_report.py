@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import base64
 import copy
+import json
+import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from browser import Browser
 from looks import check_report
 
 from sgms_observer.paper.conditions import ESTIMATORS, MODELS, PAPER, ROWS
+from sgms_observer.paper.over_time import estimates_over_time
 from sgms_observer.paper.report import paper_page
 from sgms_observer.paper.table import MAIN, READINGS
 from sgms_observer.report.page import BAD, GOOD, UNSURE, write_page
@@ -75,7 +80,23 @@ def test_findings_that_do_not_come_out_are_said() -> None:
 
 
 def test_page_reads_well_in_a_browser(tmp_path: Path, browser: Browser) -> None:
-    check_report(browser, write_page(paper_page(a_table(), a_beyond(), []), tmp_path), 1)
+    page = write_page(paper_page(a_table(), a_beyond(), [], estimates_over_time()), tmp_path)
+    check_report(browser, page, 1)
+    plots = re.findall(r'<script type="application/json">(.*?)</script>', page.read_text(encoding="utf-8"))
+    for plot in map(json.loads, plots):
+        labels = [[line["label"] for line in panel["lines"]] for panel in plot["panels"]]
+        assert labels == [["stage", "EKF(z)", "MHE(z,p)"], ["EKF(z)", "MHE(z,p)"], ["velocity"], ["position"]]
+    assert len(plots) == len(ROWS)
+
+
+def test_errors_over_time_are_those_of_the_table() -> None:
+    """The start, where an estimator knows no friction yet, does not hide them."""
+    for plot in estimates_over_time():
+        errors = plot.draw(20_000).content["panels"][1]["lines"]
+        for line in errors:
+            values = np.frombuffer(base64.b64decode(line["values"]), "<f4")
+            assert np.isnan(values[:150]).all() and np.isfinite(values[300:]).all()
+            assert 0.005 < np.nanmax(np.abs(values)) < 1.0
 
 
 @pytest.mark.parametrize("row", ROWS)
