@@ -140,7 +140,7 @@ def diagnosed(session: Session) -> tuple[str, list[str]]:
     session.path("diagnosis/augmented.yaml").write_text(START)
     session.ledger.facts |= {"diagnosis": "diagnosis", "gap": {"before": 9.0, "after": 2.0, "floor": 1.0}}
     session.ledger.effects = [{"name": "offset", "parameters": {"force": 0.4}, "std_error": {"force": 0.1},
-                               "confidence": 0.99, "alternatives": []}]  # fmt: skip
+                               "confidence": 0.99, "alternatives": [], "gap_after": 2.0}]  # fmt: skip
     return "effect_found", ["diagnosis/augmented.yaml"]
 
 

@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,10 @@ from sgms_observer.application.commission.ledger import (
     EXPERIMENTS,
     IDENTIFIED,
     LEARN_BAG,
+    LIGHTS,
     OWN_BAG,
     OWN_MOTION,
+    OWN_MOTION_GAP,
 )
 from sgms_observer.application.commission.motion import (
     Motion,
@@ -32,9 +35,11 @@ from sgms_observer.application.commission.session import Session
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.identify import IdentifyJob, identify_bags
 from sgms_observer.bags.reader import read_joint_states
+from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.gap import WeightedResidual, effort_rms, residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import long_enough, motion_of
+from sgms_observer.diagnosis.questions import questions_of
 from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.offline.band import choose_band
@@ -141,6 +146,7 @@ def identify(session: Session) -> Found:
     identified = identify_bags(job, _titled(session))
     found = next(one for one in load_settings(identified.path).axes if one.name == axis.name)
     given, fitted = (unexplained(own_bag, one) for one in (axis, found))
+    session.ledger.facts[OWN_MOTION_GAP] = {"file": 100.0 * given, "identified": 100.0 * fitted}
     is_better = fitted < CLEARLY_BETTER * given
     if is_better:
         session.ledger.facts["model"] = _without_new_offset(session, found)
@@ -203,6 +209,8 @@ def diagnose_bags_of(session: Session, bags: Sequence[str], out: str) -> Found:
     ledger.facts["verdict"] = result["verdict"]
     ledger.facts["diagnosis"] = out
     ledger.facts["bags"] = list(bags)
+    lights = questions_of(done.answer, done.checks, done.tracking, Options(request.tolerance), done.units)
+    ledger.facts[LIGHTS] = [asdict(light) for light in lights]
     ledger.facts["diagnosis_seconds"] = time.monotonic() - begun
     for warning in done.answer.warnings:
         session.warn(f"Warning: {warning}.")

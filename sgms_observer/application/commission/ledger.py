@@ -28,7 +28,11 @@ WRITTEN = (
 
 CONTENT = "config_sha256"
 """Entry of a request: the hash of the parameter file's content."""
-DIAGNOSED = ("gap", "verdict", "diagnosis", "bags")
+OWN_MOTION_GAP = "own_motion_gap"
+"""Fact: gap of the user's file and of the identified one on the own motion, before any refit [% of the rms effort]."""
+LIGHTS = "lights"
+"""Fact: the questions of the diagnosis's report with their answers."""
+DIAGNOSED = ("gap", "verdict", "diagnosis", "bags", LIGHTS)
 """Facts that a diagnosis writes."""
 EXPERIMENTS = "experiments"
 """Fact: the experiments that were recorded since the first diagnosis."""
@@ -160,7 +164,9 @@ class Ledger:
         names = list(self.steps)
         for dropped in names[names.index(name) :] if name in names else []:
             del self.steps[dropped]
-            if dropped == "diagnose":
+            if dropped == "identify":
+                self.facts.pop(OWN_MOTION_GAP, None)
+            elif dropped == "diagnose":
                 self.effects = []
                 for fact in (*DIAGNOSED, EXPERIMENTS):
                     self.facts.pop(fact, None)

@@ -3,65 +3,125 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from pathlib import Path
 
-from sgms_observer.application.commission.learn import CLEARLY_BETTER, Found
-from sgms_observer.application.commission.ledger import AFTER_BAG, BEFORE_BAG, REPORT
+from sgms_observer.application.commission.learn import CLEARLY_BETTER, WITHOUT_OFFSET, Found
+from sgms_observer.application.commission.ledger import (
+    AFTER_BAG,
+    BEFORE_BAG,
+    IDENTIFIED,
+    LIGHTS,
+    OWN_MOTION_GAP,
+    REPORT,
+    Ledger,
+)
+from sgms_observer.application.commission.page_pictures import (
+    effects_of,
+    gap_of,
+    tracking_over_position,
+    tracking_plot,
+)
 from sgms_observer.application.commission.session import Session
-from sgms_observer.application.commission.tracking import Tracking, recorded_tracking
+from sgms_observer.application.commission.tracking import recorded_tracking
+from sgms_observer.diagnosis.questions import BELIEVABILITY, with_unit
+from sgms_observer.diagnosis.report_tables import prefixed_unit
 from sgms_observer.effects.catalogue import effect as entry_of
 from sgms_observer.report.demonstration import change
-from sgms_observer.report.drawing import ESTIMATE, MEASURED, sheet
-from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Section, Table, write_page
-from sgms_observer.report.run_pictures import draw_line
+from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Link, Page, Picture, Section, Table, write_page
 from sgms_observer.settings.units import Units
 
 
 def write_report(session: Session) -> Found:
     """Write report.html from the ledger and the recordings."""
     ledger, axis = session.ledger, session.axis
-    lead, sections = _tracking_of(session) if ledger.tracking else ((), [])
+    lead, sections = _tracking_of(session) if ledger.tracking else ([], [])
+    gap = gap_of(ledger)
+    lead += [gap] if gap else []
     sections.append(_found_section(session))
     rows = [(step.name, step.state, f"{step.seconds:.0f} s", step.sentence) for step in ledger.steps.values()]
     sections.append(Section("Steps", tables=(Table(("step", "state", "time", "what it found"), rows),)))
     shortfall = [f"Warning: the result must not be used as it is: {ledger.reason}."] if ledger.reason else []
     warnings = [*shortfall, *ledger.warnings]
     provenance = f"From {session.plan.request.config}; recordings are in recordings/."
-    if "diagnosis" in ledger.facts:
-        provenance += f" The diagnosis is in {ledger.facts['diagnosis']}/report.html."
     title = f"Commissioning of axis {axis.name}"
-    page = Page(title, headline(session), sections, provenance, warnings, _lights(session), lead)
+    page = Page(
+        title, headline(session), sections, provenance, warnings, _lights(session), lead, _links(session.ledger)
+    )
     return f"wrote {write_page(page, ledger.folder).name}", [REPORT]
 
 
+def _links(ledger: Ledger) -> list[Link]:
+    """Return links to the reports of the diagnosis that counts and of the identification, as far as there are some."""
+    reports = [("Report of the diagnosis", f"{ledger.facts.get('diagnosis', 'diagnosis')}/report.html")]
+    reports.append(("Report of the identification", f"{Path(IDENTIFIED).parent}/report.html"))
+    return [Link(text, path) for text, path in reports if (ledger.folder / path).exists()]
+
+
 def _lights(session: Session) -> tuple[Light, ...]:
-    """Return the questions that a user has, with their answers."""
-    ledger, readable = session.ledger, session.axis.units.readable
+    """Return the questions that a user has, with their answers; first those about the tracking error."""
+    found = _diagnosis_lights(session)
+    return (
+        *_tracking_lights(session),
+        *(light for light in found if light.topic != BELIEVABILITY),
+        *_gap_lights(session),
+        *(light for light in found if light.topic == BELIEVABILITY),
+    )
+
+
+def _tracking_lights(session: Session) -> list[Light]:
+    """Ask whether compensation made the tracking error smaller."""
+    tracking, readable = session.ledger.tracking, session.axis.units.readable
+    if not tracking:
+        return []
     lights = []
-    gap = ledger.facts.get("gap")
-    if gap:
-        state = GOOD if gap["after"] < CLEARLY_BETTER * gap["before"] else UNSURE
-        answer = (
-            f"The file leaves {gap['before']:.3g} % of the rms {session.axis.units.effort_word} unexplained, the new"
-            f" model {gap['after']:.3g} %; no model explains the last {gap['floor']:.3g} %."
-        )
-        lights.append(Light("Model", "Does the model predict your own motion better than the file?", state, answer))
+    for key, word in (("rms", "rms"), ("peak", "largest")):
+        before, after = (tracking[f"{key}_{when}"] for when in ("before", "after"))
+        answer = f"{readable(before)} without compensation, {readable(after, largest=before)} with it."
+        state = GOOD if after < before else BAD
+        lights.append(Light("Tracking", f"Is the {word} tracking error smaller?", state, answer))
+    return lights
+
+
+def _diagnosis_lights(session: Session) -> list[Light]:
+    """Return the questions of the diagnosis; about the effects alone where the ledger does not hold them."""
+    ledger, units = session.ledger, session.axis.units
+    if ledger.facts.get(LIGHTS):
+        return [Light(**entry) for entry in ledger.facts[LIGHTS]]
+    lights = []
     for effect in ledger.effects:
-        others = ", ".join(effect["alternatives"])
-        answer = (
-            f"It may also be {others}."
-            if others
-            else f"Confidence {effect['confidence']:.2f}; no other effect explains the recordings as well."
-        )
-        lights.append(Light("Model", f"Is it {effect['name'].replace('_', ' ')}?", UNSURE if others else GOOD, answer))
-    tracking = ledger.tracking
-    if tracking:
-        for key, word in (("rms", "rms"), ("peak", "largest")):
-            before, after = (tracking[f"{key}_{when}"] for when in ("before", "after"))
-            answer = f"{readable(before)} without compensation, {readable(after, largest=before)} with it."
-            state = GOOD if after < before else BAD
-            lights.append(Light("Tracking", f"Is the {word} tracking error smaller?", state, answer))
-    return tuple(lights)
+        entry, others = entry_of(effect["name"]), ", ".join(effect["alternatives"])
+        values = {one.name: with_unit(effect["parameters"][one.name], one.unit, units) for one in entry.parameters}
+        answer = f"Confidence {effect['confidence']:.2f}." + (f" It could also be {others}." if others else "")
+        lights.append(Light(BELIEVABILITY, entry.asked(values), UNSURE if others else GOOD, answer))
+    return lights
+
+
+def _gap_lights(session: Session) -> list[Light]:
+    """Ask whether the model predicts the own motion better than the user's file, as far as that is known."""
+    ledger = session.ledger
+    gap, own = ledger.facts.get("gap"), ledger.facts.get(OWN_MOTION_GAP)
+    if not gap:
+        return []
+    steps = [("your file", own["file"]), ("the identified values", own["identified"])] if own else []
+    steps += [
+        (f"{_start_of_diagnosis(ledger)}, refitted for the diagnosis,", gap["before"]),
+        ("the model with all that was found", gap["after"]),
+    ]
+    (first, size), *others = steps
+    answer = (
+        f"{first[0].upper()}{first[1:]} leaves {size:.3g} % of the rms {session.axis.units.effort_word} unexplained;"
+        f" {'; '.join(f'{name} {rest:.3g} %' for name, rest in others)}. No recorded signal predicts the last"
+        f" {gap['floor']:.3g} %."
+    )
+    question = f"Does the model predict your own motion better than {'your file' if own else 'before the diagnosis'}?"
+    return [Light(BELIEVABILITY, question, GOOD if gap["after"] < CLEARLY_BETTER * size else UNSURE, answer)]
+
+
+def _start_of_diagnosis(ledger: Ledger) -> str:
+    """Return the values that the diagnosis starts from, in words."""
+    if not ledger.facts.get("model"):
+        return "your file"
+    return f"the identified values{' without the offset' if ledger.facts['model'] == WITHOUT_OFFSET else ''}"
 
 
 def headline(session: Session) -> str:
@@ -97,44 +157,38 @@ def _found_section(session: Session) -> Section:
         rows.append((effect["name"], values, f"{effect['confidence']:.2f}", others))
     table = Table(("effect", "parameters", "confidence", "may also be"), rows, "Values with their standard errors.")
     nothing = "The diagnosis found no further effect." if "gap" in ledger.facts else "There is no diagnosis yet."
-    return Section("What was found", () if rows else (nothing,), (table,) if rows else ())
+    picture = effects_of(ledger, session.axis.units)
+    pictures = (picture,) if picture else ()
+    return Section("What was found", () if rows else (nothing,), (table,) if rows else (), pictures)
 
 
 def _with_error(value: float, error: float, unit: str, units: Units) -> str:
     """Return a value and its standard error with one prefixed unit."""
-    factor, name = (1.0, "") if unit == "-" else units.prefixed(value, unit)
+    factor, name = prefixed_unit(max(abs(value), error), unit, units) if unit != "-" else (1.0, "")
     digits = max(0, 1 - math.floor(math.log10(factor * error)))  # two of the error
     return f"{factor * value:.{digits}f} +- {factor * error:.{digits}f} {name}".strip()
 
 
-def _tracking_of(session: Session) -> tuple[Sequence[Picture], list[Section]]:
-    """Return the comparison without and with compensation: the pictures, and the section with the numbers."""
-    tracking, readable = session.ledger.tracking, session.axis.units.readable
+def _tracking_of(session: Session) -> tuple[list[Picture], list[Section]]:
+    """Return the comparison without and with compensation: the pictures, and the section with plot and numbers."""
+    tracking, units = session.ledger.tracking, session.axis.units
     rows = [
-        (word, *(readable(tracking[f"{key}_{when}"], largest=tracking["peak_before"]) for when in ("before", "after")),
-         f"{tracking[f'{key}_before'] / tracking[f'{key}_after']:.1f}")
+        (
+            word,
+            *(
+                units.readable(tracking[f"{key}_{when}"], largest=tracking["peak_before"])
+                for when in ("before", "after")
+            ),
+            f"{tracking[f'{key}_before'] / tracking[f'{key}_after']:.1f}",
+        )
         for word, key in (("rms", "rms"), ("largest", "peak"))
-    ]  # fmt: skip
+    ]
     table = Table(
         ("tracking error", "without compensation", "with it", "times smaller"), rows, "Your own motion, played twice."
     )
     before, after = (
         recorded_tracking(session.path(bag), session.axis, session.delay) for bag in (BEFORE_BAG, AFTER_BAG)
     )
-    return _pictures(session, before, after), [Section("Tracking before and after", tables=(table,))]
-
-
-def _pictures(session: Session, before: Tracking, after: Tracking) -> tuple[Picture, ...]:
-    """Return the tracking errors over time and over position."""
-    units = session.axis.units
-    factor, name = units.prefixed(before.peak, "m")
-    place, place_name = units.prefixed(session.plan.limits.stroke, "m")
-    pictures = []
-    for key, scale, label in (("time", 1.0, "time [s]"), ("position", place, f"position [{place_name}]")):
-        with sheet(f"tracking_{key}", f"Tracking error over {key}, without and with compensation.") as drawn:
-            axes = drawn.axes[0]
-            for one, colour, word in ((before, MEASURED, "without"), (after, ESTIMATE, "with")):
-                draw_line(axes, scale * getattr(one, key), factor * one.error, colour, f"{word} compensation")
-            axes.set(xlabel=label, ylabel=f"tracking error [{name}]")
-        pictures.append(drawn.picture)
-    return tuple(pictures)
+    plot = tracking_plot(before, after, units)
+    lead = [tracking_over_position(before, after, units)]
+    return lead, [Section("Tracking before and after", tables=(table,), plots=(plot,))]
