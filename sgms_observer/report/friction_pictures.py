@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.ticker import FixedLocator, FuncFormatter
 from numpy.typing import NDArray
 
 from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, sheet, thinned
@@ -23,6 +24,7 @@ Curve = tuple[Floats, Floats]
 SLOWEST = 1.0e-3
 """Slowest velocity of a model's line, as a share of the largest velocity."""
 _RANGES_OF_A_DECADE, _MIN_RANGES, _MAX_RANGES = 7, 4, 28  # of the speed, in each direction
+_FEW_DECADES = 20.0  # ratio of the speeds up to which an axis has ticks between those of the decades
 _MIN_ROWS = 5  # rows of a bin that is drawn
 _MAX_DOTS = 20_000  # of a picture
 _MAX_POINTS = 2_000  # of a line over position
@@ -80,13 +82,17 @@ def over_velocity(
         model: velocity and friction of the model, a line for each direction.
         units: of the axis.
     """
-    fastest = max([float(np.max(np.abs(part[0]), initial=0.0)) for part in model], default=0.0)
-    factor, unit = units.prefixed(max(fastest, float(np.max(np.abs(velocity), initial=0.0))), "m/s")
+    speeds = [float(np.max(np.abs(part), initial=0.0)) for part in (velocity, *(line for line, _ in model))]
+    fastest = max(speeds)
+    factor, unit = units.prefixed(fastest, "m/s")
     slowest = slowest_speed(velocity)
     slowest_row = " It never slides so far and so long one way that a row counts."
     if slowest > 0.0:
         speed = units.readable(slowest, "m/s")
-        slowest_row = f" There is data from {speed} on: no slower row is far enough from a reversal."
+        slowest_row = (
+            f" There is data from {speed} on: no slower row is far enough from a reversal. The velocity axis is"
+            " logarithmic from there on."
+        )
     with sheet(name, caption + slowest_row) as drawn:
         axes = drawn.axes[0]
         _draw_rows(axes, factor * velocity, friction, REFERENCE, 1.5, 0.5, "rows")
@@ -94,9 +100,23 @@ def over_velocity(
         axes.errorbar(factor * centre, mean, deviation, fmt="o", color=MEASURED, ms=4, lw=1.0, label="measured, mean")
         for number, (line, level) in enumerate(model):
             axes.plot(factor * line, level, color=ESTIMATE, label="model" if number == 0 else None)
+        if slowest > 0.0:
+            _spread_slow_speeds(axes, factor * slowest, factor * fastest)
         axes.set_xlabel(f"velocity [{unit}]")
         axes.set_ylabel(f"friction [{units.effort}]")
     return drawn.picture
+
+
+def _spread_slow_speeds(axes: Axes, slowest: float, fastest: float) -> None:
+    """Give the velocity a logarithmic axis for each direction, from the slowest data on; between these it is linear."""
+    steps = (1.0, 2.0, 5.0) if fastest < _FEW_DECADES * slowest else (1.0,)
+    decades = range(math.floor(math.log10(slowest)), math.ceil(math.log10(fastest)))
+    ticks = [step * 10.0**decade for decade in decades for step in steps]
+    ticks = [tick for tick in ticks if slowest <= tick <= fastest * (1.0 + 1e-9)]
+    axes.set_xscale("symlog", linthresh=slowest, linscale=0.3)
+    axes.xaxis.set_major_locator(FixedLocator([*(-tick for tick in ticks[::-1]), 0.0, *ticks]))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}")))
+    axes.minorticks_off()
 
 
 def hysteresis(name: str, caption: str, position: Floats, measured: Floats, modelled: Floats, units: Units) -> Picture:

@@ -161,6 +161,11 @@ def test_stribeck_points_begin_at_the_slowest_speed_that_slides() -> None:
     assert np.diff(np.log(speeds)) == pytest.approx(np.log(50.0 / 6.0) / 6, rel=0.1)
     picture = over_velocity("a", "Friction.", velocity, np.sign(velocity), [], Units())
     assert "There is data from 6.13 mm/s on" in picture.caption
+    shown = re.findall(r">([^<>]+)</text>", picture.svg)
+    assert shown[:7] == ["\u221250", "\u221220", "\u221210", "0", "10", "20", "50"]
+    wide = np.concatenate([np.geomspace(3e-4, 0.05, 400), -np.geomspace(3e-4, 0.05, 400)])
+    shown = re.findall(r">([^<>]+)</text>", over_velocity("a", "b", wide, np.sign(wide), [], Units()).svg)
+    assert shown[:5] == ["\u221210", "\u22121", "0", "1", "10"]
     nothing = over_velocity("a", "Friction.", velocity[:3], np.sign(velocity[:3]), [], Units())
     assert "never slides" in nothing.caption and len(stribeck_points(velocity[:3], velocity[:3])[0]) == 0
 
