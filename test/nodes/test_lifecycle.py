@@ -53,7 +53,7 @@ def test_a_transition_that_the_state_does_not_have_is_refused(name: str, graph: 
     assert not graph.change(name, CONFIGURE)
     assert graph.state(name) == "active"
     assert node.stop() == 0, node.text()
-    assert node.text().count("this state does not have") == 2
+    assert node.text().count("is not allowed in the present state") == 2
 
 
 @pytest.mark.parametrize("name", NODES)
