@@ -127,12 +127,25 @@ def test_what_stays_ambiguous_ends_after_three_experiments(bench: Callable[..., 
     assert "asymmetric_coulomb, offset stay ambiguous after 3 experiments" in sentence
 
 
-def test_a_diagnosis_that_predicts_worse_does_not_go_on(bench: Callable[..., Bench]) -> None:
+def test_a_diagnosis_that_predicts_worse_is_not_used(bench: Callable[..., Bench]) -> None:
+    """The one before is used again, and what another experiment may separate still has its turn."""
+    both = [*AMBIGUOUS, found("spring", "cogging")]
+    table = bench([found("spring")], AMBIGUOUS)
+    table.gaps = [3.0, 3.5, 2.9]
+    session = table.session(both)
+    sentence, _ = step.next_experiment(session)
+    assert len(table.played) == 2 and "the diagnosis before predicts your own motion better (gap 3 %)" in sentence
+    assert table.diagnosed[-1] == [LEARN_BAG, "recordings/experiment_2"]
+    assert session.ledger.effects == AMBIGUOUS and session.ledger.facts["diagnosis"] == "diagnosis_2"
+    assert sentence.endswith("asymmetric_coulomb, offset stay ambiguous after 2 experiments")
+
+
+def test_without_another_experiment_the_better_diagnosis_stays(bench: Callable[..., Bench]) -> None:
     table = bench([found("spring")])
     table.gaps = [3.0, 3.5]
     session = table.session(AMBIGUOUS)
     sentence, _ = step.next_experiment(session)
-    assert len(table.played) == 1 and "predicts your own motion better" in sentence
+    assert len(table.played) == 1 and "stay ambiguous after one experiment" in sentence
     assert session.ledger.effects == AMBIGUOUS and session.ledger.facts["diagnosis"] == "diagnosis"
     assert session.ledger.facts["gap"]["after"] == 3.0
 

@@ -137,7 +137,7 @@ def test_commission_page_gives_the_bounds_of_its_guard() -> None:
         f"moves more than {table.SPEED_MARGIN:g} times faster than allowed",
         f"further than {100 * table.LARGEST_LAG:g} % of the stroke from its reference",
         f"is played again, {NUMBERS[REPEATS]} times at most",
-        f"{NUMBERS[MOST_EXPERIMENTS]} times at most | `recordings/experiment_1`",
+        f"for each set of effects {NUMBERS[MOST_EXPERIMENTS]} times at most | `recordings/experiment_1`",
         f"beyond {compensate.WORSE_PEAK:g} times the peak without it",
     ):
         assert sentence in text

@@ -23,7 +23,9 @@ from sgms_observer.settings.load import load_settings
 EXPERIMENT_SECONDS = (15.0, 45.0)
 """Lengths of an experiment; the first one in which the effects are expected to be told apart is taken [s]."""
 MOST_EXPERIMENTS = 3
-"""Experiments at most: what three designed recordings do not separate, motion does not separate."""
+"""Experiments for one set of effects: what three designed recordings do not separate, motion does not separate."""
+LEFT_OUT = "left_out"
+"""Key of a fact: the diagnosis with this experiment predicted worse than the one before."""
 DIAGNOSIS_MARGIN = 1.5
 """Time of a diagnosis with one more recording, as a multiple of the one before."""
 
@@ -119,12 +121,13 @@ def _is_diagnosed(session: Session, experiment: Mapping[str, Any]) -> bool:
 def _diagnose_again(session: Session, done: list[dict[str, Any]]) -> str:
     """Diagnose with the last experiment too; return why no other one follows, or nothing.
 
-    The diagnosis before stays where it predicts the own motion surely better.
+    Where the diagnosis before predicts the user's own motion significantly better, it is used again and the recording
+    is left out from then on.
     """
     ledger = session.ledger
     earlier: dict[str, Any] = {name: ledger.facts.get(name) for name in DIAGNOSED}
     effects = ledger.effects
-    bags = [LEARN_BAG, *(one["bag"] for one in done)]
+    bags = [LEARN_BAG, *(one["bag"] for one in done if not one.get(LEFT_OUT))]
     session.reserved = time_to_compensate(session)
     try:
         sentence, _ = diagnose_bags_of(session, bags, done[-1]["diagnosis"])
@@ -140,22 +143,27 @@ def _diagnose_again(session: Session, done: list[dict[str, Any]]) -> str:
         return ""
     ledger.facts |= earlier
     ledger.effects = effects
-    return (
-        f"the diagnosis before predicts your own motion better (gap {earlier['gap']['after']:.3g} %), so it goes on and"
-        f" {', '.join(done[-1]['effects'])} stay ambiguous"
+    done[-1][LEFT_OUT] = True
+    done[-1]["sentence"] += (
+        f"; the diagnosis before predicts your own motion better (gap {earlier['gap']['after']:.3g} %) and is used"
     )
+    return ""
 
 
 def _run_another(session: Session, done: list[dict[str, Any]]) -> str:
     """Design and record one more experiment; return why there is none, or nothing."""
     ledger, plan = session.ledger, session.plan
     tried = [tuple(one["effects"]) for one in done]
-    sets = sorted(ambiguous_sets(ledger.effects, session.axis), key=tried.count)  # stable: what is not tried goes first
-    if not sets:
+    failed = {tuple(one["effects"]) for one in done if one.get(LEFT_OUT)}
+    ambiguous = ambiguous_sets(ledger.effects, session.axis)
+    if not ambiguous:
         return "nothing is ambiguous that a motion could separate"
+    sets = [one for one in ambiguous if tried.count(one) < MOST_EXPERIMENTS and one not in failed]
+    sets.sort(key=tried.count)  # stable: what is not tried goes first
+    if not sets:
+        count = f"{len(done)} experiments" if len(done) > 1 else "one experiment"
+        return f"{', '.join(ambiguous[0])} stay ambiguous after {count}"
     names = ", ".join(sets[0])
-    if len(done) >= MOST_EXPERIMENTS:
-        return f"{names} stay ambiguous after {len(done)} experiments"
     model = load_settings(session.path(f"{ledger.facts['diagnosis']}/augmented.yaml"))
     axis = with_noise_of(str(session.path(LEARN_BAG)), next(a for a in model.axes if a.name == session.axis.name))
     found = separating(sets, axis, plan.limits, session.origin, plan.settings.sample_period)
