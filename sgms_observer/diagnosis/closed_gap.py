@@ -17,7 +17,7 @@ from sgms_observer.diagnosis.gap import WeightedResidual, residuals
 from sgms_observer.diagnosis.instruments import Share, share_in_response
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.sliding import share_beside_logarithmic_friction
-from sgms_observer.effects.catalogue import is_contact_law
+from sgms_observer.effects.catalogue import effect, is_contact_law
 from sgms_observer.settings.axis import EffectSettings
 
 Floats = NDArray[np.float64]
@@ -67,9 +67,12 @@ class ClosedGap:
         Args:
             name: the effect.
         """
-        after = self.written.after
-        setup, others = self.written.setup.without(name, after.effects)
-        found = [self._closed(after.model, setup.fit(others, after.logs, evaluations=WRITTEN_EVALUATIONS).model)]
+        fitted, after, evaluation = self.written.fitted, self.written.after, self.evaluation
+        setup, others = self.written.setup.without(name, fitted.effects)
+        without = setup.fit(others, fitted.logs, evaluations=WRITTEN_EVALUATIONS)
+        others_of_gap = without if after is fitted else evaluation.best_for_gap(setup, without)
+        z_score = evaluation.reported_gain(others_of_gap.model, after.model).z_score
+        found = [replace(self._closed(fitted.model, without.model), z_score=z_score)]
         if len(self.names) == 1:
             found.append(self._closed(after.model, replace(after.model, effects=others)))
         return max(found, key=lambda one: (one.z_score, one.share))
@@ -96,6 +99,12 @@ class ClosedGap:
         evaluation = self.evaluation
         return share_in_response(after, others, evaluation.motions, self.references, evaluation.criteria)
 
+    def is_in_response(self, name: str) -> bool:
+        """Return whether the response to the reference surely shows a delay, which no contact makes."""
+        found = self.share_in_response(name) if effect(name).is_delay else None
+        criteria = self.evaluation.criteria
+        return found is not None and found.least(criteria) >= criteria.min_imitable_share
+
     @property
     def has_other_contact_law(self) -> bool:
         """Return whether a change of the contact or another effect of the model stands for another contact law."""
@@ -105,7 +114,9 @@ class ClosedGap:
     @cached_property
     def _machine_effects(self) -> list[EffectSettings]:
         """The effects that do not only describe another contact law; effects of the file stay."""
-        return [one for one in self.written.after.effects if one.name not in self.names or not is_contact_law(one.name)]
+        return [
+            one for one in self.written.fitted.effects if one.name not in self.names or not is_contact_law(one.name)
+        ]
 
     @cached_property
     def _with_file_contact(self) -> Model:
@@ -121,11 +132,10 @@ class ClosedGap:
         evaluation = self.evaluation
         motions, block = evaluation.motions, evaluation.criteria.block
         left = [WeightedResidual(motions, residuals(one, motions), evaluation.weights) for one in (others, with_it)]
-        as_reported = [replace(rest, weights=evaluation.gap_weights) for rest in left]
-        gap, reported = (improvement(*(rest.blocks(block) for rest in pair)) for pair in (left, as_reported))
+        gap = improvement(*(rest.blocks(block) for rest in left))
         without = replace(evaluation, gap=evaluation.rms(others))
         return Closed(
-            z_score=reported.z_score,
+            z_score=evaluation.reported_gain(others, with_it).z_score,
             share=without.closed_share(gap),
             share_above_floor=without.closed_share_above_floor(gap),
             share_in_fast_sliding=share_beside_logarithmic_friction(with_it, *left),

@@ -301,6 +301,8 @@ class WrittenFits:
     Attributes:
         before: fit of the file within its tolerance.
         after: fit with everything that was accepted.
+        fitted: the same with the values of the file that the evidence says; ``after`` may have those that predict the
+            gap as reported best, see ``EvaluationData.best_for_gap``.
         setup: setup of ``after``.
         estimates: of the free effect parameters of ``after``.
         strengths: of those among them that are strengths, where all effects keep the shapes of ``after``.
@@ -309,6 +311,7 @@ class WrittenFits:
 
     before: Refit
     after: Refit
+    fitted: Refit
     setup: RefitSetup
     estimates: RecordingEstimates
     strengths: RecordingEstimates

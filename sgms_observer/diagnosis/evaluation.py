@@ -13,10 +13,11 @@ from sgms_observer.diagnosis.evidence import (
     Improvement,
     fit_residuals,
     held_out_residuals,
+    improvement,
     in_blocks,
     left_out_residuals,
 )
-from sgms_observer.diagnosis.fit import Refit
+from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
@@ -76,6 +77,29 @@ class EvaluationData:
     def reported_rms(self, model: Model) -> float:
         """Return the rms residual of a model on ``motions`` with the weights of the reported gap [N]."""
         return rms(weighted(residuals(model, self.motions), self.gap_weights))
+
+    def reported_gain(self, before: Model, after: Model) -> Improvement:
+        """Return the improvement of the gap as reported from one model to another, on ``motions`` [N^2]."""
+        left = [weighted(residuals(model, self.motions), self.gap_weights) for model in (before, after)]
+        return improvement(*(in_blocks(parts, self.motions, self.criteria.block) for parts in left))
+
+    def best_for_gap(self, setup: RefitSetup, found: Refit) -> Refit:
+        """Return a fit as it is, or with its nominal parameters fitted to the gap as reported if that surely predicts
+        the gap of held-out recordings better, by a share that is worth a name.
+
+        A contact of another law sticks and breaks away in another way than it slides, and a fit that counts sliding
+        alone has any friction at rest.
+
+        Args:
+            setup: how it was fitted.
+            found: the fit.
+        """
+        if not self.has_held_out:
+            return found
+        other = setup.fit_to_gap(found)
+        gain = self.reported_gain(found.model, other.model)
+        is_worth_it = gain.z_score > self.criteria.min_z_score and gain.share >= self.criteria.min_closed_share
+        return other if is_worth_it else found
 
     def closed_share(self, gain: Improvement) -> float:
         """Return the share of the closable squared gap that an improvement closes.

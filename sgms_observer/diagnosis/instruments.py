@@ -33,6 +33,10 @@ class Share:
     value: float
     error: float
 
+    def least(self, criteria: Criteria) -> float:
+        """Return the smallest likely share."""
+        return self.value - criteria.interval_z_score * self.error
+
 
 def share_in_response(
     with_it: Model, others: Model, motions: Sequence[Motion], references: Sequence[Floats | None], criteria: Criteria

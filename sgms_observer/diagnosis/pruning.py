@@ -130,8 +130,8 @@ def compared(state: FitState, item: Round, listed: Sequence[str], options: Optio
 
     best = name
     for rival in rivals:
-        best = rival if z_score(rival, best) > 0.0 else best
-    equal = {key: one for key, one in decisions.items() if z_score(best, key) <= most}
+        best = rival if rivals[rival].passed and z_score(rival, best) > 0.0 else best
+    equal = {key: one for key, one in decisions.items() if one.passed and z_score(best, key) <= most}
     first = preferred(equal.get(name, decisions[best]), list(equal.values()), listed)
     best = first.candidate.name
     tests = {key: compare(best, key, z_score(best, key), options.criteria) for key in decisions if key != best}
@@ -191,7 +191,7 @@ def without_insignificant_effects(
         nominal: the given model.
         options: options of the diagnosis.
     """
-    without = _written_without(found, nominal)
+    without = _written_without(found, nominal, found.evaluation(options))
     evaluated = found.recordings.holdouts or found.recordings.records
     references = [record.whole_reference for record in evaluated]
     while True:
@@ -204,8 +204,11 @@ def without_insignificant_effects(
         tests = _reported_tests(closed_gap, closed)
         failed = min(_failed(tests), key=lambda test: test.value / test.threshold, default=None)
         if failed is None:
-            effects = [item for item in written.after.effects if item.name in names]
-            tests += [within_range(item, written.after, written.setup) for item in effects]
+            effects = [item for item in written.fitted.effects if item.name in names]
+            tests += [
+                within_range(item, written.fitted, written.setup, closed_gap.is_in_response(item.name))
+                for item in effects
+            ]
             failed = max(_failed(tests), key=lambda test: test.value, default=None)
         if failed is None:
             for test in tests:
@@ -267,7 +270,8 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
         if needs_visible_contact(name):
             title = "strength over its error with any significant scatter between recordings"
             strength = written.strength_over_error(name, criteria.interval_z_score)
-            tests.append(at_least(name, title, strength, criteria.interval_z_score))
+            test = at_least(name, title, strength, criteria.interval_z_score)
+            tests.append(_or_in_response(test, in_response, criteria))
         if needs_visible_contact(name) and not describes_contact:
             if closed_gap.has_other_contact_law:
                 closed = closed_gap.closed_by_instead_of_contact_law(name)
@@ -295,11 +299,22 @@ def _test_in_place_of_contact_law(name: str, closed: Closed, in_response: Share 
     if name == MASS_ERROR:
         title = "share of the squared residual beside logarithmic friction, where the contact slides fast"
         return at_least(name, title, closed.share_in_fast_sliding, criteria.min_imitable_share)
-    if in_response is not None:
-        least = in_response.value - criteria.interval_z_score * in_response.error
-        title = "smallest likely share of the delay in the response to the reference"
-        return at_least(name, title, least, criteria.min_imitable_share)
-    return test
+    return _or_in_response(test, in_response, criteria)
+
+
+def _or_in_response(test: Test, in_response: Share | None, criteria: Criteria) -> Test:
+    """Return a test that another contact law could fail or feign; where it fails, that the response to the reference
+    surely shows the delay, which no contact makes.
+
+    Args:
+        test: of a delay, or of another effect.
+        in_response: share of the delay that the response to the reference shows, or None.
+        criteria: thresholds.
+    """
+    if test.passed or in_response is None:
+        return test
+    title = "smallest likely share of the delay in the response to the reference"
+    return at_least(test.of, title, in_response.least(criteria), criteria.min_imitable_share)
 
 
 def _size_beyond_tolerance(name: str, closed_gap: ClosedGap) -> float:
@@ -337,16 +352,18 @@ def _with_test(rounds: Sequence[Round], test: Test) -> tuple[Round, ...]:
     )
 
 
-def _written_without(found: FitState, nominal: Model) -> WrittenFits:
+def _written_without(found: FitState, nominal: Model, evaluation: EvaluationData) -> WrittenFits:
     """Return the fits with the elements of the file, both without anything that was accepted.
 
     Args:
         found: state after the refit within the tolerance.
         nominal: the given model.
+        evaluation: the recordings.
     """
     setup = replace(found.setup, nominal=nominal, data=data_with_own_noise(found.fit_motions, found.current.model))
     fit = setup.fit(found.current.effects, evaluations=WRITTEN_EVALUATIONS)
-    return WrittenFits(fit, fit, setup, RecordingEstimates.none(), RecordingEstimates.none())
+    best = evaluation.best_for_gap(setup, fit)
+    return WrittenFits(best, best, fit, setup, RecordingEstimates.none(), RecordingEstimates.none())
 
 
 def _as_written(
@@ -366,7 +383,7 @@ def _as_written(
     """
     if state is found:
         return without
-    first, before = without.setup, without.before
+    first, before = without.setup, without.fitted
     fine = state.setup.nominal
     later = replace(nominal, is_unsmoothed=fine.is_unsmoothed, relaxation=fine.relaxation)
     if state.setup.freedom.elements:
@@ -388,7 +405,9 @@ def _as_written(
     estimates = strengths = recording_estimates(last, fresh, state.held_out_motions)
     if of_strengths.free != fresh.free:
         strengths = recording_estimates(last, of_strengths, state.held_out_motions)
-    return WrittenFits(before, after, last, estimates, strengths)
+    best = evaluation.best_for_gap(last, after)
+    before = before if best is after else evaluation.best_for_gap(first, before)
+    return WrittenFits(before, best, after, last, estimates, strengths)
 
 
 def _with_derivatives(setup: RefitSetup, found: Refit, only_strengths: bool) -> Refit:

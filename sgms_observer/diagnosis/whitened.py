@@ -60,6 +60,20 @@ class WhitenedData:
             np.array([predict(model, motion).residual for model in models]) for motion in self.motions
         ])  # fmt: skip
 
+    def with_gap_weights(self, model: Model) -> WhitenedData:
+        """Return the recordings weighted as in the gap, where all frequencies count alike.
+
+        Args:
+            model: what it leaves is the noise.
+        """
+        left = [
+            weights * motion.low_pass(predict(model, motion).residual)
+            for motion, weights in zip(self.motions, self.gap_weights, strict=True)
+        ]
+        square = float(np.mean(np.square(np.concatenate(left))))
+        noise = tuple(replace(one, low=0.0, white=square / (2.0 * one.band)) for one in self.noise)
+        return replace(self, noise=noise, weights=self.gap_weights)
+
     def contact_slopes(self, nominal: Model, logs: Floats) -> Floats:
         """Return the whitened derivatives with respect to the parameters of the contact, see ``contact_slopes``."""
         return self.whitened([contact_slopes(nominal, logs, motion) for motion in self.motions])

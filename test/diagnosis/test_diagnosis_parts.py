@@ -12,7 +12,7 @@ from workflow_case import AXIS, FRICTION, PERIOD, record
 from sgms_observer.diagnosis.candidates import Candidate, fitted_candidates
 from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.diagnosis.criteria import Criteria, at_least
-from sgms_observer.diagnosis.decision import Decision, comparisons
+from sgms_observer.diagnosis.decision import HELD_OUT_GAP, Decision, comparisons
 from sgms_observer.diagnosis.evaluation import Evidence
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import Freedom, RefitSetup, refit
@@ -234,6 +234,18 @@ def test_alternatives_are_what_left_out_data_do_not_tell_from_the_best() -> None
     ]
     found = comparisons(best, others, Criteria())
     assert [name for name, test in found.items() if not test.passed] == ["cogging"]
+
+
+@pytest.mark.parametrize("z_score, is_alternative", [(1.4, True), (-1.0, True), (-2.0, False)])
+def test_a_held_out_gap_that_hardly_shrinks_does_not_exclude_an_alternative(
+    z_score: float, is_alternative: bool
+) -> None:
+    """An asymmetry failed that test at 1.449 of 1.645, and a commissioning named an offset as certain."""
+    rival = decision("asymmetric_coulomb", 1.0, chance=0.01)
+    rival = replace(rival, tests=(*rival.tests, at_least("asymmetric_coulomb", HELD_OUT_GAP, z_score, 1.645)))
+    assert not rival.passed and rival.is_possible is is_alternative
+    found = comparisons(decision("offset", 1.0), [rival], Criteria())
+    assert [name for name, test in found.items() if not test.passed] == ["asymmetric_coulomb"] * is_alternative
 
 
 def test_residual_of_the_truth_is_noise() -> None:

@@ -1,0 +1,58 @@
+"""The values of the file that predict the gap as reported best."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from workflow_case import AXIS, evaluation_of, record
+
+from sgms_observer.diagnosis.evaluation import EvaluationData
+from sgms_observer.diagnosis.fit import RefitSetup
+from sgms_observer.diagnosis.model import Model
+from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.settings.axis import EffectSettings
+
+OFFSET = EffectSettings("offset", (0.4,))
+BLIND = 1.0e-4
+"""Weight of samples that the evidence hardly counts."""
+STIFF = replace(AXIS.friction, element_stiffness=tuple(3.0 * one for one in AXIS.friction.element_stiffness))
+"""A contact three times as stiff as that of the recordings."""
+
+
+@pytest.fixture(scope="module")
+def evaluation() -> EvaluationData:
+    """Return the evidence of two recordings with an offset, blind where the contact sticks."""
+    learn, judge = (motion_of(record((OFFSET,), seed=seed, duration=12.0)) for seed in (1, 2))
+    found = evaluation_of([learn], Model.of(AXIS).with_effects((OFFSET,)), [judge])
+
+    def blind_at_rest(motion: object, weights: np.ndarray) -> np.ndarray:
+        moves = np.abs(motion.thinned(motion.velocity)) > 2.0e-3  # type: ignore[attr-defined]
+        return np.where(moves, weights, BLIND)
+
+    fit, held = (
+        replace(data, weights=tuple(map(blind_at_rest, data.motions, data.weights)))
+        for data in (found.fit_data, found.held_out_data)
+    )
+    return replace(found, fit_data=fit, held_out_data=held)
+
+
+def test_values_that_the_evidence_hardly_shows_are_fitted_to_the_gap(evaluation: EvaluationData) -> None:
+    setup = RefitSetup(evaluation.fit_data, replace(Model.of(AXIS), friction=STIFF), 0.05)
+    found = setup.fit((OFFSET,))
+    best = evaluation.best_for_gap(setup, found)
+    assert best.effects == found.effects  # what an effect is, the evidence says
+    assert evaluation.reported_rms(best.model) < 0.9 * evaluation.reported_rms(found.model)
+    assert best.jacobian.shape == found.jacobian.shape and best.free == found.free  # intervals as before
+
+
+def test_values_that_predict_the_gap_stay(evaluation: EvaluationData) -> None:
+    """Without a sure gain that is worth a name, and without recordings to judge it on, the evidence decides."""
+    setup = RefitSetup(evaluation.fit_data, Model.of(AXIS), 0.05)
+    found = setup.fit((OFFSET,))
+    assert evaluation.best_for_gap(setup, found) is found
+    stiff = replace(setup, nominal=replace(Model.of(AXIS), friction=STIFF))
+    wrong = stiff.fit((OFFSET,))
+    alone = replace(evaluation, held_out_data=replace(evaluation.held_out_data, motions=()))
+    assert alone.best_for_gap(stiff, wrong) is wrong
