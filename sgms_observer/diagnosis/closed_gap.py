@@ -71,8 +71,7 @@ class ClosedGap:
         setup, others = self.written.setup.without(name, fitted.effects)
         without = setup.fit(others, fitted.logs, evaluations=WRITTEN_EVALUATIONS)
         others_of_gap = without if after is fitted else evaluation.best_for_gap(setup, without)
-        z_score = evaluation.reported_gain(others_of_gap.model, after.model).z_score
-        found = [replace(self._closed(fitted.model, without.model), z_score=z_score)]
+        found = [self._closed(fitted.model, without.model, (others_of_gap.model, after.model))]
         if len(self.names) == 1:
             found.append(self._closed(after.model, replace(after.model, effects=others)))
         return max(found, key=lambda one: (one.z_score, one.share))
@@ -89,11 +88,13 @@ class ClosedGap:
         return self._closed(self._with_file_contact, self._fitted(setup, others))
 
     def share_in_response(self, name: str) -> Share | None:
-        """Return the share of an effect that the response to the reference shows, or None where nothing shows it.
+        """Return the share of a delay that the response to the reference shows, or None where nothing shows it.
 
         Args:
-            name: the effect.
+            name: the effect; None is returned for one that is no delay.
         """
+        if not effect(name).is_delay:
+            return None
         after = self.written.after.model
         others = replace(after, effects=tuple(one for one in after.effects if one.name != name))
         evaluation = self.evaluation
@@ -101,7 +102,7 @@ class ClosedGap:
 
     def is_in_response(self, name: str) -> bool:
         """Return whether the response to the reference surely shows a delay, which no contact makes."""
-        found = self.share_in_response(name) if effect(name).is_delay else None
+        found = self.share_in_response(name)
         criteria = self.evaluation.criteria
         return found is not None and found.least(criteria) >= criteria.min_imitable_share
 
@@ -127,15 +128,21 @@ class ClosedGap:
         """Return the contact of the file, fitted with effects."""
         return setup.fit(effects, self.written.before.logs, evaluations=WRITTEN_EVALUATIONS).model
 
-    def _closed(self, with_it: Model, others: Model) -> Closed:
-        """Return what a model closes of the gap of another one."""
+    def _closed(self, with_it: Model, others: Model, of_gap: tuple[Model, Model] | None = None) -> Closed:
+        """Return what a model closes of the gap of another one.
+
+        Args:
+            with_it: the model.
+            others: the other one.
+            of_gap: the other one and the model with the values that predict the gap as reported; the same if None.
+        """
         evaluation = self.evaluation
         motions, block = evaluation.motions, evaluation.criteria.block
         left = [WeightedResidual(motions, residuals(one, motions), evaluation.weights) for one in (others, with_it)]
         gap = improvement(*(rest.blocks(block) for rest in left))
         without = replace(evaluation, gap=evaluation.rms(others))
         return Closed(
-            z_score=evaluation.reported_gain(others, with_it).z_score,
+            z_score=evaluation.reported_gain(*(of_gap or (others, with_it))).z_score,
             share=without.closed_share(gap),
             share_above_floor=without.closed_share_above_floor(gap),
             share_in_fast_sliding=share_beside_logarithmic_friction(with_it, *left),

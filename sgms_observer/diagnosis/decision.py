@@ -72,13 +72,16 @@ class Decision:
 
     @property
     def is_possible(self) -> bool:
-        """Return whether nothing contradicts the hypothesis: see ``is_open``."""
-        return all(is_open(test) for test in self.tests)
+        """Return whether no test contradicts the hypothesis."""
+        return not any(map(contradicts, self.tests))
 
 
-def is_open(test: Test) -> bool:
-    """Return whether a test was passed, or is that of the held-out gap, which does not surely grow."""
-    return test.passed or (test.name == HELD_OUT_GAP and test.value > -test.threshold)
+def contradicts(test: Test) -> bool:
+    """Return whether a test contradicts its hypothesis.
+
+    A failed test does, except that of the held-out gap where the gap does not grow by more than its 90 % interval.
+    """
+    return not (test.passed or (test.name == HELD_OUT_GAP and test.value > -test.threshold))
 
 
 def decide(
@@ -148,7 +151,7 @@ def _decided(
         tests += physical_tests(item, found, evaluation)
         if is_rival and not is_confusable_with_contact(item.name):
             tests.append(_test_while_sliding(item, before, earlier, later, evaluation))
-        if all(map(is_open, tests)):  # the regression takes longer than all the other tests together
+        if not any(map(contradicts, tests)):  # the regression takes longer than all the other tests together
             tests += free_form_tests(item, before, gap, evaluation)
             tests += hidden_contact_tests(item, before, evaluation)
     candidate = replace(item, refit=item.refit.without_jacobian())
@@ -454,10 +457,10 @@ def preferred(best: Decision, equal: Sequence[Decision], listed: Sequence[str]) 
 
 
 def rivals(best: Decision, others: Sequence[Decision]) -> list[Decision]:
-    """Return the other effects that nothing contradicts and that are another explanation than the best one.
+    """Return the other effects that no test contradicts and that are another explanation than the best one.
 
-    The best one shrinks the gap of held-out recordings. One that does so less surely is no worse explanation for that:
-    the comparison of the two decides. An effect that contains the best one as a special case is no other explanation.
+    With the best one the gap of held-out recordings shrinks. With a rival it need not shrink significantly, because the
+    comparison of the two decides. An effect that contains the best one as a special case is no other explanation.
 
     Args:
         best: the accepted decision.

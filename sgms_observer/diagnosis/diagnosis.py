@@ -301,8 +301,8 @@ class WrittenFits:
     Attributes:
         before: fit of the file within its tolerance.
         after: fit with everything that was accepted.
-        fitted: the same with the values of the file that the evidence says; ``after`` may have those that predict the
-            gap as reported best, see ``EvaluationData.best_for_gap``.
+        fitted: the same with the values of the file as fitted to the evidence; ``after`` may have those fitted to the
+            gap as reported, see ``EvaluationData.best_for_gap``.
         setup: setup of ``after``.
         estimates: of the free effect parameters of ``after``.
         strengths: of those among them that are strengths, where all effects keep the shapes of ``after``.

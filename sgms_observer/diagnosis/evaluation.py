@@ -84,11 +84,11 @@ class EvaluationData:
         return improvement(*(in_blocks(parts, self.motions, self.criteria.block) for parts in left))
 
     def best_for_gap(self, setup: RefitSetup, found: Refit) -> Refit:
-        """Return a fit as it is, or with its nominal parameters fitted to the gap as reported if that surely predicts
-        the gap of held-out recordings better, by a share that is worth a name.
+        """Return a fit as it is, or with its nominal parameters fitted to the gap as reported if they predict
+        the gap of held-out recordings significantly better, by ``min_closed_share``.
 
-        A contact of another law sticks and breaks away in another way than it slides, and a fit that counts sliding
-        alone has any friction at rest.
+        The evidence hardly counts samples where the contact sticks. On another contact law its fit therefore leaves the
+        predicted friction at rest undetermined.
 
         Args:
             setup: how it was fitted.

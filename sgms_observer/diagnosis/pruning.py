@@ -262,7 +262,7 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
             beyond = _size_beyond_tolerance(name, closed_gap)
             title = "size beyond the tolerance of the file over its standard error"
             tests.append(at_least(name, title, beyond, criteria.interval_z_score))
-        in_response = closed_gap.share_in_response(name) if effect(name).is_delay else None
+        in_response = closed_gap.share_in_response(name)
         if in_response is not None:
             most = in_response.value + criteria.interval_z_score * in_response.error
             title = "largest likely share of the delay in the response to the reference"
@@ -372,7 +372,8 @@ def _as_written(
     """Return the fits with the elements of the file, without and with everything that was accepted.
 
     Where the gap as reported grows, because the fit of the nominal parameters drifts (see ``candidates.alone``), and
-    shrinks if they stay as they are without the effects, they stay so.
+    shrinks if they stay as they are without the effects, they stay so. Where other values predict the gap as reported
+    better (see ``EvaluationData.best_for_gap``), both models have them.
 
     Args:
         without: fits without it.
@@ -406,7 +407,7 @@ def _as_written(
     if of_strengths.free != fresh.free:
         strengths = recording_estimates(last, of_strengths, state.held_out_motions)
     best = evaluation.best_for_gap(last, after)
-    before = before if best is after else evaluation.best_for_gap(first, before)
+    before = before if best is after else without.before
     return WrittenFits(before, best, after, last, estimates, strengths)
 
 

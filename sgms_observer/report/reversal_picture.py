@@ -55,7 +55,7 @@ def reversal_picture(
     caption = (
         "One reversal, magnified: friction over the distance from the turning point. The model reaches"
         f" {100.0 * SHARE:.0f} % of its sliding force within {units.readable(distance)}; {_WIDTH:g} times that is"
-        " shown. Both lines are behind the same low-pass."
+        " shown. Both lines passed the same low-pass."
     )
     style = ".-" if len(away) <= _MAX_MARKED else "-"
     every = slice(None, None, max(1, len(away) // _MAX_POINTS))
@@ -92,17 +92,17 @@ def turning_rows(position: Floats, least: float) -> list[int]:
 def _reversals(position: Floats, width: float) -> list[tuple[tuple[float, float, int], slice, int]]:
     """Return score, rows within the width and turning row of each reversal that has enough rows.
 
-    The best score has the longest way behind the turning point, then the longest before it, then the most rows.
+    The best score has the longest way after the turning point, then the longest before it, then the most rows.
     """
     turns = turning_rows(position, width / _WIDTH)
     ends = [0, *turns, len(position) - 1]
     found = []
     for before, turn, after in zip(ends, turns, ends[2:], strict=False):
         near = np.abs(position[before : after + 1] - position[turn]) <= width
-        behind = turn + int(np.argmin(np.append(near[turn - before :], False)))
+        end = turn + int(np.argmin(np.append(near[turn - before :], False)))
         first = turn - int(np.argmin(np.append(near[turn - before :: -1], False))) + 1
-        if behind - first < _MIN_ROWS:
+        if end - first < _MIN_ROWS:
             continue
-        ways = [float(np.ptp(position[part])) / width for part in (slice(turn, behind), slice(first, turn + 1))]
-        found.append(((round(ways[0], 1), round(ways[1], 1), behind - first), slice(first, behind), turn))
+        ways = [float(np.ptp(position[part])) / width for part in (slice(turn, end), slice(first, turn + 1))]
+        found.append(((round(ways[0], 1), round(ways[1], 1), end - first), slice(first, end), turn))
     return found

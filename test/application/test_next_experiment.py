@@ -123,7 +123,7 @@ def test_an_ambiguous_pair_is_separated(bench: Callable[..., Bench]) -> None:
 def test_what_stays_ambiguous_ends_after_three_experiments(bench: Callable[..., Bench]) -> None:
     table = bench(AMBIGUOUS, AMBIGUOUS, AMBIGUOUS)
     sentence, _ = step.next_experiment(table.session(AMBIGUOUS))
-    assert len(table.played) == step.MOST_EXPERIMENTS == len(table.diagnosed[-1]) - 1
+    assert len(table.played) == step.MAX_EXPERIMENTS == len(table.diagnosed[-1]) - 1
     assert "asymmetric_coulomb, offset stay ambiguous after 3 experiments" in sentence
 
 

@@ -14,7 +14,7 @@ from start_file import WINDOW, start_file
 from sgms_observer.application.commission.motion import Motion, learning_motion, representative_motion
 from sgms_observer.application.commission.next_experiment import (
     EXPERIMENT_SECONDS,
-    MOST_EXPERIMENTS,
+    MAX_EXPERIMENTS,
     separating,
     with_noise_of,
 )
@@ -71,7 +71,7 @@ def test_the_designed_motions_separate_what_the_first_recording_does_not(
     bags, latest = [learn], "diagnosis"
     answers = [named(bags, latest)]
     assert [(one["name"], one["alternatives"]) for one in answers[0]] == [("asymmetric_coulomb", ["offset"])]
-    while answers[-1][0]["alternatives"] and len(answers) <= MOST_EXPERIMENTS:
+    while answers[-1][0]["alternatives"] and len(answers) <= MAX_EXPERIMENTS:
         (model,) = load_settings(tmp_path / latest / "augmented.yaml").axes
         found = separating([("asymmetric_coulomb", "offset")], with_noise_of(learn, model), limits, 0.0, PERIOD)
         assert found is not None

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sgms_observer.application.commission import compensate, table
-from sgms_observer.application.commission.next_experiment import MOST_EXPERIMENTS
+from sgms_observer.application.commission.next_experiment import MAX_EXPERIMENTS
 from sgms_observer.application.commission.run import STEPS
 from sgms_observer.application.commission.session import REPEATS
 from sgms_observer.application.init import FIRST_LIMIT_SHARE
@@ -137,7 +137,7 @@ def test_commission_page_gives_the_bounds_of_its_guard() -> None:
         f"moves more than {table.SPEED_MARGIN:g} times faster than allowed",
         f"further than {100 * table.LARGEST_LAG:g} % of the stroke from its reference",
         f"is played again, {NUMBERS[REPEATS]} times at most",
-        f"for each set of effects {NUMBERS[MOST_EXPERIMENTS]} times at most | `recordings/experiment_1`",
+        f"for each set of effects {NUMBERS[MAX_EXPERIMENTS]} times at most | `recordings/experiment_1`",
         f"beyond {compensate.WORSE_PEAK:g} times the peak without it",
     ):
         assert sentence in text

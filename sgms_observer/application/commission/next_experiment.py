@@ -22,7 +22,7 @@ from sgms_observer.settings.load import load_settings
 
 EXPERIMENT_SECONDS = (15.0, 45.0)
 """Lengths of an experiment; the first one in which the effects are expected to be told apart is taken [s]."""
-MOST_EXPERIMENTS = 3
+MAX_EXPERIMENTS = 3
 """Experiments for one set of effects: what three designed recordings do not separate, motion does not separate."""
 LEFT_OUT = "left_out"
 """Key of a fact: the diagnosis with this experiment predicted worse than the one before."""
@@ -106,11 +106,11 @@ def next_experiment(session: Session) -> Found:
             session.say(f"  {done[-1].get('sentence', reason)}")
         else:
             reason = _run_another(session, done)
-    told = [one["sentence"] for one in done if "sentence" in one]
+    sentences = [one["sentence"] for one in done if "sentence" in one]
     files = [name for one in done for name in (one["bag"], f"{one['diagnosis']}/result.json")]
     if done:
         files.append(f"{done[-1]['diagnosis']}/augmented.yaml")
-    return "; ".join([*told, reason]), [*files, "commission.json"]
+    return "; ".join([*sentences, reason]), [*files, "commission.json"]
 
 
 def _is_diagnosed(session: Session, experiment: Mapping[str, Any]) -> bool:
@@ -158,7 +158,7 @@ def _run_another(session: Session, done: list[dict[str, Any]]) -> str:
     ambiguous = ambiguous_sets(ledger.effects, session.axis)
     if not ambiguous:
         return "nothing is ambiguous that a motion could separate"
-    sets = [one for one in ambiguous if tried.count(one) < MOST_EXPERIMENTS and one not in failed]
+    sets = [one for one in ambiguous if tried.count(one) < MAX_EXPERIMENTS and one not in failed]
     sets.sort(key=tried.count)  # stable: what is not tried goes first
     if not sets:
         count = f"{len(done)} experiments" if len(done) > 1 else "one experiment"

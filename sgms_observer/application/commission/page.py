@@ -99,10 +99,10 @@ def _diagnosis_lights(session: Session) -> list[Light]:
 def _gap_lights(session: Session) -> list[Light]:
     """Ask whether the model predicts the own motion better than the user's file, as far as that is known."""
     ledger = session.ledger
-    gap, own = ledger.facts.get("gap"), ledger.facts.get(OWN_MOTION_GAP)
+    gap, files = ledger.facts.get("gap"), ledger.facts.get(OWN_MOTION_GAP)
     if not gap:
         return []
-    steps = [("your file", own["file"]), ("the identified values", own["identified"])] if own else []
+    steps = [("your file", files["file"]), ("the identified values", files["identified"])] if files else []
     steps += [
         (f"{_start_of_diagnosis(ledger)}, refitted for the diagnosis,", gap["before"]),
         ("the model with all that was found", gap["after"]),
@@ -113,7 +113,7 @@ def _gap_lights(session: Session) -> list[Light]:
         f" {'; '.join(f'{name} {rest:.3g} %' for name, rest in others)}. No recorded signal predicts the last"
         f" {gap['floor']:.3g} %."
     )
-    question = f"Does the model predict your own motion better than {'your file' if own else 'before the diagnosis'}?"
+    question = f"Does the model predict your own motion better than {'your file' if files else 'before the diagnosis'}?"
     return [Light(BELIEVABILITY, question, GOOD if gap["after"] < CLEARLY_BETTER * size else UNSURE, answer)]
 
 

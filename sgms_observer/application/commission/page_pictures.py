@@ -90,8 +90,8 @@ def gap_of(ledger: Ledger) -> Picture | None:
     gap = ledger.facts.get("gap")
     if not gap:
         return None
-    own = ledger.facts.get(OWN_MOTION_GAP)
-    steps = [("your file", own["file"]), ("identified", own["identified"])] if own else []
+    files = ledger.facts.get(OWN_MOTION_GAP)
+    steps = [("your file", files["file"]), ("identified", files["identified"])] if files else []
     is_without_offset = ledger.facts.get("model") == WITHOUT_OFFSET
     steps.append(("no offset, refitted" if is_without_offset else "refitted", gap["before"]))
     named = [item for item in ledger.effects if item["name"] != _MEASURED]
