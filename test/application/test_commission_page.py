@@ -168,12 +168,6 @@ def test_questions_of_the_diagnosis_and_links_to_its_report_are_on_the_page(sess
     assert "<a href" not in page_of(session)
 
 
-def test_an_effect_is_asked_for_with_its_value_where_no_question_was_kept(session: Session) -> None:
-    del session.ledger.facts[LIGHTS]
-    page = page_of(session)
-    assert "Is there a 5.02 mm pitch?" in page and "Is it cogging" not in page
-
-
 def test_what_was_found_is_drawn_over_the_position(session: Session) -> None:
     page = page_of(session)
     texts = texts_of(page)

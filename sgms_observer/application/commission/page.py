@@ -23,7 +23,7 @@ from sgms_observer.application.commission.page_pictures import (
 )
 from sgms_observer.application.commission.session import Session
 from sgms_observer.application.commission.tracking import recorded_tracking
-from sgms_observer.diagnosis.questions import BELIEVABILITY, with_unit
+from sgms_observer.diagnosis.questions import BELIEVABILITY
 from sgms_observer.diagnosis.report_tables import prefixed_unit
 from sgms_observer.effects.catalogue import effect as entry_of
 from sgms_observer.report.demonstration import change
@@ -83,17 +83,8 @@ def _tracking_lights(session: Session) -> list[Light]:
 
 
 def _diagnosis_lights(session: Session) -> list[Light]:
-    """Return the questions of the diagnosis; about the effects alone where the ledger does not hold them."""
-    ledger, units = session.ledger, session.axis.units
-    if ledger.facts.get(LIGHTS):
-        return [Light(**entry) for entry in ledger.facts[LIGHTS]]
-    lights = []
-    for effect in ledger.effects:
-        entry, others = entry_of(effect["name"]), ", ".join(effect["alternatives"])
-        values = {one.name: with_unit(effect["parameters"][one.name], one.unit, units) for one in entry.parameters}
-        answer = f"Confidence {effect['confidence']:.2f}." + (f" It could also be {others}." if others else "")
-        lights.append(Light(BELIEVABILITY, entry.asked(values), UNSURE if others else GOOD, answer))
-    return lights
+    """Return the questions of the diagnosis."""
+    return [Light(**entry) for entry in session.ledger.facts.get(LIGHTS, ())]
 
 
 def _gap_lights(session: Session) -> list[Light]:
