@@ -140,10 +140,11 @@ def answer_of(diagnosis: Diagnosis, axis: AxisSettings, options: Options, contra
     if diagnosis.is_contact_hidden:
         title = "gap over noise, where the encoder hides the contact"
         trust.append(at_most("model", title, over_noise, criteria.min_gap_over_floor))
-    percent, setup = 100.0 / data.effort, diagnosis.written.setup
+    percent, written = 100.0 / data.effort, diagnosis.written
 
     def gap_with(some: Sequence[EffectSettings]) -> float:
-        return percent * data.rms(data.residuals(setup.fit(some, final.fit.logs), setup))
+        found = written.with_effects(some, diagnosis.evaluation)
+        return percent * data.rms(data.residuals(found, written.setup))
 
     contact_tests = _contact_law_tests(data, final, predictable_share, learnt)
     failed = [test for test in contact_tests if not test.passed]
@@ -222,9 +223,10 @@ def _contact_law_tests(
         return []
     names, criteria = {one.candidate.name for one in named}, data.options.criteria
     of, after = ", ".join(sorted(names)), data.rms(final.after) ** 2
-    setup = data.diagnosis.written.setup
-    refitted = setup.fit([one for one in final.fit.effects if one.name not in names], final.fit.logs)
-    others = data.residuals(refitted, setup)
+    written = data.diagnosis.written
+    remaining = [one for one in final.fit.effects if one.name not in names]
+    refitted = written.with_effects(remaining, data.diagnosis.evaluation)
+    others = data.residuals(refitted, written.setup)
     parts = len(data.diagnosis.unnamed_contact_effects) + sum(item.is_of_contact for item in learnt)
     closed = max(data.rms(others) ** 2 - after, 1.0e-300)
     left, predicted = max(after - final.noise**2, 0.0), predictable_share * after
@@ -250,7 +252,7 @@ def _contact_law_tests(
             at_least(
                 one.candidate.name,
                 "share of the squared gap above the noise beside the others, of another contact law",
-                data.diagnosis.written.shares_above_noise[one.candidate.name], criteria.min_imitable_share,
+                written.shares_above_noise[one.candidate.name], criteria.min_imitable_share,
             )
             for one in named
         ),

@@ -322,6 +322,17 @@ class WrittenFits:
         """Return the standard error of each free effect parameter, with the scatter between recordings, SI units."""
         return dict(zip(self.estimates.free, self.estimates.std_errors.tolist(), strict=True))
 
+    def with_effects(self, effects: Sequence[EffectSettings], evaluation: EvaluationData) -> Refit:
+        """Return a fit with other effects whose gap as reported compares with that of ``after``: fitted to it only if
+        ``after`` is.
+
+        Args:
+            effects: the effects.
+            evaluation: the recordings.
+        """
+        found = self.setup.fit(effects, self.fitted.logs)
+        return found if self.after is self.fitted else evaluation.best_for_gap(self.setup, found)
+
     def strength_elsewhere(self, name: str, least: float) -> float:
         """Return the strength of an effect over its standard error, in held-out recordings too.
 

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from workflow_case import AXIS, evaluation_of, record
 
+from sgms_observer.diagnosis.diagnosis import WrittenFits
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.fit import RefitSetup
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.diagnosis.uncertainty import RecordingEstimates
 from sgms_observer.settings.axis import EffectSettings
 
 OFFSET = EffectSettings("offset", (0.4,))
@@ -56,3 +58,16 @@ def test_values_that_predict_the_gap_stay(evaluation: EvaluationData) -> None:
     wrong = stiff.fit((OFFSET,))
     alone = replace(evaluation, held_out_data=replace(evaluation.held_out_data, motions=()))
     assert alone.best_for_gap(stiff, wrong) is wrong
+
+
+def test_models_that_are_compared_in_the_gap_both_have_the_values_for_it(evaluation: EvaluationData) -> None:
+    """Values of the evidence on one side only, and what they leave at rest counts as closed by an effect."""
+    setup = RefitSetup(evaluation.fit_data, replace(Model.of(AXIS), friction=STIFF), 0.05)
+    small = (replace(OFFSET, values=(0.3,)),)
+    fitted, none = setup.fit((OFFSET,)), RecordingEstimates.none()
+    written = WrittenFits(fitted, evaluation.best_for_gap(setup, fitted), fitted, setup, none, none)
+    of_gap, of_evidence = (
+        evaluation.reported_rms(one.with_effects(small, evaluation).model)
+        for one in (written, replace(written, after=fitted))
+    )
+    assert of_gap**2 < (1.0 - evaluation.criteria.min_closed_share) * of_evidence**2
