@@ -2,7 +2,7 @@
 
 Starts observer_node on ``joint_states`` and, unless ``spawn:=false``, loads the joint state broadcaster and the forward
 effort controller into a running controller_manager. The compensation goes to the controller's command topic. Without
-the controllers nothing is left running.
+the controllers nothing is left running. With ``namespace:=left`` controller_manager and all topics are in ``/left``.
 """
 
 from launch import Action, LaunchContext, LaunchDescription
@@ -72,13 +72,13 @@ def generate_launch_description() -> LaunchDescription:
                 default_value=PathJoinSubstitution([share, "config", "ros2_control.yaml"]),
                 description="parameter file with observer_node, controller_manager and the controllers",
             ),
-            DeclareLaunchArgument("namespace", default_value="", description="namespace of observer and spawner"),
-            DeclareLaunchArgument("joint_states", default_value="/joint_states", description="positions and efforts"),
+            DeclareLaunchArgument("namespace", default_value="", description="of controller_manager and topics"),
+            DeclareLaunchArgument("joint_states", default_value="joint_states", description="positions and efforts"),
             DeclareLaunchArgument(
                 "reference_topic", default_value="reference", description="JointState with the set-point; optional"
             ),
             DeclareLaunchArgument(
-                "command_topic", default_value="/friction_controller/commands", description="Float64MultiArray"
+                "command_topic", default_value="friction_controller/commands", description="Float64MultiArray"
             ),
             DeclareLaunchArgument("spawn", default_value="true", description="load the controllers"),
             DeclareLaunchArgument(

@@ -220,9 +220,10 @@ class Sender:
         graph: publishes them.
         axes: names.
         single: one topic for position and effort.
+        node: the observer, with its namespace if it has one.
     """
 
-    def __init__(self, graph: Graph, axes: Sequence[str], single: str = "") -> None:
+    def __init__(self, graph: Graph, axes: Sequence[str], single: str = "", node: str = "observer_node") -> None:
         self._single = single
         if single:
             self._both = graph.publisher(single)
@@ -231,7 +232,7 @@ class Sender:
             self._position, self._effort = graph.publisher("position"), graph.publisher("control_effort")
             self._position_encoder = JointStateEncoder(axes, ("position",))
             self._effort_encoder = JointStateEncoder(axes, ("effort",))
-        graph.meet("observer_node")
+        graph.meet(node)
 
     def send(self, stamp_ns: int, position: Sequence[float], effort: Sequence[float]) -> None:
         """Publish one sample of all axes."""

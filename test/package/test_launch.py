@@ -59,6 +59,11 @@ class TestLaunchFile:
         assert used <= {ast.literal_eval(call["0"]) for call in declared}
         assert all("description" in call for call in declared)
 
+    def test_every_topic_moves_with_the_namespace(self, path: Path) -> None:
+        defaults = [call["default_value"] for call in _calls(path, "DeclareLaunchArgument") if "default_value" in call]
+        texts = [ast.literal_eval(value) for value in defaults if isinstance(value, ast.Constant)]
+        assert [text for text in texts if text.startswith("/")] == []
+
     @pytest.mark.skipif(importlib.util.find_spec("launch_ros") is None, reason="launch is not on PyPI")
     def test_launch_takes_it(self, path: Path) -> None:
         spec = importlib.util.spec_from_file_location(path.stem.replace(".", "_"), path)

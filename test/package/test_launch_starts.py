@@ -220,6 +220,27 @@ def test_a_bag_is_played_into_a_namespace_and_everything_ends_with_it(start: Sta
     assert "without subscribers" not in launched.text()
 
 
+def test_in_a_namespace_the_observer_is_on_the_topics_of_its_controllers(start: Start, graph: Graph) -> None:
+    launched = start("ros2_control", "namespace:=left", "spawn:=false")
+    launched.wait(_active("observer_node"))
+
+    def topics() -> tuple[set[str], set[str]]:
+        node = ("observer_node", "/left")
+        subscribed = graph.node.get_subscriber_names_and_types_by_node(*node)
+        published = graph.node.get_publisher_names_and_types_by_node(*node)
+        return {name for name, _ in subscribed}, {name for name, _ in published}
+
+    def is_connected() -> bool:
+        try:
+            subscribed, published = topics()
+        except NodeNameNonExistentError:
+            return False  # not discovered yet
+        return "/left/joint_states" in subscribed and "/left/friction_controller/commands" in published
+
+    wait_until(is_connected, "joint_states and the controller's commands in the namespace")
+    launched.stop()
+
+
 def test_without_ros2_control_nothing_starts(start: Start) -> None:
     launched = start("ros2_control")
     assert launched.wait_end() != 0
@@ -239,6 +260,7 @@ def test_the_observer_ends_unless_the_controllers_were_loaded(start: Start, tmp_
     launched.wait("spawner joint_state_broadcaster friction_controller --param-file .*ros2_control.yaml")
     if code == 0:
         launched.wait(_active("observer_node"))
+        launched.wait(r"\[spawner-\d+\]: process has finished cleanly")  # with its kernels cached the node is faster
         (observer,) = launched.children()
         os.kill(observer, signal.SIGKILL)
         launched.wait(_active("observer_node"), count=2)
