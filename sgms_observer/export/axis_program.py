@@ -169,7 +169,7 @@ class AxisProgram:
         observer: what was translated.
         memory: its constants and its state.
         records: structures of filter and estimator.
-        call: the call of the translated step, where ``state``, ``input`` and the locals below are at hand.
+        call: the call of the translated step; it reads ``state``, ``input``, ``stamp_ns`` and the locals.
         locals: name to length of the arrays that the call needs.
     """
 
@@ -232,7 +232,7 @@ def translate_axis(program: Program, observer: AxisObserver, prefix: str) -> Axi
         memory.member("clock", (2,), kind=LONG),
         number(bool(effects.has_force_or_level)),
         number(float(filters.delay)),
-        Value("input->stamp_ns", LONG),
+        Value("stamp_ns", LONG),
         Value("input->position", REAL),
         Value("input->effort", REAL),
         Value("&input->reference_position", Array(REAL, (1,)), 90, is_stable=True),

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from sgms_observer.compensation.feedforward_kernel import ENABLED, OUTPUT
+from sgms_observer.errors import ConfigurationError
 from sgms_observer.estimators import block
 from sgms_observer.export.axis_program import AxisProgram, constant_text, record_text, translate_axis
 from sgms_observer.export.lines import wrapped
+from sgms_observer.export.program import c_name
 from sgms_observer.export.translator import Translator, body_text, fill, functions_text
 from sgms_observer.export.values import REAL
 from sgms_observer.filters import motion as row_of
@@ -126,7 +128,18 @@ def with_ekf(axis: AxisSettings) -> tuple[AxisSettings, list[str]]:
 
 def _prefix_of(axis: AxisSettings, count: int) -> str:
     """Return what the C names of an axis begin with; a single one (``count``) needs no name of its own."""
-    return NAME if count == 1 else f"{NAME}_{re.sub(r'[^0-9a-zA-Z_]', '_', axis.name)}"
+    return NAME if count == 1 else f"{NAME}_{c_name(axis.name)}"
+
+
+def _refuse_equal_prefixes(axes: Sequence[AxisSettings]) -> None:
+    """Raise if two axes would have the same C names."""
+    names: dict[str, str] = {}
+    for axis in axes:
+        prefix = _prefix_of(axis, len(axes))
+        other = names.setdefault(prefix, axis.name)
+        if other != axis.name:
+            both = f"axes {other} and {axis.name} are both {prefix} in C"
+            raise ConfigurationError([f"{both}; rename one of them, or export each by itself with --axis"])
 
 
 def c_files(settings: Settings, axes: Sequence[AxisSettings], real: str) -> tuple[dict[str, str], list[str]]:
@@ -136,7 +149,11 @@ def c_files(settings: Settings, axes: Sequence[AxisSettings], real: str) -> tupl
         settings: of the YAML.
         axes: which of its axes.
         real: ``double`` or ``float``.
+
+    Raises:
+        ConfigurationError: two axes have the same name in C, or something in the YAML cannot be exported.
     """
+    _refuse_equal_prefixes(axes)
     program = Translator(dict(FLOAT_VALUES))
     warnings: list[str] = []
     parts, entries, files = [], [], {}

@@ -24,7 +24,7 @@ from sgms_observer.errors import ConfigurationError
 from sgms_observer.export.axis_program import Memory, constant_text, user_value
 from sgms_observer.export.fmu_variables import Variable, base_exponents, stage_variables
 from sgms_observer.export.lines import wrapped
-from sgms_observer.export.program import snake, source_of
+from sgms_observer.export.program import c_name, snake, source_of
 from sgms_observer.export.translator import Translator, body_text, fill, functions_text, struct_text
 from sgms_observer.export.values import INT, LONG, REAL, Array, Struct, Value, number
 from sgms_observer.settings.axis import AxisSettings, Settings
@@ -188,7 +188,7 @@ def write_fmu(settings: Settings, axis: AxisSettings, fmi: int, path: Path) -> t
         ConfigurationError: no C compiler, or a stage that cannot be exported.
         RecordingError: the file cannot be written.
     """
-    model = f"sgms_{''.join(letter if letter.isalnum() else '_' for letter in axis.name)}"
+    model = f"sgms_{c_name(axis.name)}"
     axis = replace(axis, stage=replace(axis.stage, force_noise=0.0, disturbance_noise=0.0))
     source, variables, tick = _stage_source(settings, axis, fmi)
     token = source.split('#define STAGE_TOKEN "', 1)[1].split('"', 1)[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import math
+import re
 import sys
 import textwrap
 from abc import ABC, abstractmethod
@@ -166,6 +167,15 @@ def constant_lines(constants: dict[str, Any], float_values: dict[str, float]) ->
             text = real_text(value) if math.isfinite(value) else number(value).text
             lines.append(f"#define {name} {text}")
     return lines
+
+
+def c_name(name: str) -> str:
+    """Return a name of the user's as part of a C name: any other sign than letters, digits and _ becomes _.
+
+    Args:
+        name: of an axis.
+    """
+    return re.sub(r"[^0-9a-zA-Z_]", "_", name)
 
 
 def snake(name: str) -> str:

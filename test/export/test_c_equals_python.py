@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
+import subprocess
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from c_build import COMPILERS, SANITIZED, STRICT, assert_equal, can_sanitize, exported, needs, run_vector
 
 from sgms_observer.effects.catalogue import BUILT_IN, effect
 from sgms_observer.effects.effect import Effect, EffectParameter, flat_values
+from sgms_observer.errors import ConfigurationError
+from sgms_observer.export import c_target
+from sgms_observer.export.c_target import vector_samples
+from sgms_observer.observer.samples import Samples
 from sgms_observer.settings.axis import (
     ESTIMABLE,
     AxisSettings,
@@ -19,10 +25,12 @@ from sgms_observer.settings.axis import (
     EstimatorSettings,
     FilterSettings,
     FrictionSettings,
+    Settings,
 )
 from sgms_observer.settings.load import load_settings
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
+TEXT: dict[str, Any] = {"capture_output": True, "text": True, "check": False, "timeout": 120}
 pytestmark = needs("gcc", "make")
 
 AXIS = AxisSettings(
@@ -122,6 +130,78 @@ def test_every_model_with_all_parameters_estimated(model: str, modes: str, reset
         kind="ekf", parameters=ESTIMABLE, parameter_walk=1e-3, outlier_nis=25.0, gms_modes=modes, correction_every=7
     )
     assert_equal(exported(tmp_path, (replace(AXIS, friction=friction, estimator=estimator),)))
+
+
+EXTREME_STAMPS = """
+#include "sgms.h"
+#include <math.h>
+#include <stdlib.h>
+int main(void)
+{
+    static const int64_t stamps[] = {
+        INT64_MAX, INT64_MIN, 0, INT64_MIN, INT64_MAX, INT64_MAX, INT64_MIN + 1, INT64_MIN / 2 - 1, INT64_MAX / 2 + 1,
+        -INT64_MAX / 2, INT64_MAX / 2, -1, 1000000000, 1000100000
+    };
+    static const double kept[] = {NAN, INFINITY, -INFINITY, 1.0e300, 0.0};
+    static sgms_state state;
+    for (int first = 0; first < 14; first++) {
+        sgms_init(&state);
+        for (int i = 0; i < 14 * 5; i++) {
+            const double odd = kept[i / 14];
+            const sgms_input input = {
+                .stamp_ns = stamps[(first + i) % 14], .position = odd, .effort = 1.0, .reference_position = odd,
+                .reference_velocity = odd
+            };
+            sgms_output output;
+            sgms_step(&state, &input, &output);
+            if (!isfinite(output.compensation)) {
+                return EXIT_FAILURE;
+            }
+        }
+    }
+    return EXIT_SUCCESS;
+}
+"""
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("kind", ["lowpass", "savgol", "kalman"])
+def test_any_stamp_and_any_measurement_is_defined(kind: str, compiler: str, tmp_path: Path) -> None:
+    """No sum of two stamps leaves 64 bits, and whatever a drive hands over the compensation is a number."""
+    if not can_sanitize(compiler, tmp_path):
+        pytest.skip(f"{compiler} has no sanitizer libraries")
+    effects = tuple(with_strength(entry) for entry in BUILT_IN)
+    exported(tmp_path, (replace(AXIS, filter=FilterSettings(kind=kind), effects=effects),))
+    (tmp_path / "extreme.c").write_text(EXTREME_STAMPS, encoding="utf-8")
+    program = str(tmp_path / "extreme")
+    sources = [str(tmp_path / name) for name in ("extreme.c", "sgms.c")]
+    undefined = [*SANITIZED.split(), "-fsanitize=float-cast-overflow"]
+    built = subprocess.run([compiler, "-std=c99", *undefined, "-o", program, *sources, "-lm"], **TEXT)
+    assert built.returncode == 0, built.stderr
+    done = subprocess.run([program], **TEXT)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_latest_stamp_of_ros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stamp of ROS has 32 bits for the seconds."""
+
+    def late(axis: AxisSettings, sample_period: float) -> Samples:
+        samples = vector_samples(axis, sample_period)
+        return replace(samples, stamp_ns=samples.stamp_ns + (2**31 - 100) * 10**9)
+
+    monkeypatch.setattr(c_target, "vector_samples", late)
+    assert_equal(exported(tmp_path, (AXIS,)))
+
+
+def test_axes_that_are_one_name_in_c_are_refused() -> None:
+    axes = tuple(replace(AXIS, name=name) for name in ("x", "a-b", "a_b"))
+    settings = Settings(axes=axes)
+    with pytest.raises(ConfigurationError) as refused:
+        c_target.c_files(settings, axes, "double")
+    assert refused.value.sentences == (
+        "axes a-b and a_b are both sgms_a_b in C; rename one of them, or export each by itself with --axis",
+    )
+    assert "sgms_step(" in c_target.c_files(settings, axes[1:2], "double")[0]["sgms.h"]
 
 
 def test_a_broken_vector_is_found(tmp_path: Path) -> None:
