@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sgms_observer.compensation.feedforward_kernel import ENABLED, OUTPUT
+from sgms_observer.compensation.feedforward_kernel import ENABLED, GAIN, OUTPUT
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.estimators import block
 from sgms_observer.export.axis_program import AxisProgram, constant_text, record_text, translate_axis
@@ -138,8 +138,12 @@ def _refuse_equal_prefixes(axes: Sequence[AxisSettings]) -> None:
         prefix = _prefix_of(axis, len(axes))
         other = names.setdefault(prefix, axis.name)
         if other != axis.name:
-            both = f"axes {other} and {axis.name} are both {prefix} in C"
-            raise ConfigurationError([f"{both}; rename one of them, or export each by itself with --axis"])
+            raise ConfigurationError(
+                [
+                    f"axes {other} and {axis.name} are both {prefix} in C; rename one of them, or export each by itself"
+                    " with --axis"
+                ]
+            )
 
 
 def c_files(settings: Settings, axes: Sequence[AxisSettings], real: str) -> tuple[dict[str, str], list[str]]:
@@ -183,6 +187,7 @@ def _entry(part: AxisProgram, axis: AxisSettings, sample_period: float, columns:
         "prefix": prefix,
         "sample_period": sample_period,
         "enabled": axis.compensation.enabled,
+        "gain": axis.compensation.gain,
         "elements": len(axis.friction.element_stiffness),
         "parameters": axis.estimator.parameters,
         "records": "\n\n".join(record_text(record) for record in part.records),
@@ -229,7 +234,8 @@ def _sources(
     row["present_acceleration"] = row_of.PRESENT_ACCELERATION
     names = ("friction", "friction_std", "innovation", "innovation_std", "status")
     result = {name: getattr(block, name.upper()) for name in names} | {"size": block.RESULT_SIZE}
-    interface = fill("interface.c", **common, row=row, result=result, output_at=OUTPUT, enabled_at=ENABLED)
+    places = {"output_at": OUTPUT, "enabled_at": ENABLED, "gain_at": GAIN}
+    interface = fill("interface.c", **common, row=row, result=result, **places)
     body = body_text(program, functions, constants, wanted) + "\n" + interface
     return {
         f"{NAME}.h": fill("header.h", **common, statuses=list(Status)),
@@ -255,6 +261,8 @@ def controller_files(axes: Sequence[AxisSettings], sources: Mapping[str, str], s
             "name": axis.name,
             "prefix": _prefix_of(axis, len(axes)),
             "scales": (axis.position_scale, axis.effort_scale),
+            "enabled": axis.compensation.enabled,
+            "gain": axis.compensation.gain,
         }
         for axis in axes
     ]

@@ -65,7 +65,9 @@ static int int_max(int a, int b)
 """,
 }
 
-C_NAMES = set(MATH) | {"sgms_init", "sgms_step", "sgms_reset", "sgms_enable", "main", "abs", "signal", "index"}
+C_NAMES = set(MATH) | {
+    "sgms_init", "sgms_step", "sgms_reset", "sgms_enable", "sgms_set_gain", "main", "abs", "signal", "index",
+}  # fmt: skip
 """Names that a function of this program must not have."""
 
 

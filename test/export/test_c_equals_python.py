@@ -182,6 +182,53 @@ def test_any_stamp_and_any_measurement_is_defined(kind: str, compiler: str, tmp_
     assert done.returncode == 0, done.stderr
 
 
+GAINS = """
+#include "sgms.h"
+#include <math.h>
+#include <stdio.h>
+static double largest(sgms_state *state)
+{
+    double found = 0.0;
+    for (int k = 0; k < 20000; k++) {
+        const double rate = 31.4, t = 1.0e-4 * k, q = 1.0e-3 * sin(rate * t);
+        const sgms_input input = {1000000000 + 100000 * (int64_t)k, q, 0.0, q, 1.0e-3 * rate * cos(rate * t)};
+        sgms_output output;
+        sgms_step(state, &input, &output);
+        found = k > 10000 ? fmax(found, fabs(output.compensation)) : found;
+    }
+    return found;
+}
+int main(void)
+{
+    static sgms_state state;
+    static const double gains[] = {0.5, 2.0, -1.0, NAN, 0.0};
+    sgms_init(&state);
+    sgms_enable(&state, true);
+    for (int i = 0; i < 5; i++) {
+        sgms_set_gain(&state, gains[i]);
+        sgms_reset(&state);
+        printf("%.9f\\n", largest(&state));
+    }
+    return 0;
+}
+"""
+
+
+def test_the_gain_is_limited_and_stays_through_a_reset(tmp_path: Path) -> None:
+    off = replace(AXIS, compensation=CompensationSettings(enabled=False))
+    exported(tmp_path, (off,))
+    (tmp_path / "gains.c").write_text(GAINS, encoding="utf-8")
+    sources = [str(tmp_path / name) for name in ("gains.c", "sgms.c")]
+    built = subprocess.run(["gcc", "-std=c99", *STRICT.split(), "-o", str(tmp_path / "gains"), *sources, "-lm"], **TEXT)
+    assert built.returncode == 0, built.stderr
+    half, whole, negative, no_number, none = map(
+        float, subprocess.run([str(tmp_path / "gains")], **TEXT).stdout.split()
+    )
+    assert half > 1.0  # N of 4 N Coulomb friction
+    assert whole == pytest.approx(2.0 * half, rel=0.01)
+    assert (negative, no_number, none) == (whole, whole, 0.0)
+
+
 def test_the_latest_stamp_of_ros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A stamp of ROS has 32 bits for the seconds."""
 

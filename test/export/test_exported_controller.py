@@ -21,17 +21,67 @@ from sgms_observer.settings.axis import AxisSettings, CompensationSettings, Esti
 AXIS = AxisSettings(estimator=EstimatorSettings(kind="ekf"), compensation=CompensationSettings(enabled=True, gain=1.0))
 
 STAND_IN = """#pragma once
+#include <cstdio>
+#include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
-namespace rclcpp { struct Time { long long ns; long long nanoseconds() const { return ns; } }; struct Duration {}; }
-namespace rclcpp_lifecycle { struct State {}; struct LifecycleNode {
-  const char * get_name() const { return "friction_compensation"; } }; }
+namespace rcl_interfaces { namespace msg {
+struct FloatingPointRange { double from_value = 0.0, to_value = 0.0, step = 0.0; };
+struct SetParametersResult { bool successful = false; std::string reason; };
+struct ParameterDescriptor { std::string description; std::vector<FloatingPointRange> floating_point_range; };
+} }
+namespace rclcpp {
+struct Time { long long ns; long long nanoseconds() const { return ns; } }; struct Duration {};
+struct Logger {};
+struct Parameter { std::string name; double value;
+  const std::string & get_name() const { return name; }
+  bool as_bool() const { return value != 0.0; }
+  double as_double() const { return value; } };
+}
+#define RCLCPP_ERROR(logger, ...) ((void)(logger), std::printf(__VA_ARGS__))
+namespace rclcpp_lifecycle { struct State {}; class LifecycleNode {
+public:
+  struct OnSetParametersCallbackHandle { using SharedPtr = std::shared_ptr<OnSetParametersCallbackHandle>; };
+  using OnSetParametersCallbackType =
+    std::function<rcl_interfaces::msg::SetParametersResult(const std::vector<rclcpp::Parameter> &)>;
+  struct PostSetParametersCallbackHandle { using SharedPtr = std::shared_ptr<PostSetParametersCallbackHandle>; };
+  using PostSetParametersCallbackType = std::function<void(const std::vector<rclcpp::Parameter> &)>;
+  const char * get_name() const { return "friction_compensation"; }
+  rclcpp::Logger get_logger() const { return {}; }
+  template<typename T> T declare_parameter(
+    const std::string & name, const T & value, const rcl_interfaces::msg::ParameterDescriptor & descriptor) {
+    declared[name] = descriptor; values[name] = static_cast<double>(value); return value; }
+  OnSetParametersCallbackHandle::SharedPtr add_on_set_parameters_callback(OnSetParametersCallbackType callback) {
+    before_ = callback;
+    auto handle = std::make_shared<OnSetParametersCallbackHandle>(); kept_before_ = handle; return handle; }
+  PostSetParametersCallbackHandle::SharedPtr add_post_set_parameters_callback(PostSetParametersCallbackType callback) {
+    after_ = callback;
+    auto handle = std::make_shared<PostSetParametersCallbackHandle>(); kept_after_ = handle; return handle; }
+  std::string set(const std::string & name, double value) {  // as rclcpp: no handle, no callback
+    const std::vector<rclcpp::Parameter> parameters{{name, value}};
+    if (!kept_before_.expired()) {
+      const auto result = before_(parameters);
+      if (!result.successful) return result.reason;
+    }
+    if (!kept_after_.expired()) after_(parameters);
+    return "";
+  }
+  std::map<std::string, rcl_interfaces::msg::ParameterDescriptor> declared;
+  std::map<std::string, double> values;
+private:
+  OnSetParametersCallbackType before_;
+  PostSetParametersCallbackType after_;
+  std::weak_ptr<OnSetParametersCallbackHandle> kept_before_;
+  std::weak_ptr<PostSetParametersCallbackHandle> kept_after_;
+}; }
 namespace hardware_interface {
 struct CommandInterface {
   std::string prefix, name; double * value;
   CommandInterface(const std::string & p, const std::string & n, double * v) : prefix(p), name(n), value(v) {} };
-struct LoanedCommandInterface { double value = 0.0; bool set_value(double v) { value = v; return true; } };
+struct LoanedCommandInterface {
+  double value = 0.0; [[nodiscard]] bool set_value(double v) { value = v; return true; } };
 struct LoanedStateInterface { double value = 0.0; double get_value() const { return value; } };
 }
 namespace controller_interface {
@@ -92,9 +142,71 @@ int main() {
   }
 }
 """
+SWITCHED = """#include <cmath>
+#include <cstdio>
+#include "sgms_friction_compensation/friction_compensation.hpp"
+using Controller = sgms_friction_compensation::FrictionCompensation;
+static long long cycles = 0;
+// Moves the axes for two periods and prints the largest effort that the controller added to each joint in the second.
+static void move(
+  const char * what, Controller & controller, std::vector<hardware_interface::CommandInterface> & offered) {
+  double largest[2] = {0.0, 0.0};
+  for (int k = 0; k < 2000; ++k, ++cycles) {
+    const double t = 1e-3 * k, rate = 2 * 3.14159265358979, q = 1e-3 * std::sin(rate * t);
+    for (size_t i = 0; i < 2; ++i) {
+      controller.state_interfaces_[i].value = q;
+      *offered[3 * i].value = -rate * rate * q * 10.0;
+      *offered[3 * i + 1].value = q;
+      *offered[3 * i + 2].value = rate * 1e-3 * std::cos(rate * t);
+    }
+    controller.cycle(1000000000LL + 1000000LL * cycles);
+    for (size_t i = 0; i < 2 && k >= 1000; ++i)
+      largest[i] = std::fmax(largest[i], std::fabs(controller.command_interfaces_[i].value - *offered[3 * i].value));
+  }
+  std::printf("%s %.6f %.6f\\n", what, largest[0], largest[1]);
+}
+int main() {
+  Controller controller;
+  controller.on_init();
+  auto offered = controller.offer();
+  controller.command_interfaces_.resize(2);
+  controller.state_interfaces_.resize(2);
+  auto node = controller.get_node();
+  for (const auto & [name, value] : node->values) {
+    const auto & range = node->declared[name].floating_point_range;
+    std::printf("%s %.6f %.6f\\n", name.c_str(), value, range.empty() ? -1.0 : range[0].to_value);
+  }
+  controller.on_configure(rclcpp_lifecycle::State{});
+  controller.on_activate(rclcpp_lifecycle::State{});
+  move("start", controller, offered);
+  node->set("x.compensation.enabled", 1.0);
+  move("enabled", controller, offered);
+  node->set("x.compensation.gain", 0.45);
+  move("half", controller, offered);
+  std::printf("refused %d 0\\n", node->set("x.compensation.gain", NAN).find("must be a number") != std::string::npos);
+  move("no_number", controller, offered);
+  node->set("x.compensation.enabled", 0.0);
+  move("fading", controller, offered);
+  move("disabled", controller, offered);
+  node->set("x.compensation.enabled", 1.0);
+  move("again", controller, offered);
+  controller.on_deactivate(rclcpp_lifecycle::State{});
+  for (size_t i = 0; i < 2; ++i) {
+    std::printf("deactivated %.6f %.6f\\n", controller.command_interfaces_[i].value, *offered[3 * i].value);
+    std::printf("set_point %d %d\\n", std::isnan(*offered[3 * i + 1].value), std::isnan(*offered[3 * i + 2].value));
+    *offered[3 * i].value = 5.0;  // a command from before the activation
+  }
+  controller.on_activate(rclcpp_lifecycle::State{});
+  controller.cycle(1000000000LL + 1000000LL * cycles++);
+  std::printf("first %.6f %.6f\\n", controller.command_interfaces_[0].value, controller.command_interfaces_[1].value);
+  move("activated", controller, offered);
+}
+"""
 HEADERS = (
     "controller_interface/chainable_controller_interface.hpp", "hardware_interface/handle.hpp", "rclcpp/time.hpp",
-    "rclcpp/duration.hpp", "rclcpp_lifecycle/state.hpp",
+    "rclcpp/duration.hpp", "rclcpp/logging.hpp", "rclcpp/parameter.hpp", "rclcpp_lifecycle/state.hpp",
+    "rclcpp_lifecycle/lifecycle_node.hpp", "rcl_interfaces/msg/parameter_descriptor.hpp",
+    "rcl_interfaces/msg/set_parameters_result.hpp",
 )  # fmt: skip
 
 
@@ -117,16 +229,17 @@ def test_names_in_the_package_agree(tmp_path: Path) -> None:
     assert plugin.get("path") == PACKAGE
     assert kind.get("type") == f"{PACKAGE}::FrictionCompensation"
     assert f"PLUGINLIB_EXPORT_CLASS({PACKAGE}::FrictionCompensation" in files["src/friction_compensation.cpp"]
-    manager = yaml.safe_load(files["config/controllers.yaml"])["controller_manager"]["ros__parameters"]
+    document = yaml.safe_load(files["config/controllers.yaml"])
+    manager = document["/**/controller_manager"]["ros__parameters"]
     assert manager["update_rate"] == 1000
-    assert manager["friction_compensation"]["type"] == kind.get("name")
+    own = document["/**/friction_compensation"]["ros__parameters"]
+    assert manager["friction_compensation"]["type"] == own["type"] == kind.get("name")
+    assert own["x"] == {"compensation": {"enabled": True, "gain": 1.0}}  # of the parameter file
 
 
-@needs("gcc", "g++")
-def test_the_controller_adds_the_compensation(tmp_path: Path) -> None:
-    """Two axes, one of them counted backwards and in thousandths: both get the same compensation in their own units."""
-    other = replace(AXIS, name="y", position_scale=1.0, effort_scale=-1e-3)
-    package((AXIS, other), tmp_path)
+def run(axes: tuple[AxisSettings, ...], program: str, tmp_path: Path) -> list[tuple[str, float, float]]:
+    """Build the controller of these axes with a program around it, and return the name and two numbers of each line."""
+    package(axes, tmp_path)
     for header in HEADERS:
         path = tmp_path / "stand_in" / header
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -134,7 +247,7 @@ def test_the_controller_adds_the_compensation(tmp_path: Path) -> None:
     plugin = tmp_path / "stand_in" / "pluginlib" / "class_list_macros.hpp"
     plugin.parent.mkdir()
     plugin.write_text("#pragma once\n#define PLUGINLIB_EXPORT_CLASS(a, b)\n")
-    (tmp_path / "main.cpp").write_text(MAIN)
+    (tmp_path / "main.cpp").write_text(program)
     common = ["-Wall", "-Wextra", "-Werror", "-Isrc", "-Iinclude", "-Istand_in"]
     for command in (
         ["gcc", "-std=c99", "-c", "-Wall", "-Wextra", "-Werror", "-o", "sgms.o", "src/sgms.c"],
@@ -143,7 +256,14 @@ def test_the_controller_adds_the_compensation(tmp_path: Path) -> None:
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
     lines = subprocess.run(["./run"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout.splitlines()
-    rows = [(line.split()[0], float(line.split()[1]), float(line.split()[2])) for line in lines]
+    return [(line.split()[0], float(line.split()[1]), float(line.split()[2])) for line in lines]
+
+
+@needs("gcc", "g++")
+def test_the_controller_adds_the_compensation(tmp_path: Path) -> None:
+    """Two axes, one of them counted backwards and in thousandths: both get the same compensation in their own units."""
+    other = replace(AXIS, name="y", position_scale=1.0, effort_scale=-1e-3)
+    rows = run((AXIS, other), MAIN, tmp_path)
     x = [(wanted, sent) for name, wanted, sent in rows if name == "x/effort"]
     y = [(wanted, sent) for name, wanted, sent in rows if name == "y/effort"]
     assert len(x) == len(y) == 8
@@ -152,3 +272,26 @@ def test_the_controller_adds_the_compensation(tmp_path: Path) -> None:
     assert [force > 0.0 for force in added[2:6]] != [force > 0.0 for force in added[3:7]]  # it turns with the motion
     for force, (wanted, sent) in zip(added, y, strict=True):
         assert (sent - wanted) * -1e-3 == pytest.approx(force, abs=0.5)
+
+
+@needs("gcc", "g++")
+def test_it_is_switched_while_it_runs_and_leaves_no_effort(tmp_path: Path) -> None:
+    """Parameters named as those of the observer node, starting with the values of the parameter file."""
+    off = replace(AXIS, compensation=CompensationSettings(enabled=False, gain=0.9))
+    rows = run((off, replace(off, name="y")), SWITCHED, tmp_path)
+    said = {name: (first, second) for name, first, second in rows}
+    for joint in ("x", "y"):
+        assert said[f"{joint}.compensation.enabled"] == (0.0, -1.0)
+        assert said[f"{joint}.compensation.gain"] == (0.9, 1.0)  # value, largest allowed value
+    assert said["start"] == (0.0, 0.0)
+    assert said["enabled"][0] > 2.0  # N of 4 N Coulomb friction
+    assert said["half"][0] == pytest.approx(said["enabled"][0] / 2.0, rel=0.1)
+    assert said["refused"][0] == 1.0
+    assert said["no_number"][0] == pytest.approx(said["half"][0], rel=1e-3)
+    assert said["disabled"] == (0.0, 0.0)
+    assert said["again"][0] == pytest.approx(said["half"][0], rel=0.1)
+    assert [(first, second) for name, first, second in rows if name == "deactivated"] == [(0.0, 0.0)] * 2
+    assert [(first, second) for name, first, second in rows if name == "set_point"] == [(1.0, 1.0)] * 2
+    assert said["first"] == (0.0, 0.0)
+    assert said["activated"][0] == pytest.approx(said["half"][0], rel=0.1)  # the parameter still holds
+    assert all(said[name][1] == 0.0 for name in ("enabled", "half", "again", "activated"))  # y was never switched on
