@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import re
 import zipfile
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from c_build import needs
 
 from sgms_observer.effects.learnt_map import LearntMap
+from sgms_observer.export import fmu_target
 from sgms_observer.export.fmu_target import write_fmu
 from sgms_observer.export.fmu_variables import base_exponents
 from sgms_observer.settings.axis import (
@@ -161,6 +165,57 @@ def test_parameters_act_and_state_can_be_restored(tmp_path: Path) -> None:
     model.terminate()
     model.freeInstance()
     assert futures[0] == futures[1] != 0.0
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_state_in_bytes_goes_on_as_it_was(fmi: int, tmp_path: Path) -> None:
+    path = tmp_path / "stage.fmu"
+    axis = AXES["sgms_with_effects"]
+    write_fmu(Settings(axes=(axis,)), axis, fmi, path)
+    description = fmpy.read_model_description(str(path))
+    folder = fmpy.extract(str(path), str(tmp_path / "unpacked"))
+    model = fmpy.instantiate_fmu(folder, description)
+    references = {item.name: item.valueReference for item in description.modelVariables}
+    get, put = (model.getReal, model.setReal) if fmi == 2 else (model.getFloat64, model.setFloat64)
+    word = "FMUstate" if fmi == 2 else "FMUState"
+    model.enterInitializationMode()
+    model.exitInitializationMode()
+    put([references["reference_position"]], [1e-3])
+    for k in range(100):
+        model.doStep(k * 1e-4, 1e-4)
+    state = getattr(model, f"get{word}")()
+    kept = getattr(model, f"serialize{word}")(state)
+    getattr(model, f"free{word}")(state)
+    futures = []
+    for _ in range(2):
+        state = getattr(model, "deSerializeFMUstate" if fmi == 2 else "deserializeFMUState")(kept)
+        getattr(model, f"set{word}")(state)
+        getattr(model, f"free{word}")(state)
+        for k in range(100, 200):
+            model.doStep(k * 1e-4, 1e-4)
+        futures.append(get([references["position"]])[0])
+    model.freeInstance()
+    assert futures[0] == futures[1] != 0.0
+    with pytest.raises(Exception, match="nstantiate"):
+        fmpy.instantiate_fmu(folder, replace_token(description))
+
+
+def replace_token(description: Any) -> Any:
+    """Return a description with the token of another FMU."""
+    other = copy.copy(description)
+    other.guid = other.instantiationToken = "another"
+    return other
+
+
+def test_the_two_versions_share_what_they_have_in_common() -> None:
+    """No body of a function stands in the templates of both."""
+    bodies = []
+    for name in ("fmi2.c.j2", "fmi3.c.j2"):
+        text = (Path(fmu_target.__file__).parent / "templates" / name).read_text(encoding="utf-8")
+        text = re.sub(r"fmi[23]", "fmi", text)
+        found = set(re.findall(r"\n\{\n(.*?)\n\}\n", text, re.DOTALL))
+        bodies.append({body for body in found if body.count("\n") > 1})
+    assert bodies[0] & bodies[1] == set()
 
 
 def test_sources_are_inside_and_the_same_export_gives_the_same_text(tmp_path: Path) -> None:
