@@ -5,30 +5,21 @@ from __future__ import annotations
 import math
 
 from sgms_observer.effects.effect import Effect, EffectParameter, Place
+from sgms_observer.effects.parameters import frequency, length, phase, pitch, share, speed, strength
 from sgms_observer.formulas import effects as formula
 
-_PHASE = EffectParameter("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, "angle at position (or time) zero")
+_PHASE = phase("angle at position (or time) zero")
 
 FORCE_EFFECTS = (
     Effect(
         "cogging",
         Place.ADDED_FORCE,
         (
-            EffectParameter("amplitude", "N", 0.0, -1.0e4, 1.0e4, "amplitude of the first harmonic", is_strength=True),
-            EffectParameter(
-                "pitch",
-                "m",
-                0.01,
-                1.0e-6,
-                10.0,
-                "period in position, for instance the magnet or screw pitch",
-                acts_on="position",
-            ),
+            strength("amplitude", "N", "amplitude of the first harmonic"),
+            pitch("the magnet or screw pitch"),
             _PHASE,
-            EffectParameter(
-                "second_amplitude", "N", 0.0, -1.0e4, 1.0e4, "amplitude of the second harmonic", is_strength=True
-            ),
-            EffectParameter("second_phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, "angle of the second harmonic"),
+            strength("second_amplitude", "N", "amplitude of the second harmonic"),
+            phase("angle of the second harmonic", "second_phase"),
         ),
         "F = A sin(2 pi q / pitch + phase) + A2 sin(4 pi q / pitch + phase2)",
         "periodic over position, the same in both directions",
@@ -43,8 +34,8 @@ FORCE_EFFECTS = (
         "spring",
         Place.ADDED_FORCE,
         (
-            EffectParameter("stiffness", "N/m", 0.0, -1.0e7, 1.0e7, "force per displacement", is_strength=True),
-            EffectParameter("rest_position", "m", 0.0, -100.0, 100.0, "position without force", acts_on="position"),
+            strength("stiffness", "N/m", "force per displacement", -1.0e7, 1.0e7),
+            length("rest_position", 0.0, -100.0, 100.0, "position without force"),
         ),
         "F = k (q - q0)",
         "a slope over position, the same in both directions",
@@ -58,11 +49,7 @@ FORCE_EFFECTS = (
     Effect(
         "offset",
         Place.ADDED_FORCE,
-        (
-            EffectParameter(
-                "force", "N", 0.0, -1.0e4, 1.0e4, "constant force the actuator has to supply", is_strength=True
-            ),
-        ),
+        (strength("force", "N", "constant force the actuator has to supply"),),
         "F = F0",
         "the same force everywhere and in both directions, at rest as well",
         "motion both ways with rests",
@@ -75,14 +62,12 @@ FORCE_EFFECTS = (
         "gravity",
         Place.ADDED_FORCE,
         (
-            EffectParameter(
+            strength(
                 "amplitude",
                 "N",
-                0.0,
+                "weight of the moving mass; on a revolute joint weight times distance of its centre [N m]",
                 -1.0e5,
                 1.0e5,
-                "weight of the moving mass; on a revolute joint weight times distance of its centre [N m]",
-                is_strength=True,
             ),
             EffectParameter(
                 "angle",
@@ -118,14 +103,10 @@ FORCE_EFFECTS = (
         "asymmetric_viscous",
         Place.ADDED_FORCE,
         (
-            EffectParameter(
+            strength(
                 "coefficient",
                 "N s/m",
-                0.0,
-                -1.0e4,
-                1.0e4,
                 "half the difference of the viscous coefficients; at most the viscous coefficient itself",
-                is_strength=True,
             ),
         ),
         "F = c |v|",
@@ -141,11 +122,9 @@ FORCE_EFFECTS = (
         "nonlinear_viscous",
         Place.ADDED_FORCE,
         (
-            EffectParameter("force", "N", 0.0, -1.0e4, 1.0e4, "force at the reference velocity", is_strength=True),
+            strength("force", "N", "force at the reference velocity"),
             EffectParameter("exponent", "-", 0.5, 0.1, 4.0, "power of the speed; below 1 for shear-thinning"),
-            EffectParameter(
-                "reference_velocity", "m/s", 0.1, 1.0e-5, 100.0, "speed the force is given at", acts_on="velocity"
-            ),
+            speed("reference_velocity", 0.1, 1.0e-5, 100.0, "speed the force is given at"),
         ),
         "F = F_r sgn(v) |v / v_r|^n",
         "odd in velocity, curved",
@@ -160,11 +139,7 @@ FORCE_EFFECTS = (
     Effect(
         "quadratic_drag",
         Place.ADDED_FORCE,
-        (
-            EffectParameter(
-                "coefficient", "N s^2/m^2", 0.0, -1.0e5, 1.0e5, "drag over the square of the speed", is_strength=True
-            ),
-        ),
+        (strength("coefficient", "N s^2/m^2", "drag over the square of the speed", -1.0e5, 1.0e5),),
         "F = c v |v|",
         "odd in velocity, growing with its square",
         "speeds over a decade, with the highest the axis reaches",
@@ -179,10 +154,8 @@ FORCE_EFFECTS = (
         "eddy_current",
         Place.ADDED_FORCE,
         (
-            EffectParameter("peak_force", "N", 0.0, 0.0, 1.0e4, "largest drag", is_strength=True),
-            EffectParameter(
-                "peak_velocity", "m/s", 1.0, 1.0e-4, 1.0e3, "speed of the largest drag", acts_on="velocity"
-            ),
+            strength("peak_force", "N", "largest drag", 0.0),
+            speed("peak_velocity", 1.0, 1.0e-4, 1.0e3, "speed of the largest drag"),
             EffectParameter("breadth", "-", 0.0, -1.5, 10.0, "broader peak above 0, sharper below"),
         ),
         "F = F_p (2 + b) r / (1 + b |r| + r^2), r = v / v_p",
@@ -199,8 +172,8 @@ FORCE_EFFECTS = (
         "periodic_disturbance",
         Place.ADDED_FORCE,
         (
-            EffectParameter("amplitude", "N", 0.0, -1.0e4, 1.0e4, "amplitude", is_strength=True),
-            EffectParameter("frequency", "Hz", 50.0, 1.0e-3, 5.0e3, "frequency in time", acts_on="rate"),
+            strength("amplitude", "N", "amplitude"),
+            frequency(1.0e-3, "frequency in time"),
             _PHASE,
         ),
         "F = A sin(2 pi f t + phase)",
@@ -215,12 +188,8 @@ FORCE_EFFECTS = (
         "cross_axis_coupling",
         Place.ADDED_FORCE,
         (
-            EffectParameter(
-                "inertia", "kg", 0.0, -1.0e4, 1.0e4, "force per acceleration of the other axis", is_strength=True
-            ),
-            EffectParameter(
-                "viscous", "N s/m", 0.0, -1.0e4, 1.0e4, "force per velocity of the other axis", is_strength=True
-            ),
+            strength("inertia", "kg", "force per acceleration of the other axis"),
+            strength("viscous", "N s/m", "force per velocity of the other axis"),
         ),
         "F = m12 a2 + d12 v2",
         "follows the motion of another axis",
@@ -234,10 +203,8 @@ FORCE_EFFECTS = (
         "presliding",
         Place.ADDED_FORCE,
         (
-            EffectParameter("force", "N", 0.0, -1.0e4, 1.0e4, "sliding force of what is missing", is_strength=True),
-            EffectParameter(
-                "distance", "m", 1.0e-5, 1.0e-9, 1.0, "mean distance over which it builds up", acts_on="position"
-            ),
+            strength("force", "N", "sliding force of what is missing"),
+            length("distance", 1.0e-5, 1.0e-9, 1.0, "mean distance over which it builds up"),
         ),
         "F = F_e (z1 + z2) / 2, z_i in -1..1 follows x / d_i, d_1 = d / 2, d_2 = 3 d / 2",
         "hysteresis after each reversal, over a distance the model's elements do not cover",
@@ -255,18 +222,9 @@ FORCE_EFFECTS = (
         "backlash",
         Place.ADDED_FORCE,
         (
-            EffectParameter("gap", "m", 1.0e-5, 1.0e-9, 1.0, "play between motor and load", acts_on="position"),
-            EffectParameter("share", "-", 0.0, 0.0, 0.9, "share of the friction that is the load's", is_strength=True),
-            EffectParameter(
-                "stop",
-                "m",
-                1.0e-6,
-                1.0e-9,
-                1.0e-3,
-                "by how much a wall gives before the load slides",
-                acts_on="position",
-                may_end=True,
-            ),
+            length("gap", 1.0e-5, 1.0e-9, 1.0, "play between motor and load"),
+            share("share of the friction that is the load's", 0.0, 0.9),
+            length("stop", 1.0e-6, 1.0e-9, 1.0e-3, "by how much a wall gives before the load slides", may_end=True),
         ),
         "F = A / (1 - A) s(v) d(x), x = stretch, d = 0 in the play, +-1 where a wall has given by its stop",
         "too little friction over a fixed distance after each reversal, independent of the rest before",
@@ -283,7 +241,7 @@ FORCE_EFFECTS = (
     Effect(
         "mass_error",
         Place.PLANT,
-        (EffectParameter("mass", "kg", 0.0, -1.0e4, 1.0e4, "mass the model does not have", is_strength=True),),
+        (strength("mass", "kg", "mass the model does not have"),),
         "F = dm a",
         "follows the acceleration",
         "accelerations well above friction; a known added mass separates it from an actuator gain",
@@ -298,12 +256,8 @@ FORCE_EFFECTS = (
         "flexible_mode",
         Place.PLANT,
         (
-            EffectParameter(
-                "mass", "kg", 0.0, 0.0, 1.0e4, "share of the moving mass behind the spring", is_strength=True
-            ),
-            EffectParameter(
-                "frequency", "Hz", 50.0, 0.1, 5.0e3, "frequency of that mass with the carriage held", acts_on="rate"
-            ),
+            strength("mass", "kg", "share of the moving mass behind the spring", 0.0),
+            frequency(0.1, "frequency of that mass with the carriage held"),
             EffectParameter("damping_ratio", "-", 0.02, 1.0e-4, 0.99, "its damping"),
         ),
         "F = m2 x'', x'' = -a - 2 zeta omega x' - omega^2 x",

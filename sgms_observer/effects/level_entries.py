@@ -2,33 +2,18 @@
 
 from __future__ import annotations
 
-import math
-
 from sgms_observer.effects.effect import Effect, EffectParameter, Place
+from sgms_observer.effects.parameters import duration, length, phase, pitch, share, speed, strength
 from sgms_observer.formulas import effects as formula
-
-
-def _share(description: str, minimum: float = -0.95, maximum: float = 3.0) -> EffectParameter:
-    """Declare a strength given as a share of the friction level."""
-    return EffectParameter("share", "-", 0.0, minimum, maximum, description, is_strength=True)
-
 
 LEVEL_EFFECTS = (
     Effect(
         "position_periodic_friction",
         Place.LEVEL_FACTOR,
         (
-            _share("amplitude as a share of the level", -0.95, 0.95),
-            EffectParameter(
-                "pitch",
-                "m",
-                0.01,
-                1.0e-6,
-                10.0,
-                "period in position, for instance of the balls or the screw",
-                acts_on="position",
-            ),
-            EffectParameter("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, "angle at position zero"),
+            share("amplitude as a share of the level", -0.95, 0.95),
+            pitch("of the balls or the screw"),
+            phase("angle at position zero"),
         ),
         "s -> s (1 + A sin(2 pi q / pitch + phase))",
         "periodic over position, flipping its sign with the direction",
@@ -43,17 +28,9 @@ LEVEL_EFFECTS = (
         "position_dependent_friction",
         Place.LEVEL_FACTOR,
         (
-            _share("rise at the tightest place"),
-            EffectParameter("center", "m", 0.0, -100.0, 100.0, "the tightest place", acts_on="position"),
-            EffectParameter(
-                "width",
-                "m",
-                0.01,
-                1.0e-6,
-                100.0,
-                "half width of the tight spot (one standard deviation)",
-                acts_on="position",
-            ),
+            share("rise at the tightest place"),
+            length("center", 0.0, -100.0, 100.0, "the tightest place"),
+            length("width", 0.01, 1.0e-6, 100.0, "half width of the tight spot (one standard deviation)"),
         ),
         "s -> s (1 + A exp(-((q - q0) / w)^2 / 2))",
         "more friction at one place, flipping its sign with the direction",
@@ -67,7 +44,7 @@ LEVEL_EFFECTS = (
     Effect(
         "asymmetric_coulomb",
         Place.LEVEL_FACTOR,
-        (_share("half the difference of the two directions over their mean", -0.95, 0.95),),
+        (share("half the difference of the two directions over their mean", -0.95, 0.95),),
         "s -> s (1 + A sgn(v))",
         "a constant force while sliding, nothing at rest",
         "motion both ways around the Stribeck velocity: at a constant sliding force it is an offset",
@@ -81,8 +58,8 @@ LEVEL_EFFECTS = (
         "stribeck",
         Place.LEVEL_FACTOR,
         (
-            _share("rise toward zero speed"),
-            EffectParameter("velocity", "m/s", 0.01, 1.0e-6, 10.0, "speed over which it fades", acts_on="velocity"),
+            share("rise toward zero speed"),
+            speed("velocity", 0.01, 1.0e-6, 10.0, "speed over which it fades"),
         ),
         "s -> s (1 + A exp(-(v / v1)^2))",
         "more (or less) friction at low speed than the model's Stribeck curve",
@@ -97,11 +74,7 @@ LEVEL_EFFECTS = (
     Effect(
         "load_dependent_friction",
         Place.LEVEL_FACTOR,
-        (
-            EffectParameter(
-                "coefficient", "s^2/m", 0.0, -1.0, 10.0, "share of the level per acceleration", is_strength=True
-            ),
-        ),
+        (strength("coefficient", "s^2/m", "share of the level per acceleration", -1.0, 10.0),),
         "s -> s (1 + c |a|)",
         "more friction while accelerating, in the direction of motion",
         "several accelerations at equal speed, both ways",
@@ -116,8 +89,8 @@ LEVEL_EFFECTS = (
         "thermal_drift",
         Place.LEVEL_FACTOR,
         (
-            _share("level when warm over level at the start, minus 1"),
-            EffectParameter("time_constant", "s", 600.0, 0.1, 1.0e6, "time constant of the warm-up", acts_on="time"),
+            share("level when warm over level at the start, minus 1"),
+            duration("time_constant", 600.0, 0.1, 1.0e6, "time constant of the warm-up"),
             EffectParameter(
                 "motion_share",
                 "-",
@@ -127,15 +100,7 @@ LEVEL_EFFECTS = (
                 "share of the heat that sliding brings; 0: warms by the clock",
                 may_end=True,
             ),
-            EffectParameter(
-                "reference_velocity",
-                "m/s",
-                0.1,
-                1.0e-5,
-                100.0,
-                "mean speed at which that share warms in full",
-                acts_on="velocity",
-            ),
+            speed("reference_velocity", 0.1, 1.0e-5, 100.0, "mean speed at which that share warms in full"),
         ),
         "s -> s (1 + A x), dx/dt = (1 - m + m |v| / v_r - x) / tau",
         "friction that falls (or rises) over the recording's time",
@@ -152,13 +117,9 @@ LEVEL_EFFECTS = (
         "wear_step",
         Place.LEVEL_FACTOR,
         (
-            _share("change of the level"),
-            EffectParameter(
-                "travel", "m", 1.0, 0.0, 1.0e7, "travelled distance at the middle of the change", acts_on="travel"
-            ),
-            EffectParameter(
-                "width", "m", 0.01, 1.0e-6, 1.0e7, "travelled distance over which it happens", acts_on="travel"
-            ),
+            share("change of the level"),
+            length("travel", 1.0, 0.0, 1.0e7, "travelled distance at the middle of the change", acts_on="travel"),
+            length("width", 0.01, 1.0e-6, 1.0e7, "travelled distance over which it happens", acts_on="travel"),
         ),
         "s -> s (1 + A (1 + tanh((S - S0) / w)) / 2), S = int |v| dt",
         "a step or slope of the friction over the travelled distance",
@@ -175,14 +136,10 @@ LEVEL_EFFECTS = (
         "dwell_breakaway",
         Place.LEVEL_FACTOR,
         (
-            _share("rise of the static friction after a long rest", minimum=0.0),
-            EffectParameter("dwell_time", "s", 1.0, 1.0e-3, 1.0e5, "time constant of its rise at rest", acts_on="time"),
-            EffectParameter(
-                "memory_distance", "m", 1.0e-4, 1.0e-8, 1.0, "travel over which it is forgotten", acts_on="position"
-            ),
-            EffectParameter(
-                "rest_velocity", "m/s", 1.0e-4, 1.0e-9, 1.0, "speed below which the contact rests", acts_on="velocity"
-            ),
+            share("rise of the static friction after a long rest", minimum=0.0),
+            duration("dwell_time", 1.0, 1.0e-3, 1.0e5, "time constant of its rise at rest"),
+            length("memory_distance", 1.0e-4, 1.0e-8, 1.0, "travel over which it is forgotten"),
+            speed("rest_velocity", 1.0e-4, 1.0e-9, 1.0, "speed below which the contact rests"),
         ),
         "s -> s (1 + A x), dx/dt = exp(-(v / v_0)^2) (1 - x) / tau - |v| x / d",
         "a peak at break-away that grows with the rest before it",
@@ -210,14 +167,12 @@ LEVEL_EFFECTS = (
                 may_end=True,
                 vanishes_at_infinity=True,
             ),
-            EffectParameter(
+            length(
                 "distance",
-                "m",
                 1.0e-5,
                 1.0e-9,
                 1.0,
                 "travel after a reversal over which the contact still sticks",
-                acts_on="position",
                 may_end=True,
             ),
         ),

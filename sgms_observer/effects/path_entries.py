@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
 from sgms_observer.effects.effect import Effect, EffectParameter, Place
+from sgms_observer.effects.parameters import length, phase, strength
 from sgms_observer.formulas import effects as formula
 
 PATH_EFFECTS = (
@@ -41,11 +40,7 @@ PATH_EFFECTS = (
     Effect(
         "actuator_dead_zone",
         Place.EFFORT_PATH,
-        (
-            EffectParameter(
-                "width", "N", 0.0, 0.0, 1.0e6, "effort that is lost around zero", is_strength=True, acts_on="effort"
-            ),
-        ),
+        (strength("width", "N", "effort that is lost around zero", 0.0, 1.0e6, acts_on="effort"),),
         "u -> u - min(max(u, -d), d)",
         "a constant loss with the sign of the effort, not of the velocity",
         "braking phases, where effort and velocity differ in sign; rests",
@@ -59,18 +54,7 @@ PATH_EFFECTS = (
     Effect(
         "actuator_delay",
         Place.EFFORT_PATH,
-        (
-            EffectParameter(
-                "delay",
-                "s",
-                0.0,
-                0.0,
-                0.02,
-                "time from the published effort to the force",
-                is_strength=True,
-                acts_on="time",
-            ),
-        ),
+        (strength("delay", "s", "time from the published effort to the force", 0.0, 0.02, acts_on="time"),),
         "u(t) -> u(t - d)",
         "follows the effort's rate of change",
         "a chirp or hard jerks",
@@ -85,9 +69,9 @@ PATH_EFFECTS = (
         "encoder_interpolation_error",
         Place.MEASURED_POSITION,
         (
-            EffectParameter("amplitude", "m", 0.0, -1.0e-3, 1.0e-3, "amplitude", is_strength=True),
-            EffectParameter("pitch", "m", 2.0e-5, 1.0e-8, 1.0, "signal period of the encoder", acts_on="position"),
-            EffectParameter("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, "angle at position zero"),
+            strength("amplitude", "m", "amplitude", -1.0e-3, 1.0e-3),
+            length("pitch", 2.0e-5, 1.0e-8, 1.0, "signal period of the encoder"),
+            phase("angle at position zero"),
         ),
         "q -> q + A sin(2 pi q / pitch + phase)",
         "ripple over position whose force grows with the square of the speed",
