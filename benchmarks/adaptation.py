@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from sgms_observer.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -42,8 +43,6 @@ from sgms_observer.settings.axis import (
 from sim_plant.closed_loop import ClosedLoop
 from sim_plant.record import StageRecord
 from sim_plant.table import SimulatedTable
-
-Floats = NDArray[np.float64]
 
 PERIOD = 1.0e-4
 DRIFT = 0.3  # share by which the Coulomb level has risen after DRIFT_TIME

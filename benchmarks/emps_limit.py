@@ -19,7 +19,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+
+from sgms_observer.arrays import Floats
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -31,8 +32,6 @@ from sgms_observer.bags.conversion import parse_map, read_table, write_table  # 
 from sgms_observer.diagnosis.motion import Motion, motion_of  # noqa: E402
 from sgms_observer.offline.recording import read_recordings  # noqa: E402
 from sgms_observer.settings.load import load_settings  # noqa: E402
-
-Floats = NDArray[np.float64]
 
 NAMES = (
     "mass [kg]", "viscous [N s/m]", "viscous, even part [N s/m]", "Coulomb [N]", "Stribeck 3 mm/s [N]",

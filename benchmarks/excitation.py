@@ -30,7 +30,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from sgms_observer.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -50,8 +51,6 @@ from sgms_observer.identification.identify import IdentifyOptions, identify
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sim_plant.reference_file import write_reference_file
-
-Floats = NDArray[np.float64]
 
 RATE = 1000.0  # Hz
 LIMITS = ExcitationLimits(0.02, 0.05, 1.0)

@@ -10,12 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.excitation.limits import ExcitationLimits, Track
 from sgms_observer.settings.axis import AxisSettings
-
-Floats = NDArray[np.float64]
 
 _REVERSALS = 10  # amplitudes of the nested reversals
 _CYCLES = 3  # of each amplitude

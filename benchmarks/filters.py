@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sgms_observer.arrays import Floats
 from sgms_observer.filters.differentiator import Differentiator
 from sgms_observer.filters.motion import LEAD
-from sgms_observer.observer.samples import Floats
 from sgms_observer.settings.axis import (
     AxisSettings,
     ControllerSettings,

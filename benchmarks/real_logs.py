@@ -29,8 +29,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
+
+from sgms_observer.arrays import Floats
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -42,8 +43,6 @@ from sgms_observer.jit import njit  # noqa: E402
 from sgms_observer.offline.recording import Recordings, read_recordings  # noqa: E402
 from sgms_observer.settings.axis import AxisSettings  # noqa: E402
 from sgms_observer.settings.load import load_settings  # noqa: E402
-
-Floats = NDArray[np.float64]
 
 PAGE = ROOT / "docs" / "real_logs.md"
 _STARTS = (0.3, 0.1, 0.03)  # Stribeck velocity over the largest velocity

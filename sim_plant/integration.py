@@ -7,17 +7,14 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.effects.kernels import effects_step
 from sgms_observer.formulas import friction as formulas
 from sgms_observer.friction.gms import gms_step
 from sgms_observer.friction.sgms import sgms_step
 from sgms_observer.jit import njit
 from sgms_observer.settings.axis import FrictionSettings
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 stribeck_level: Callable[..., float] = njit(formulas.stribeck_level)
 reset_gain_paper: Callable[..., float] = njit(formulas.reset_gain_paper)
@@ -78,9 +75,9 @@ def advance_elements(
     velocity: float,
     period: float,
     force: Floats,
-    mode: Integers,
+    mode: Ints,
     next_force: Floats,
-    next_mode: Integers,
+    next_mode: Ints,
 ) -> tuple[float, float]:
     """Advance every element by one step at constant velocity.
 
@@ -126,9 +123,9 @@ def advance_elements(
 class EffectArrays(NamedTuple):
     """The stage's effects as flat arrays (see ``sgms_observer.effects.kernels.effects_step``)."""
 
-    kinds: Integers
-    p_at: Integers
-    s_at: Integers
+    kinds: Ints
+    p_at: Ints
+    s_at: Ints
     parameters: Floats
 
 
@@ -164,10 +161,10 @@ def substep(
     other_acceleration: float,
     motion: Motion,
     force: Floats,
-    mode: Integers,
+    mode: Ints,
     effect_state: Floats,
     next_force: Floats,
-    next_mode: Integers,
+    next_mode: Ints,
     next_effect_state: Floats,
     scratch: Floats,
 ) -> Motion:

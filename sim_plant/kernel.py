@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.effects.kernels import effort_step, measured_position
 from sgms_observer.jit import njit
 from sgms_observer.settings.axis import ControllerSettings
@@ -16,8 +14,6 @@ from sim_plant.integration import EffectArrays, Motion, TrueFriction, substep
 VELOCITY_FILTER_RATIO = 5.0
 """Cut-off of the velocity filter over the closed-loop bandwidth [-]: far enough to cost little phase."""
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # Columns of the output of the kernel, one row per sample.
 POSITION, VELOCITY, ACCELERATION, MEASURED, CONTROL, APPLIED, FRICTION, EFFECT = range(8)
@@ -169,10 +165,10 @@ class StageMemory(NamedTuple):
     motion: Floats
     controller: Floats
     force: Floats
-    mode: Integers
+    mode: Ints
     effect_state: Floats
     next_force: Floats
-    next_mode: Integers
+    next_mode: Ints
     next_effect_state: Floats
     scratch: Floats
     efforts: Floats

@@ -9,12 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.observer.samples import Samples
 from sim_plant import kernel
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ class StageRecord:
         compensation: feedforward in the effort [N], shape (n,).
     """
 
-    stamp_ns: NDArray[np.int64]
+    stamp_ns: Ints
     time: Floats
     position: Floats
     velocity: Floats
@@ -94,7 +92,7 @@ class RecordBuffer:
 
     def __init__(self, first: int, count: int, elements: int, sample_period: float, start_ns: int) -> None:
         index = np.arange(first, first + count)
-        self.stamp_ns: NDArray[np.int64] = start_ns + np.rint(index * (sample_period * 1e9)).astype(np.int64)
+        self.stamp_ns: Ints = start_ns + np.rint(index * (sample_period * 1e9)).astype(np.int64)
         self.time: Floats = (index * sample_period).astype(np.float64)
         self.recorded: Floats = np.empty((count, kernel.RECORDED))
         self.element_force: Floats = np.empty((count, elements))

@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.axis import ReferenceSettings
 from sim_plant.reference_file import PiecewiseCubic, back_and_forth, read_reference_file
-
-Floats = NDArray[np.float64]
 
 COAST = 0.02
 """Time for which the stage keeps the velocity of the last set-point when the next one is late [s]; then it stops."""

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.whole_file import write_text
-
-Floats = NDArray[np.float64]
 
 _JERK_SIGNS = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])
 

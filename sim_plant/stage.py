@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.effects.compiled import SCRATCH, CompiledEffects
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.observer.samples import Samples
@@ -19,8 +19,6 @@ from sim_plant.integration import EffectArrays, TrueFriction, true_friction
 from sim_plant.kernel import PLAN_DISTURBANCE, PLAN_ENCODER_NOISE, PLAN_FORCE_NOISE, ControllerGains, controller_gains
 from sim_plant.record import RecordBuffer, StageRecord
 from sim_plant.reference import FollowedReference, Reference, make_reference
-
-Floats = NDArray[np.float64]
 
 SAMPLES_PER_PLAN = 512
 

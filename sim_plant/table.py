@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.settings.axis import Settings, coupled_number
 from sim_plant.record import StageRecord, join_records
 from sim_plant.stage import SimulatedStage
-
-Floats = NDArray[np.float64]
 
 
 class SimulatedTable:

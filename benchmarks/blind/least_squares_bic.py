@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 from library import Candidate, Columns, Signals, nominal_columns
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from sgms_observer.arrays import Floats
+
 LARGEST_NUMBER = 3
 
 

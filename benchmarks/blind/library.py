@@ -11,16 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, lfilter, lfiltic, sosfiltfilt
 
+from sgms_observer.arrays import Floats
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.load import load_settings
 
-Floats = NDArray[np.float64]
 KEEP_EVERY = 4  # 250 Hz after the 100 Hz filter
 
 

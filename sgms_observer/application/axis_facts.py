@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
 from sgms_observer.application.force_balance import ForceBalance, fit_force_balance
+from sgms_observer.arrays import Floats
 from sgms_observer.bags.reader import read_samples
 from sgms_observer.bags.source import TopicSurvey
 from sgms_observer.errors import DataError
@@ -18,8 +18,6 @@ from sgms_observer.offline.encoder import encoder_step
 from sgms_observer.offline.recording import Recordings, join_samples, recordings_from_samples
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.settings.units import REVOLUTE
-
-Floats = NDArray[np.float64]
 
 _GAP = 1.5  # periods; in a longer pause at least one sample is missing
 _SPEED_RATE_SHARE = 0.05

@@ -9,11 +9,11 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 from threadpoolctl import threadpool_limits
 
 from sgms_observer.application.bag_info import refuse_learnt_from
+from sgms_observer.arrays import Floats
 from sgms_observer.bags.bag_folder import refuse_own_recording
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.compensation_check import SKIPPED, CompensationCheck, can_look_ahead, check_compensation
@@ -38,8 +38,6 @@ from sgms_observer.whole_file import try_folder
 from sim_plant.record import StageRecord
 from sim_plant.reference_file import through_points
 from sim_plant.stage import SimulatedStage
-
-Floats = NDArray[np.float64]
 
 MAX_SAMPLES = 200_000
 MAX_SECONDS = 60.0

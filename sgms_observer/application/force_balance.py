@@ -14,16 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.motion import play_operator
 from sgms_observer.identification.confidence import least_squares_covariance
 from sgms_observer.offline.band import choose_band
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
-
-Floats = NDArray[np.float64]
 
 MIN_Z_SCORE = 3.0
 """Smallest z-score of a value whose sign is used."""

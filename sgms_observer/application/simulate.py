@@ -9,9 +9,10 @@ from functools import partial
 
 import numpy as np
 
+from sgms_observer.arrays import Floats
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.observer.all_axes import AllAxes
-from sgms_observer.observer.samples import Estimates, Floats, Samples
+from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.units import Scales
 from sim_plant.closed_loop import ClosedLoop, ObserverStep, TableObserver

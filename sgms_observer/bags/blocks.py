@@ -7,14 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Bytes, Floats, Ints
 from sgms_observer.bags.cdr import JointStateLayout
 from sgms_observer.bags.rows import HALF, LOWER, SECOND, STAMP_PLACE, read_rows
 from sgms_observer.errors import DataError
 from sgms_observer.jit import HAS_NUMBA
-
-Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 _LAYOUTS_AT_ONCE = 16
 _LITTLE_ENDIAN = b"\x00\x01"
@@ -48,7 +45,7 @@ class MessageBlock:
         """
         return self.data[self.start[row] : self.start[row] + self.length[row]].tobytes()
 
-    def take(self, rows: NDArray[np.intp] | NDArray[np.bool_] | slice) -> MessageBlock:
+    def take(self, rows: NDArray[np.intp] | Booleans | slice) -> MessageBlock:
         """Return some of the messages; the bytes are shared.
 
         Args:
@@ -210,7 +207,7 @@ def _used(layout: JointStateLayout) -> tuple[int, ...]:
     return tuple(min(entries, len(layout.names)) for entries in layout.counts)
 
 
-def _read(block: MessageBlock, rows: NDArray[np.intp], pattern: Pattern) -> tuple[NDArray[np.bool_], JointStates]:
+def _read(block: MessageBlock, rows: NDArray[np.intp], pattern: Pattern) -> tuple[Booleans, JointStates]:
     """Read the messages that have this layout; also return which of ``rows`` those are."""
     layout = pattern.layout
     found, numbers = (_find_compiled if HAS_NUMBA else _find_by_arrays)(block, rows, pattern)
@@ -234,7 +231,7 @@ def _read(block: MessageBlock, rows: NDArray[np.intp], pattern: Pattern) -> tupl
 
 def _find_compiled(
     block: MessageBlock, rows: NDArray[np.intp], pattern: Pattern
-) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
+) -> tuple[Booleans, NDArray[np.uint64]]:
     """Return which of the messages have the layout, and the bits of their stamps and numbers, shape (1 + m, found)."""
     found = np.empty(rows.size, np.bool_)
     numbers = np.empty((pattern.places.size, rows.size), np.uint64)
@@ -245,7 +242,7 @@ def _find_compiled(
 
 def _find_by_arrays(
     block: MessageBlock, rows: NDArray[np.intp], pattern: Pattern
-) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
+) -> tuple[Booleans, NDArray[np.uint64]]:
     """Do the same without numba."""
     messages = gather(block.data, block.start[rows], pattern.template.size)
     found = block.length[rows] >= pattern.template.size

@@ -15,11 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import RecordingError
-
-Floats = NDArray[np.float64]
 
 _OPERATOR = re.compile(r"\s*([-+*/])\s*")
 _END = re.compile(r"\s*([-+*/]|$)")

@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.bags.combination import Combination
 from sgms_observer.bags.mat_log import MatLog
 from sgms_observer.bags.text_log import TextLog
 from sgms_observer.bags.writer import BagWriter
 from sgms_observer.errors import RecordingError
-
-Floats = NDArray[np.float64]
 
 KEYS = ("time", "position", "control_effort", "reference")
 _NEEDED = KEYS[:2]
@@ -38,7 +36,7 @@ class Table:
         notices: sentences about changes and suspicious values.
     """
 
-    stamp_ns: NDArray[np.int64]
+    stamp_ns: Ints
     position: Floats
     control_effort: Floats | None
     reference: Floats | None

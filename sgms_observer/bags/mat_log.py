@@ -17,9 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import RecordingError
-
-Floats = NDArray[np.float64]
 
 _MAX_SERIES = 1024
 """Series of one matrix that are offered; a matrix with more on its shorter side is an image or a map, not a log."""

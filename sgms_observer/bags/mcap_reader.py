@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Ints
 from sgms_observer.bags.bag_folder import unpack
 from sgms_observer.bags.blocks import MessageBlock, gather, join_blocks
 from sgms_observer.bags.mcap_records import MAGIC, MESSAGE_HEAD, RECORD_HEAD, Op, find_messages, find_records, read_text
@@ -220,7 +220,7 @@ class McapReader:
             self.warnings.append(f"{self.path} has a damaged chunk at byte {piece.offset}; its messages are missing")
         return b"" if is_damaged else content
 
-    def _read_piece(self, piece: _Piece, topics: tuple[str, ...], index_of: NDArray[np.int64]) -> MessageBlock:
+    def _read_piece(self, piece: _Piece, topics: tuple[str, ...], index_of: Ints) -> MessageBlock:
         """Return the messages of a piece that belong to the topics asked for, as they are in the file."""
         content = np.frombuffer(self._unpack(piece), np.uint8)
         if HAS_NUMBA:

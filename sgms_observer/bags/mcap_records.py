@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Bytes, Ints
 from sgms_observer.bags.rows import word
 from sgms_observer.jit import HAS_NUMBA, njit
 
@@ -83,9 +83,7 @@ def read_text(content: bytes, at: int) -> tuple[str, int]:
 
 
 @njit
-def _find(
-    data: NDArray[np.uint8], op: NDArray[np.uint8], start: NDArray[np.int64], length: NDArray[np.int64]
-) -> tuple[int, int]:
+def _find(data: Bytes, op: Bytes, start: Ints, length: Ints) -> tuple[int, int]:
     """Fill op, start and length of each whole record in ``data``; return their number and the place after them."""
     size = data.size
     at = np.int64(0)
@@ -104,7 +102,7 @@ def _find(
     return count, int(at)
 
 
-def find_records(data: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], int]:
+def find_records(data: Bytes) -> tuple[Bytes, Ints, Ints, int]:
     """Find the records in a buffer that starts with one.
 
     Args:
@@ -124,7 +122,7 @@ def find_records(data: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np
     return op[:count].copy(), start[:count].copy(), length[:count].copy(), end
 
 
-def find_in_python(data: bytes) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64], int]:
+def find_in_python(data: bytes) -> tuple[Bytes, Ints, Ints, int]:
     """Return what ``find_records`` returns, without numba: indexing numpy arrays one by one would be slow.
 
     Args:
@@ -145,12 +143,12 @@ def find_in_python(data: bytes) -> tuple[NDArray[np.uint8], NDArray[np.int64], N
 
 @njit
 def find_messages(
-    data: NDArray[np.uint8],
-    index_of: NDArray[np.int64],
-    topic: NDArray[np.int64],
-    log_ns: NDArray[np.int64],
-    start: NDArray[np.int64],
-    length: NDArray[np.int64],
+    data: Bytes,
+    index_of: Ints,
+    topic: Ints,
+    log_ns: Ints,
+    start: Ints,
+    length: Ints,
 ) -> int:
     """Find the messages of some channels among MCAP records; only called where numba is.
 

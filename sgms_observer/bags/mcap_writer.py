@@ -13,14 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.arrays import Bytes, Floats, Ints
 from sgms_observer.bags.bag_folder import dump_metadata, dump_qos
 from sgms_observer.bags.mcap_records import MAGIC, MESSAGE_HEAD, RECORD_HEAD, Op, record, text, text_map
 from sgms_observer.bags.message_types import JOINT_STATE, MessageType, describe_type
 from sgms_observer.bags.rows import MessageRows, joint_state_rows
 from sgms_observer.errors import RecordingError
-
-Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
 
 _CHUNK = 2**20  # bytes of one chunk
 _PENDING = 8 * _CHUNK  # bytes that wait to be put in order of time
@@ -256,9 +254,9 @@ class JointStates:
     """
 
     topic: str
-    stamp_ns: NDArray[np.int64]
+    stamp_ns: Ints
     names: Sequence[str]
-    fields: dict[str, NDArray[np.float64]]
+    fields: dict[str, Floats]
 
 
 def write_mcap(topics: Sequence[JointStates], path: Path) -> None:

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.bags.blocks import JointStates, MessageBlock, Pattern, decode_joint_states
 from sgms_observer.bags.source import INPUTS, BagReader, find_inputs, find_topic, missing_topic
 from sgms_observer.errors import RecordingError
@@ -220,7 +220,7 @@ def read_joint_states(path: str | Path, topic: str) -> JointStates:
     order = np.argsort(row, kind="stable")
     stamps = np.concatenate([group.stamp_ns for group in groups])[order] if groups else np.empty(0, np.int64)
 
-    def columns(field: str) -> NDArray[np.float64]:
+    def columns(field: str) -> Floats:
         table = np.full((row.size, len(names)), np.nan)
         first = 0
         for group in groups:

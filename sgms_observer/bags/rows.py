@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Bytes, Floats, Ints
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.errors import DataError
 from sgms_observer.jit import HAS_NUMBA, njit
 
-Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
 Words = NDArray[np.uint64]
-Floats = NDArray[np.float64]
 
 #: Rows from which numpy encodes faster than struct.
 BY_ARRAYS = 24
@@ -176,7 +174,7 @@ def read_rows(
     template: Bytes,
     mask: Bytes,
     places: Ints,
-    found: NDArray[np.bool_],
+    found: Booleans,
     out: Words,
 ) -> int:
     """Read numbers from every message that has a layout.

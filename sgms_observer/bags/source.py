@@ -10,8 +10,8 @@ from tempfile import TemporaryDirectory
 from types import TracebackType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Ints
 from sgms_observer.bags.bag_folder import find_files, unpack_file, unpack_message
 from sgms_observer.bags.blocks import MessageBlock, Pattern, decode_joint_states
 from sgms_observer.bags.mcap_reader import McapReader
@@ -227,11 +227,11 @@ class TopicSurvey:
     kind: str
     messages: int
     joints: tuple[str, ...]
-    stamp_ns: dict[tuple[str, ...], NDArray[np.int64]]
+    stamp_ns: dict[tuple[str, ...], Ints]
     filled: dict[str, tuple[int, int, int]]
     malformed: int
 
-    def stamps_of(self, joint: str) -> NDArray[np.int64]:
+    def stamps_of(self, joint: str) -> Ints:
         """Return the stamps of the messages that name a joint [ns]; in order of time where their layouts differ.
 
         Args:
@@ -265,8 +265,8 @@ def survey_bag(path: str | Path) -> tuple[tuple[TopicSurvey, ...], tuple[str, ..
         kinds = dict(bag.topics)
         counts = dict.fromkeys(kinds, 0)
         malformed = dict.fromkeys(kinds, 0)
-        stamps: dict[str, dict[tuple[str, ...], list[NDArray[np.int64]]]] = {name: {} for name in kinds}
-        filled: dict[str, dict[str, NDArray[np.int64]]] = {name: {} for name in kinds}
+        stamps: dict[str, dict[tuple[str, ...], list[Ints]]] = {name: {} for name in kinds}
+        filled: dict[str, dict[str, Ints]] = {name: {} for name in kinds}
         patterns: dict[str, list[Pattern]] = {name: [] for name in kinds}
         for block in bag.blocks():
             for name in block.topics:

@@ -8,8 +8,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Ints
 from sgms_observer.bags.bag_folder import dump_qos
 from sgms_observer.bags.blocks import MessageBlock
 from sgms_observer.bags.message_types import MessageType
@@ -185,7 +185,7 @@ class SqliteWriter:
         if len(self._waiting) >= _ROWS_AT_ONCE:
             self.flush()
 
-    def write_rows(self, channel: int, log_ns: NDArray[np.int64], messages: MessageRows) -> None:
+    def write_rows(self, channel: int, log_ns: Ints, messages: MessageRows) -> None:
         """Add n messages of one size.
 
         Args:

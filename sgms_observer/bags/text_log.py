@@ -8,12 +8,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.bags.text_dialect import Dialect, find_dialect, number
 from sgms_observer.errors import RecordingError
-
-Floats = NDArray[np.float64]
 
 _HEADS = (200, 2_000, 20_000, 200_000)
 """Lines that are looked at for the table: more each time, where fewer are all words."""

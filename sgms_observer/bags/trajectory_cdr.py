@@ -9,11 +9,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.bags.cdr import Buffer, Cursor, aligned, append_string, append_uint32, begin_message
 from sgms_observer.errors import DataError
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 FIELDS = ("positions", "velocities", "accelerations", "effort")
 

@@ -14,8 +14,9 @@ from types import TracebackType
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sgms_observer.arrays import Ints
 from sgms_observer.bags.bag_folder import METADATA, STORAGES, dump_metadata, refuse_existing_bag, take_place
 from sgms_observer.bags.mcap_writer import McapWriter
 from sgms_observer.bags.message_types import JOINT_STATE, MessageType, describe_type
@@ -34,7 +35,7 @@ class _Storage(Protocol):
 
     def add_topic(self, topic: str, kind: MessageType) -> int: ...
     def write(self, channel: int, log_ns: int, data: bytes) -> None: ...
-    def write_rows(self, channel: int, log_ns: NDArray[np.int64], messages: MessageRows) -> None: ...
+    def write_rows(self, channel: int, log_ns: Ints, messages: MessageRows) -> None: ...
     def flush(self) -> None: ...
     def close(self, metadata: str) -> None: ...
     def abort(self) -> None: ...
@@ -135,7 +136,7 @@ class BagWriter:
     def write_joint_states(
         self,
         topic: str,
-        stamp_ns: NDArray[np.int64],
+        stamp_ns: Ints,
         names: Sequence[str],
         *,
         position: ArrayLike | None = None,

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sgms_observer.bench.problem import Floats, Problem, improve
+from sgms_observer.arrays import Floats
+from sgms_observer.bench.problem import Problem, improve
 from sgms_observer.estimators.descent import IMPROVED
 from sgms_observer.estimators.memory import COUNT, TOLERANCE, Memory
 from sgms_observer.estimators.reference import WindowProgramme

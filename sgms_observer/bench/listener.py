@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import rclpy
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Ints
 from sgms_observer.nodes.spin import spin_until_interrupted
 from sgms_observer.nodes.topics import subscribe
 from sgms_observer.nodes.transport import prepare_transport
@@ -39,7 +39,7 @@ class _Heard:
 
         return take
 
-    def table(self) -> NDArray[np.int64]:
+    def table(self) -> Ints:
         """Return stamp [ns], arrival [ns] and the bits of the last axis's effort [N], shape (3, n)."""
         parts = np.frombuffer(bytes(self._kept), "<i4,<u4,<i8")
         stamps = parts["f0"].astype(np.int64) * 1_000_000_000 + parts["f1"]

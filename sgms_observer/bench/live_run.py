@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.bench.process import RATE, seconds_used, write_config
 
 RATES = (1_000, 2_000, RATE)
@@ -86,7 +86,7 @@ class _Way:
     """
 
     count: int
-    delays: NDArray[np.float64]
+    delays: Floats
     cpu: float
     seconds: float
 
@@ -150,14 +150,14 @@ def _run(folder: Path, config: Path, count: int, rate: int, axes: int, order: Se
     return {name: _Way(count, delays[name], used[name], count / rate) for name in names}
 
 
-def _delays(sent: NDArray[np.int64], heard: NDArray[np.int64]) -> NDArray[np.float64]:
+def _delays(sent: Ints, heard: Ints) -> Floats:
     """Return the time from a sample's sending to its arrival, of each that arrived [us]."""
     _, place, arrived = np.intersect1d(sent[0], heard[0], return_indices=True)
-    delays: NDArray[np.float64] = (heard[1, arrived] - sent[1, place]) * 1e-3
+    delays: Floats = (heard[1, arrived] - sent[1, place]) * 1e-3
     return delays
 
 
-def _percentiles(times: NDArray[np.float64]) -> dict[str, float]:
+def _percentiles(times: Floats) -> dict[str, float]:
     """Return median and 99 % of times [us]."""
     p50, p99 = np.percentile(times, (50.0, 99.0)) if times.size else (np.nan, np.nan)
     return {"p50": round(float(p50), 1), "p99": round(float(p99), 1)}

@@ -11,8 +11,9 @@ from typing import Any
 import casadi
 import numpy as np
 
+from sgms_observer.arrays import Floats
 from sgms_observer.bench.accuracy import converged, newest_force
-from sgms_observer.bench.problem import MASS, PER_INTERVAL, PERIOD, Floats, Problem, improve
+from sgms_observer.bench.problem import MASS, PER_INTERVAL, PERIOD, Problem, improve
 from sgms_observer.bench.timing import Timing, undisturbed
 from sgms_observer.estimators.estimator import Estimator
 from sgms_observer.estimators.layout import NU

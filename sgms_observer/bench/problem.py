@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.estimators import memory as at
 from sgms_observer.estimators.block import advance, restart, start_interval
 from sgms_observer.estimators.descent import iterate
@@ -17,8 +17,6 @@ from sgms_observer.estimators.mhe import append_interval, slide_window, store_ne
 from sgms_observer.filters.motion import known_motion
 from sgms_observer.jit import njit_bare
 from sgms_observer.settings.axis import EstimatorSettings, FrictionSettings
-
-Floats = NDArray[np.float64]
 
 PERIOD = 1e-4  # s
 PER_INTERVAL = 20  # samples from one correction to the next

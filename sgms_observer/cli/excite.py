@@ -20,7 +20,8 @@ from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import Outcome
 
 if TYPE_CHECKING:
-    from sgms_observer.excitation.reference import Excitation, Floats
+    from sgms_observer.arrays import Floats
+    from sgms_observer.excitation.reference import Excitation
 
 HELP = (
     "design the motion that identifies the asked parameters or effects best, within the machine's limits; write or"

@@ -16,6 +16,7 @@ from functools import partial
 
 import numpy as np
 
+from sgms_observer.arrays import Floats
 from sgms_observer.compensation import horizon
 from sgms_observer.compensation.feedforward_kernel import (
     ENABLED,
@@ -45,7 +46,6 @@ from sgms_observer.compensation.motion_ahead import (
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.estimators.layout import (
     MASS,
-    Floats,
     ModelArrays,
     ParameterArrays,
 )

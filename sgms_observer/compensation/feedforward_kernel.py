@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.compensation.motion_ahead import (
     ACCELERATION,
     AHEAD_ACCELERATION,
@@ -24,8 +25,6 @@ from sgms_observer.estimators.layout import (
     MODEL_SIZE,
     OFFSET,
     VISCOUS,
-    Floats,
-    Integers,
     apply_parameters,
 )
 from sgms_observer.filters.differentiator import velocity_noise_gain
@@ -104,8 +103,8 @@ class ActuatorPath(NamedTuple):
         added_mass: mass of effects, whose inertial force only the compensation commands [kg].
     """
 
-    kinds: Integers
-    p_at: Integers
+    kinds: Ints
+    p_at: Ints
     parameters: Floats
     delay: float
     mass: float
@@ -125,7 +124,7 @@ def _is_finite(values: Floats) -> bool:
 def compensate(
     state: Floats,
     carried: Floats,
-    carried_modes: Integers,
+    carried_modes: Ints,
     scalars: Floats,
     elements: Floats,
     kinds: Floats,
@@ -218,12 +217,12 @@ def compensate(
 def compensate_block(
     state: Floats,
     carried: Floats,
-    carried_modes: Integers,
+    carried_modes: Ints,
     scalars: Floats,
     elements: Floats,
     kinds: Floats,
-    path_kinds: Integers,
-    path_p_at: Integers,
+    path_kinds: Ints,
+    path_p_at: Ints,
     path_parameters: Floats,
     path_numbers: Floats,
     motion: Floats,

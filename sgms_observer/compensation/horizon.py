@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.compensation.motion_ahead import advance_elements
 from sgms_observer.compensation.safety import safe_output
 from sgms_observer.effects.kernels import needed_command
@@ -19,8 +19,6 @@ from sgms_observer.estimators.layout import (
     MODEL_SIZE,
     OFFSET,
     VISCOUS,
-    Floats,
-    Integers,
     apply_parameters,
 )
 from sgms_observer.jit import njit
@@ -50,12 +48,12 @@ class KnownMotion:
         velocity: their velocities [m/s], shape (n,); between two points the position is the cubic through both.
     """
 
-    time_ns: NDArray[np.int64]
+    time_ns: Ints
     position: Floats
     velocity: Floats
 
     @classmethod
-    def of(cls, time_ns: NDArray[np.int64], position: Floats, velocity: Floats | None = None) -> KnownMotion | None:
+    def of(cls, time_ns: Ints, position: Floats, velocity: Floats | None = None) -> KnownMotion | None:
         """Return the motion through received points; None if they are not a valid motion.
 
         Args:
@@ -72,7 +70,7 @@ class KnownMotion:
             return cls(time_ns, position, np.full(len(position), math.nan))
         return cls(time_ns, position, velocity[keep])
 
-    def at(self, time_ns: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
+    def at(self, time_ns: Ints) -> tuple[Floats, Floats, Floats]:
         """Return position [m], velocity [m/s] and acceleration [m/s^2] at times inside the motion, each of shape (n,).
 
         Args:
@@ -113,7 +111,7 @@ class Horizon:
         effort: the values [N], shape (n,); the last one of a whole horizon is zero.
     """
 
-    time_ns: NDArray[np.int64]
+    time_ns: Ints
     effort: Floats
 
     def without_fading_end(self, settings: CompensationSettings, sample_period: float) -> Horizon:
@@ -153,7 +151,7 @@ def grid_of(look_ahead: float, duration: float, sample_period: float) -> tuple[F
 @njit
 def horizon_block(
     carried: Floats,
-    carried_modes: Integers,
+    carried_modes: Ints,
     model_scalars: Floats,
     model_elements: Floats,
     kinds: Floats,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.estimators.interval import advance_at_level, level_at
-from sgms_observer.estimators.layout import GAMMA, PAPER_RESET, RESET, STRIBECK, Floats, Integers
+from sgms_observer.estimators.layout import GAMMA, PAPER_RESET, RESET, STRIBECK
 from sgms_observer.filters.motion import ACCELERATION as FILTERED_ACCELERATION
 from sgms_observer.filters.motion import ELAPSED, PRESENT_POSITION, PRESENT_VELOCITY
 from sgms_observer.jit import njit
@@ -30,7 +31,7 @@ _ALIKE = 0.4  # of two differences that agree, the smaller one's least share of 
 
 @njit
 def advance_elements(
-    forces: Floats, modes: Integers, displacement: float, speed: float, factor: float, scalars: Floats, elements: Floats
+    forces: Floats, modes: Ints, displacement: float, speed: float, factor: float, scalars: Floats, elements: Floats
 ) -> None:
     """Move every element along ``displacement``, in place.
 
@@ -94,7 +95,7 @@ def turning_times(velocity: float, acceleration: float, jerk: float, end: float)
 @njit
 def preview_elements(
     forces: Floats,
-    modes: Integers,
+    modes: Ints,
     velocity: float,
     acceleration: float,
     jerk: float,

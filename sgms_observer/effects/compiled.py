@@ -6,15 +6,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.effects import kernels
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.effect import Effect, EffectSettings, Place
 from sgms_observer.effects.user_kernels import compile_user_effects
 from sgms_observer.errors import ConfigurationError
-
-Floats = NDArray[np.float64]
 
 SCRATCH = 16
 """Length of the ``out`` array ``kernels.effects_step`` needs."""

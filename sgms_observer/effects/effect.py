@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import ConfigurationError
 
-Values = TypeVar("Values", float, NDArray[np.float64])
+Values = TypeVar("Values", float, Floats)
 
 INPUTS = ("q", "v", "a", "t", "u", "h", "level", "v2", "a2")
 """Names of arguments of a formula: position [m], velocity [m/s], acceleration [m/s^2], time since the first sample [s],

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from sgms_observer.arrays import Floats
 from sgms_observer.effects import map_kernel
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.effect import EffectSettings, flat_values, named_values
@@ -16,8 +16,6 @@ from sgms_observer.effects.map_entries import GRIDS, size_of
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.formulas.learnt_map import COORDINATES
 from sgms_observer.jit import njit
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

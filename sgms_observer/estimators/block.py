@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
+from sgms_observer.arrays import Floats
 from sgms_observer.estimators import memory as at
 from sgms_observer.estimators.descent import NO_DESCENT, NOT_FINITE, apply_estimate
 from sgms_observer.estimators.ekf import ekf_correct, predict_measurement
 from sgms_observer.estimators.interval import advance_forces, friction_force, level_at, simulate_interval
-from sgms_observer.estimators.layout import KAPPA, NU, P_VISCOUS, Floats, copy_vector
+from sgms_observer.estimators.layout import KAPPA, NU, P_VISCOUS, copy_vector
 from sgms_observer.estimators.memory import matrix, vector
 from sgms_observer.estimators.mhe import mhe_correct
 from sgms_observer.filters import motion as row_of

@@ -4,11 +4,12 @@ a second step if the quadratic model was poor.
 
 from __future__ import annotations
 
+from sgms_observer.arrays import Floats
 from sgms_observer.estimators import memory as at
 from sgms_observer.estimators.ekf import linearise_measurement
 from sgms_observer.estimators.interval import level_at, simulate_interval
 from sgms_observer.estimators.kalman import factor_covariance, squared_distance
-from sgms_observer.estimators.layout import GMS, MODEL, NU, Floats, apply_parameters, copy_matrix, copy_vector
+from sgms_observer.estimators.layout import GMS, MODEL, NU, apply_parameters, copy_matrix, copy_vector
 from sgms_observer.estimators.memory import layer, matrix, vector
 from sgms_observer.estimators.subproblem import solve_subproblem
 from sgms_observer.jit import njit_bare

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from sgms_observer.arrays import Floats
 from sgms_observer.estimators import memory as at
 from sgms_observer.estimators.interval import effort_slopes, predict_effort
 from sgms_observer.estimators.kalman import correct_scalar, propagate_covariance
-from sgms_observer.estimators.layout import Floats, copy_matrix
+from sgms_observer.estimators.layout import copy_matrix
 from sgms_observer.estimators.memory import matrix, vector
 from sgms_observer.jit import njit_bare
 

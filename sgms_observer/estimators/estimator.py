@@ -7,8 +7,8 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Bytes, Floats
 from sgms_observer.estimators.block import (
     FRICTION,
     FRICTION_STD,
@@ -22,7 +22,6 @@ from sgms_observer.estimators.layout import (
     COULOMB,
     NU,
     P_OFFSET,
-    Floats,
     model_arrays,
     parameter_arrays,
 )
@@ -70,7 +69,7 @@ class Results(NamedTuple):
         return self.table[:, INNOVATION_STD]
 
     @property
-    def status(self) -> NDArray[np.uint8]:
+    def status(self) -> Bytes:
         """``Status`` codes."""
         return self.table[:, STATUS].astype(np.uint8)
 

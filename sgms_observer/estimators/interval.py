@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.estimators.layout import (
     ATTRACTION,
     COULOMB,
@@ -30,8 +31,6 @@ from sgms_observer.estimators.layout import (
     STRIBECK,
     VISCOUS,
     ZETA,
-    Floats,
-    Integers,
 )
 from sgms_observer.formulas import friction as formulas
 from sgms_observer.friction.gms import gms_rate, gms_step, gms_step_in_branch, gms_step_with_slopes
@@ -161,7 +160,7 @@ def advance_forces(scalars: Floats, elements: Floats, force: Floats, memory: Flo
 
 
 @njit_bare
-def advance_at_level(scalars: Floats, elements: Floats, force: Floats, memory: Floats | Integers,
+def advance_at_level(scalars: Floats, elements: Floats, force: Floats, memory: Floats | Ints,
                      velocity: float, period: float, level: float, gain: float) -> None:  # fmt: skip
     """Advance all element forces by one step in place where level and gain are known already.
 

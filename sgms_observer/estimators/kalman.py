@@ -5,7 +5,7 @@ The transition of an interval is [[diag(a), b], [0, I]]; both EKF and MHE are bu
 
 from __future__ import annotations
 
-from sgms_observer.estimators.layout import Floats
+from sgms_observer.arrays import Floats
 from sgms_observer.jit import njit_bare
 
 

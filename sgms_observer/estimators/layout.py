@@ -9,13 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.jit import njit_bare
 from sgms_observer.settings.axis import ESTIMABLE, MODELS, EstimatorSettings, FrictionSettings
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 MODEL, RESET, VISCOUS, COULOMB, STATIC, STRIBECK, ATTRACTION, LAMBDA, ZETA, GAMMA, MASS, OFFSET, MODEL_SIZE = range(13)
 SGMS, GMS = range(2)

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from sgms_observer.estimators.layout import MODEL_SIZE, Floats
+from sgms_observer.arrays import Floats
+from sgms_observer.estimators.layout import MODEL_SIZE
 from sgms_observer.jit import HAS_NUMBA, Kernel
 
 # Header: sizes, then tuning, then counters; only the counters change

@@ -6,11 +6,12 @@ Bryson-Frazier smoother backward (bounds by a primal-dual active set), and takes
 
 from __future__ import annotations
 
+from sgms_observer.arrays import Floats
 from sgms_observer.estimators import memory as at
 from sgms_observer.estimators.descent import CONVERGED, IMPROVED, NO_DESCENT, iterate
 from sgms_observer.estimators.ekf import linearise_measurement
 from sgms_observer.estimators.kalman import correct_scalar, propagate_covariance, propagate_deviation
-from sgms_observer.estimators.layout import Floats, copy_matrix, copy_vector
+from sgms_observer.estimators.layout import copy_matrix, copy_vector
 from sgms_observer.estimators.memory import layer, matrix, vector
 from sgms_observer.estimators.subproblem import prior_deviation
 from sgms_observer.jit import njit_bare

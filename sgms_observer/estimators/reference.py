@@ -12,6 +12,7 @@ from typing import Any
 import casadi
 import numpy as np
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
 from sgms_observer.estimators.estimator import Estimator
 from sgms_observer.estimators.interval import advance_forces
@@ -34,7 +35,6 @@ from sgms_observer.estimators.layout import (
     STRIBECK,
     VISCOUS,
     ZETA,
-    Floats,
 )
 from sgms_observer.estimators.memory import ACCELERATION, COUNT, EFFORT, FACTOR, IS_USED, VELOCITY
 from sgms_observer.formulas import symbolic

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from sgms_observer.arrays import Floats
 from sgms_observer.estimators import memory as at
 from sgms_observer.estimators.kalman import (
     correct_scalar,
@@ -10,7 +11,7 @@ from sgms_observer.estimators.kalman import (
     smooth_back,
     smooth_back_transition,
 )
-from sgms_observer.estimators.layout import NU, Floats, copy_matrix, copy_vector
+from sgms_observer.estimators.layout import NU, copy_matrix, copy_vector
 from sgms_observer.estimators.memory import layer, matrix, vector
 from sgms_observer.jit import njit_bare
 

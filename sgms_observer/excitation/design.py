@@ -21,9 +21,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from sgms_observer.arrays import Booleans, Floats, Ints
 
 _STEEPNESS = 4.0
 """Exponent of the mean that replaces the smallest efficiency: it is smooth, so that single segments can be compared."""
@@ -52,7 +51,7 @@ class Goal:
     bias: Floats
     prior: Floats
     wanted: Floats
-    rivals: NDArray[np.bool_]
+    rivals: Booleans
     weight: Floats
     is_smallest: bool
     share: float
@@ -101,7 +100,7 @@ class Choice:
         efficiency: information about each quantity of each goal, over that of the best single segment.
     """
 
-    counts: NDArray[np.int64]
+    counts: Ints
     efficiency: tuple[Floats, ...]
 
 
@@ -153,7 +152,7 @@ class Design:
         )
         return Choice(counts, efficiency)
 
-    def _shortened(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _shortened(self, counts: Ints) -> Ints:
         """Remove the segments with the least information per second until the rest fits into the time."""
         counts = counts.copy()
         while float(counts @ self.durations) > self.seconds:
@@ -164,7 +163,7 @@ class Design:
             counts[held[int(np.argmin(lost / self.durations[held]))]] -= 1
         return counts
 
-    def _filled(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _filled(self, counts: Ints) -> Ints:
         """Add segments as long as one fits."""
         counts = counts.copy()
         here = float(self.value(counts.astype(float)))
@@ -190,7 +189,7 @@ def _mean(logs: Floats, goal: Goal) -> Floats:
     return np.asarray(least[..., 0] - np.log(np.exp(-_STEEPNESS * (logs - least)) @ weight) / _STEEPNESS)
 
 
-def spread_evenly(counts: NDArray[np.int64]) -> list[int]:
+def spread_evenly(counts: Ints) -> list[int]:
     """Return the numbers of the segments in an order that spreads the copies of each evenly over the time.
 
     A drift then changes between copies of the same motion, and is not confused with an effect.

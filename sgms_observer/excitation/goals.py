@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from sgms_observer.arrays import Booleans, Floats, Ints
 from sgms_observer.excitation.design import Goal
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.excitation.question import WEAK, Question, over_time, shapes
@@ -19,8 +19,6 @@ from sgms_observer.excitation.sensitivity import SIZE, Parameters, Sensitivity, 
 from sgms_observer.formulas.friction import stribeck_level
 from sgms_observer.jit import njit
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, FrictionSettings
-
-Floats = NDArray[np.float64]
 
 _STEP = 0.15  # of an integration step times the largest natural frequency: symplectic Euler is stable below 2
 _MOST_STEPS = 200  # in one sample
@@ -240,7 +238,7 @@ def _effect_goal(
     wanted[np.arange(len(numbers)), [first + k for k in numbers]] = 1.0
     per_effect = np.array([1.0 / names.count(name) for name in names])
 
-    def goal(mask: NDArray[np.bool_], keep: NDArray[np.int64]) -> Goal:
+    def goal(mask: Booleans, keep: Ints) -> Goal:
         return Goal(
             tuple(names[k] for k in keep), information, bias, prior, wanted[keep], mask[keep], per_effect[keep],
             True, 1.0,

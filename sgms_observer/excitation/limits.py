@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.settings.units import PRISMATIC, REVOLUTE, Units
-
-Floats = NDArray[np.float64]
 
 _NOTHING = 1.0e-6  # of the smallest reversal; a shorter travel is rounding
 

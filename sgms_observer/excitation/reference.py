@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.excitation.design import Choice, Design, spread_evenly
 from sgms_observer.excitation.goals import Goals, goals_of
@@ -16,8 +16,6 @@ from sgms_observer.excitation.limits import ExcitationLimits, Track
 from sgms_observer.excitation.question import Question
 from sgms_observer.excitation.segments import Place, Segment, library, velocity_of
 from sgms_observer.settings.axis import AxisSettings
-
-Floats = NDArray[np.float64]
 
 DURATION = 60.0
 """Default duration of a reference [s]: enough for the default question on a table of some centimetres."""

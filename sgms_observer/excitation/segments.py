@@ -12,12 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.excitation.limits import ExcitationLimits, TooLongError, Track
 from sgms_observer.settings.axis import AxisSettings
-
-Floats = NDArray[np.float64]
 
 HOME_SHARE = 0.25
 """Distance of home from the ends of the window, as a share of the stroke: sines of that amplitude fit below it."""

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.compiled import CompiledEffects
@@ -23,8 +23,6 @@ from sgms_observer.formulas import vectorised
 from sgms_observer.identification.prepared import MOTION_OVER_BALANCE
 from sgms_observer.identification.problem import ElementShape, friction_and_slopes
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, FrictionSettings
-
-Floats = NDArray[np.float64]
 
 stribeck_level = vectorised("friction").stribeck_level
 

@@ -7,12 +7,11 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.filters import layout, lowpass, polynomial, tracking
 from sgms_observer.filters.kernel import filter_block
-from sgms_observer.filters.layout import Floats
 from sgms_observer.filters.motion import Motion, row_width
 from sgms_observer.settings.axis import FilterSettings
 
@@ -89,7 +88,7 @@ class Differentiator:
         self.state[:] = 0.0
         self.row[:] = 0.0
 
-    def step(self, stamp_ns: NDArray[np.int64], position: Floats, effort: Floats) -> Motion:
+    def step(self, stamp_ns: Ints, position: Floats, effort: Floats) -> Motion:
         """Take the next block of samples.
 
         Args:

@@ -5,11 +5,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.filters import layout, motion
-from sgms_observer.filters.layout import Floats
 from sgms_observer.filters.lowpass import lowpass_sample
 from sgms_observer.filters.polynomial import polynomial_sample
 from sgms_observer.filters.tracking import tracking_sample
@@ -128,7 +125,7 @@ def filter_block(
     config: Floats,
     state: Floats,
     row: Floats,
-    stamp_ns: NDArray[np.int64],
+    stamp_ns: Ints,
     position: Floats,
     effort: Floats,
     table: Floats,

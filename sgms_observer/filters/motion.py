@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sgms_observer.filters.layout import Floats
+from sgms_observer.arrays import Booleans, Floats
 
 PERIOD = 0
 POSITION = 1
@@ -93,12 +92,12 @@ class Motion(NamedTuple):
         return self.table[:, PRESENT_ACCELERATION]
 
     @property
-    def is_ready(self) -> NDArray[np.bool_]:
+    def is_ready(self) -> Booleans:
         """Whether the row is an estimate: the window is full and the sample was good."""
         return self.table[:, IS_READY] > 0.5
 
     @property
-    def is_restart(self) -> NDArray[np.bool_]:
+    def is_restart(self) -> Booleans:
         """Whether the filter restarted at this sample: a pause, a clock that was set back, or a jump."""
         return self.table[:, IS_RESTART] > 0.5
 
@@ -108,7 +107,7 @@ class Motion(NamedTuple):
         return self.table[:, ELAPSED]
 
     @property
-    def is_jump(self) -> NDArray[np.bool_]:
+    def is_jump(self) -> Booleans:
         """Whether it restarted because the position jumped, by more than ``jump_speed`` allows."""
         return self.table[:, IS_JUMP] > 0.5
 

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
+from sgms_observer.arrays import Floats
 from sgms_observer.filters import layout, motion
-from sgms_observer.filters.layout import Floats
 from sgms_observer.jit import njit
 
 # own part of config

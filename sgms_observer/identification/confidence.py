@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Floats, Ints
 from sgms_observer.identification.prepared import Prepared
 from sgms_observer.identification.problem import (
     DELAY,
@@ -19,11 +19,8 @@ from sgms_observer.identification.problem import (
     residual_and_jacobian,
 )
 
-Floats = NDArray[np.float64]
-
 _LARGEST_SHARE = 0.25  # of a piece's length: the longest lag that still has enough pairs
 
-Booleans = NDArray[np.bool_]
 
 IDENTIFIABLE_WITHIN = 0.05  # largest half interval of an identifiable parameter, as a share of its value
 _QUANTILE = 1.96
@@ -107,7 +104,7 @@ def least_squares_covariance(jacobians: Sequence[Floats], residuals: Sequence[Fl
     return _sandwich(hessian, long_run_covariance(scores), freedom, scale)
 
 
-def clustered_covariance(jacobian: Floats, residual: Floats, cluster: NDArray[np.int64]) -> Floats:
+def clustered_covariance(jacobian: Floats, residual: Floats, cluster: Ints) -> Floats:
     """Sandwich covariance for residuals with any correlation within a cluster.
 
     Args:

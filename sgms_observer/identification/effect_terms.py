@@ -10,15 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.effects import kernels
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.compiled import SCRATCH, CompiledEffects
 from sgms_observer.effects.effect import EffectParameter, Place
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
-
-Floats = NDArray[np.float64]
 
 OFFSET_EFFECT = "offset"
 GRAVITY = "gravity"

@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
 from sgms_observer.identification.confidence import least_squares_covariance
 from sgms_observer.offline.recording import Recording
-
-Floats = NDArray[np.float64]
 
 SYMMETRIC = ("mass", "viscous_coefficient", "coulomb_force", "offset")
 GRAVITY = ("gravity_sine", "gravity_cosine")

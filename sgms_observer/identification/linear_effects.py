@@ -11,12 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.identification.effect_terms import EffectTerms, EffectVector
 from sgms_observer.identification.prepared import Prepared
-
-Floats = NDArray[np.float64]
 
 MIN_INDEPENDENT_SHARE = 1.0e-3
 """Norm of what other columns cannot imitate, over the column's norm, from which a column is fitted:

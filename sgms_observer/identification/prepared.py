@@ -12,17 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.errors import DataError
 from sgms_observer.identification.effect_terms import EffectForce, EffectTerms
 from sgms_observer.offline.recording import Recording
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 MOTION_OVER_BALANCE = 2.5
 """Corner of the low-pass on the position that drives the friction, over the corner of the balance."""

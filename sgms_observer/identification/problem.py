@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.formulas import vectorised
 from sgms_observer.friction.gms import gms_step_with_slopes
 from sgms_observer.friction.sgms import sgms_step_with_slopes
@@ -16,8 +16,6 @@ from sgms_observer.identification.effect_terms import EffectVector
 from sgms_observer.identification.prepared import Prepared
 from sgms_observer.jit import njit
 from sgms_observer.settings.axis import FrictionSettings
-
-Floats = NDArray[np.float64]
 
 SHARED = 3  # rho, v_s, c
 RHO, V_S, RATE = range(SHARED)
@@ -353,7 +351,7 @@ def _inner_force(data: Prepared, parameters: Parameters, shape: ElementShape) ->
     return friction + force, slopes, rate, by_effects
 
 
-def chunk_numbers(data: Sequence[Prepared], count: int) -> list[NDArray[np.int64]]:
+def chunk_numbers(data: Sequence[Prepared], count: int) -> list[Ints]:
     """Number the rows of all recordings by chunks of equal duration.
 
     Returns:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.identification.answer import Answer
 from sgms_observer.identification.identify import MAX_UNEXPLAINED
 from sgms_observer.identification.table import Row
@@ -25,8 +25,6 @@ from sgms_observer.report.friction_pictures import (
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light, Page, Picture, Plot, Section, Table
 from sgms_observer.report.reversal_picture import presliding_distance, reversal_picture
 from sgms_observer.settings.units import Units
-
-Floats = NDArray[np.float64]
 
 DATA, CONVERGENCE, BELIEVABILITY = "Data", "Convergence", "Believability"
 

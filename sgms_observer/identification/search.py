@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.errors import DataError
 from sgms_observer.identification.prepared import Prepared
 from sgms_observer.identification.problem import (
@@ -24,9 +24,6 @@ from sgms_observer.identification.problem import (
     Parameters,
     residual_and_jacobian,
 )
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 MIN_STEPS_OF_TRAVEL = 20.0
 """Travel over the smallest slip deflection that can be seen, below which nothing can be identified."""

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Floats, Ints
 from sgms_observer.errors import DataError
 from sgms_observer.identification.confidence import Confidence, confidence_of, step_to, widened
 from sgms_observer.identification.prepared import Prepared
@@ -27,9 +27,6 @@ from sgms_observer.identification.problem import (
 )
 from sgms_observer.identification.search import Fit, search
 from sgms_observer.identification.start_values import Start, cluster
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 _CHUNKS = 30  # of equal duration; every third is for validation and is not fitted
 _MIN_ROWS = 500
@@ -58,7 +55,7 @@ class Rows:
     masks: list[Booleans]
     others: tuple[tuple[list[Prepared], list[Booleans]], ...]
     validation_rows: list[Booleans]
-    chunks: list[NDArray[np.int64]]
+    chunks: list[Ints]
 
     @property
     def fit_rows(self) -> list[Booleans]:

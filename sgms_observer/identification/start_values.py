@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
 from sgms_observer.identification.effect_terms import GRAVITY, EffectTerms, EffectVector, effect_terms
 from sgms_observer.identification.linear_effects import LinearEffects, linear_effects
@@ -22,8 +22,6 @@ from sgms_observer.identification.problem import ELEMENTS, ElementShape, Paramet
 from sgms_observer.identification.search import Scales, scales_of
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
-
-Floats = NDArray[np.float64]
 
 MIN_REVERSALS = 2
 """Fewer reversals cannot tell friction from whatever else changed at that time."""

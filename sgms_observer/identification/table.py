@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.identification.identify import Identification
 from sgms_observer.identification.problem import DELAY, ELEMENTS, MASS, OFFSET, RATE, RELAXATION, RHO, V_S, VISCOUS
 from sgms_observer.settings.axis import AxisSettings
-
-Floats = NDArray[np.float64]
 
 DAMPING = "friction.element_damping"
 _UNKNOWN = "not identifiable from this recording"

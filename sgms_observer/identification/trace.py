@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.formulas import vectorised
 from sgms_observer.identification.identify import Identification, long_enough
 from sgms_observer.identification.least_squares import SYMMETRIC, InverseModelFit, regression
@@ -24,9 +24,6 @@ from sgms_observer.identification.problem import (
 )
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 _RINGING = 2.0  # periods of the cutoff to the nearest reversal, in which the low-pass rings
 _ONE_WAY = 0.97  # mean direction behind a row of least squares where none turns; its low-pass has a ripple of 1 %

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.compensation.horizon import Horizon, KnownMotion
 from sgms_observer.observer.axis_observer import AxisObserver, FilteredBlock, OtherMotion
 from sgms_observer.observer.block_arrays import Observed
-from sgms_observer.observer.samples import Estimates, Floats, Samples
+from sgms_observer.observer.samples import Estimates, Samples
 from sgms_observer.settings.axis import AxisSettings, coupled_number
 
 COUPLING = "cross_axis_coupling"
@@ -22,11 +22,11 @@ class _Track:
     """The motion of one axis in the last two blocks, by stamp."""
 
     def __init__(self) -> None:
-        self._stamps: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        self._stamps: Ints = np.empty(0, dtype=np.int64)
         self._rows: Floats = np.empty((0, 4))
         self._latest_start = 0
 
-    def add(self, stamp_ns: NDArray[np.int64], motion: OtherMotion) -> None:
+    def add(self, stamp_ns: Ints, motion: OtherMotion) -> None:
         """Add the next block."""
         if not len(stamp_ns):
             return
@@ -38,7 +38,7 @@ class _Track:
         self._latest_start = len(stamps) - len(stamp_ns)
         self._stamps, self._rows = np.maximum.accumulate(stamps), np.concatenate([self._rows[before], rows])
 
-    def at(self, stamp_ns: NDArray[np.int64]) -> OtherMotion:
+    def at(self, stamp_ns: Ints) -> OtherMotion:
         """Return the latest motion up to each stamp; zero if it is unknown or older than ``MAX_AGE_NS``."""
         found = np.zeros((len(stamp_ns), 4))
         if len(self._stamps):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.compensation.feedforward import Compensator
 from sgms_observer.compensation.feedforward_kernel import standstill_velocity
 from sgms_observer.compensation.horizon import Horizon, KnownMotion, grid_of
@@ -16,7 +16,7 @@ from sgms_observer.compensation.motion_ahead import AHEAD_ACCELERATION, AHEAD_PO
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.estimators.estimator import Estimator
 from sgms_observer.estimators.interval import stribeck_level
-from sgms_observer.estimators.layout import COULOMB, STATIC, STRIBECK, Floats, ModelArrays
+from sgms_observer.estimators.layout import COULOMB, STATIC, STRIBECK, ModelArrays
 from sgms_observer.filters.differentiator import Differentiator
 from sgms_observer.jit import njit
 from sgms_observer.observer.block_arrays import BlockArrays, Observed
@@ -246,7 +246,7 @@ class AxisObserver:
             *(np.zeros(count), np.ones(count)),
         )
 
-    def _since(self, stamp_ns: NDArray[np.int64]) -> Floats:
+    def _since(self, stamp_ns: Ints) -> Floats:
         """Return the time since the first sample [s]."""
         return np.asarray(stamp_ns - (self._origin_ns or 0), dtype=np.float64) * 1e-9
 

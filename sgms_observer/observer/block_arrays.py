@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.estimators.estimator import Results
 from sgms_observer.filters.motion import Motion
 from sgms_observer.observer.samples import Estimates
-
-Floats = NDArray[np.float64]
 
 
 class BlockArrays(NamedTuple):
@@ -49,7 +45,7 @@ class Observed(NamedTuple):
         seconds: computing time [s].
     """
 
-    stamp_ns: NDArray[np.int64]
+    stamp_ns: Ints
     arrays: BlockArrays
     seconds: float
 

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Floats, Ints
 from sgms_observer.observer.pairing import CLOCK_RESET_NS, Pairing, Stream
 from sgms_observer.observer.samples import Samples
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 _NOT_YET = np.iinfo(np.int64).max
 
@@ -164,7 +162,7 @@ def _commit(
     e: _Queue,
     r: _Queue,
     done: int,
-    matches: list[tuple[NDArray[np.intp], NDArray[np.bool_]]],
+    matches: list[tuple[NDArray[np.intp], Booleans]],
 ) -> None:
     """Complete the first ``done`` positions; the others continue to wait."""
     columns = []

@@ -10,13 +10,11 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Floats, Ints
 from sgms_observer.observer.block_arrays import Observed
 from sgms_observer.observer.samples import Estimates
 from sgms_observer.settings.axis import Settings
-
-Floats = NDArray[np.float64]
 
 ESTIMATE = "friction_estimate"
 STD = "friction_std"
@@ -44,7 +42,7 @@ class OutgoingBlock(NamedTuple):
 
     topic: str
     names: tuple[str, ...]
-    stamp_ns: NDArray[np.int64]
+    stamp_ns: Ints
     values: Mapping[str, Floats]
 
 
@@ -200,7 +198,7 @@ class Outgoing:
         return _select_rows(block, slice(first, None, self._every)) if first < len(block.stamp_ns) else None
 
 
-def _select_rows(block: Estimates, rows: slice | NDArray[np.bool_]) -> Estimates:
+def _select_rows(block: Estimates, rows: slice | Booleans) -> Estimates:
     """Return some rows of a block of estimates."""
     return Estimates(**{field.name: getattr(block, field.name)[rows] for field in fields(Estimates)})
 

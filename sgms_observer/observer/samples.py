@@ -5,12 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sgms_observer.arrays import Bytes, Floats, Ints
 from sgms_observer.settings.units import Scales
-
-Floats = NDArray[np.float64]
 
 
 class _Block:
@@ -40,7 +36,7 @@ class Samples(_Block):
         reference_velocity: velocity of the set-point [m/s], shape (n,); NaN where there is none.
     """
 
-    stamp_ns: NDArray[np.int64]
+    stamp_ns: Ints
     position: Floats
     effort: Floats
     reference_position: Floats
@@ -102,7 +98,7 @@ class Estimates(_Block):
         status: ``Status`` codes, uint8, shape (n,).
     """
 
-    stamp_ns: NDArray[np.int64]
+    stamp_ns: Ints
     position: Floats
     velocity: Floats
     acceleration: Floats
@@ -115,4 +111,4 @@ class Estimates(_Block):
     innovation: Floats
     innovation_std: Floats
     compensation: Floats
-    status: NDArray[np.uint8]
+    status: Bytes

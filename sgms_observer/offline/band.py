@@ -12,14 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
 from sgms_observer.offline.encoder import white_noise
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
-
-Floats = NDArray[np.float64]
 
 HIGHEST_CORNER = 160.0
 """Highest corner [Hz]: friction compensation acts below it."""

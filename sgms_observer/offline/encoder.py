@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from sgms_observer.arrays import Floats
 
 _MIN_DIFFERENCES = 30
 """Fewer small differences than this do not show a grid."""

@@ -14,15 +14,13 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError
 from sgms_observer.observer.samples import Samples
 from sgms_observer.offline.encoder import encoder_step, position_noise, white_noise, without_unit_rounding
 from sgms_observer.settings.axis import AxisSettings
-
-Floats = NDArray[np.float64]
 
 MIN_SAMPLES = 200
 """Samples of a piece that is worth learning from."""

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from sgms_observer.arrays import Floats
 from sgms_observer.estimators.estimator import Estimator, Results
 from sgms_observer.estimators.interval import advance_forces, friction_force, level_at
 from sgms_observer.estimators.layout import ATTRACTION, KAPPA, NU
@@ -16,7 +17,6 @@ from sgms_observer.filters.differentiator import Differentiator
 from sgms_observer.filters.motion import Motion
 from sgms_observer.friction.gms import gms_step_in_branch
 from sgms_observer.jit import njit
-from sgms_observer.observer.samples import Floats
 from sgms_observer.settings.axis import (
     AxisSettings,
     ControllerSettings,

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.jit import njit
-from sgms_observer.observer.samples import Floats
 from sgms_observer.paper.conditions import (
     CHOSEN,
     LOWPASS,
@@ -26,7 +26,7 @@ from sgms_observer.paper.conditions import (
 from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, TRUTH, sheet
 from sgms_observer.report.page import Picture
 from sgms_observer.settings.axis import FrictionSettings
-from sim_plant.integration import Integers, TrueFriction, advance_elements, level_of, true_friction
+from sim_plant.integration import TrueFriction, advance_elements, level_of, true_friction
 from sim_plant.record import StageRecord
 
 _N = 8
@@ -54,7 +54,7 @@ _STEP = 1.0e-4  # s
 
 
 @njit
-def _friction_along(friction: TrueFriction, velocity: Floats, period: float, force: Floats, mode: Integers) -> Floats:
+def _friction_along(friction: TrueFriction, velocity: Floats, period: float, force: Floats, mode: Ints) -> Floats:
     """Friction after each step of a prescribed motion [N]; ``force`` and ``mode`` are the elements', updated."""
     total = np.zeros(velocity.shape[0])
     for k in range(velocity.shape[0]):

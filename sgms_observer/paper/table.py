@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sgms_observer.observer.samples import Floats
+from sgms_observer.arrays import Floats
 from sgms_observer.paper.conditions import (
     CHOSEN,
     ESTIMATORS,

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.bags.reader import BagSamples
 from sgms_observer.errors import DataError
 from sgms_observer.observer.axis_observer import AxisObserver
@@ -31,9 +31,6 @@ from sgms_observer.report.recorded import SETTLE, Lateness, recorded_lateness, s
 from sgms_observer.report.run_pictures import Run
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.whole_file import write_text
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 RESULT = "result.json"
 

@@ -17,14 +17,12 @@ from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import AutoLocator
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.report.page import COLOURS, DrawnPlot, Picture, Plot, light
 
 matplotlib.use("Agg")
 
-
-Floats = NDArray[np.float64]
 
 TRUTH, ESTIMATE, MEASURED, REFERENCE = light("ink"), light("estimate"), light("measured"), light("reference")
 FORWARD, BACKWARD = light("forward"), light("backward")
@@ -220,7 +218,7 @@ def time_plot(name: str, caption: str, time: Floats, panels: Sequence[Panel]) ->
     return Plot(name, caption, 1 + len(signals), draw)
 
 
-def extreme_rows(signals: Sequence[Floats], most: int) -> NDArray[np.int64]:
+def extreme_rows(signals: Sequence[Floats], most: int) -> Ints:
     """Return the rows to draw: all of them, or those where a signal is largest or smallest in its piece of time.
 
     Args:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.ticker import FixedLocator, FuncFormatter
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, sheet, thinned
 from sgms_observer.report.page import Picture
 from sgms_observer.settings.units import Units
@@ -18,7 +18,6 @@ from sgms_observer.settings.units import Units
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Floats = NDArray[np.float64]
 Curve = tuple[Floats, Floats]
 
 SLOWEST = 1.0e-3

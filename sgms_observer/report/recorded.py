@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Floats, Ints
 from sgms_observer.bags.message_types import TRAJECTORY
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.bags.source import BagReader, find_topic
@@ -17,9 +17,6 @@ from sgms_observer.compensation.horizon import Horizon
 from sgms_observer.errors import DataError
 from sgms_observer.observer.outgoing import HORIZON
 from sgms_observer.settings.axis import AxisSettings
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 RECOVERY = 0.05
 """Recovery time of the axis after a late compensation [s]: several time constants of the controller."""
@@ -41,8 +38,8 @@ class Lateness:
     """
 
     is_known: bool
-    is_late: NDArray[np.bool_]
-    is_clear: NDArray[np.bool_]
+    is_late: Booleans
+    is_clear: Booleans
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ class Sent:
     horizons: Sequence[Horizon] = ()
     ahead: float = 0.0
 
-    def holds(self, time_ns: Ints, applied: Floats) -> NDArray[np.bool_]:
+    def holds(self, time_ns: Ints, applied: Floats) -> Booleans:
         """Return whether each applied force is the one that was sent for its time, shape (n,).
 
         Args:
@@ -72,7 +69,7 @@ class Sent:
         """
         place = np.searchsorted(self.stamp_ns + round(self.lead * 1e9), time_ns, side="right") - 1
         meant = np.where(place >= 0, self.force[np.maximum(place, 0)], 0.0)
-        found: NDArray[np.bool_] = np.abs(applied - meant) <= _SAME
+        found: Booleans = np.abs(applied - meant) <= _SAME
         read_ns = time_ns + round(self.ahead * 1e9)
         for horizon in self.horizons:
             begin = horizon.time_ns[0]

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.errors import SgmsError
 from sgms_observer.observer.outgoing import ESTIMATE
 from sgms_observer.observer.samples import Estimates, Samples
@@ -19,9 +19,6 @@ from sgms_observer.report.recorded import SETTLE, recorded_lateness, signal_of
 from sgms_observer.report.run_pictures import Run, hysteresis_picture, reversal_picture
 from sgms_observer.settings.axis import AxisSettings
 from sgms_observer.status import MAX_NIS, Status
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _MOST_ROWS = 60_000
 """Rows of the whole recording that are kept for the plot, about; each is the largest or smallest of its piece."""

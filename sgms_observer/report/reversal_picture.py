@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.report.drawing import ESTIMATE, MEASURED, sheet
 from sgms_observer.report.page import Picture
 from sgms_observer.settings.units import Units
-
-Floats = NDArray[np.float64]
 
 SHARE = 0.9
 """Share of the sliding force at which presliding counts as over: a weak element may slip only much later."""

@@ -6,13 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.report.drawing import ESTIMATE, MEASURED, REFERENCE, TRUTH, extreme_rows, sheet
 from sgms_observer.report.page import Picture
 from sgms_observer.settings.units import Units
 
-Floats = NDArray[np.float64]
 _MAX_POINTS = 4_000
 _MIN_POINTS = 50
 

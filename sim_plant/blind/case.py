@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.bags.writer import BagWriter
 from sim_plant.blind import menu
 from sim_plant.blind.hidden_effect import Hidden, Kind, Maker
@@ -23,7 +23,6 @@ from sim_plant.blind.stage import HELD_OUT, PERIOD, Motion, TrueStage, draw_stag
 
 SEAL_FILE = "seal.txt"
 
-Floats = NDArray[np.float64]
 START_NS = 1_700_000_000_000_000_000
 OTHER_AXIS_SHARE = 0.08
 """Share of the seeds that record a second axis though nothing comes from it."""

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import Generator
 
+from sgms_observer.arrays import Floats
 from sim_plant.blind import slots as s
-from sim_plant.blind.hidden_effect import Around, Floats, Hidden, Kind, Maker
+from sim_plant.blind.hidden_effect import Around, Hidden, Kind, Maker
 from sim_plant.blind.stage import PERIOD, Motion, TrueStage
 
 TRIANGLE_FUNDAMENTAL = 0.9092  # of asin(0.95 sin) / asin(0.95), by quadrature

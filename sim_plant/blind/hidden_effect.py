@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sim_plant.blind import slots
 from sim_plant.blind.stage import Motion, TrueStage
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.jit import njit
 from sim_plant.blind import slots as s
-
-Floats = NDArray[np.float64]
 
 
 @njit

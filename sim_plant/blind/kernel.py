@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.jit import njit
 from sim_plant.blind import slots as s
 from sim_plant.blind.hidden_force import added_force, arriving_effort, placed_factor, reading, sided_factor
-
-Floats = NDArray[np.float64]
 
 STEPS = 100  # per sample of 1 ms: 10 us
 
@@ -28,7 +26,7 @@ def sliding_curve(speed: float, low_speed_force: float, high_speed_force: float,
 @njit
 def carry(
     loads: Floats,
-    is_slipping: NDArray[np.bool_],
+    is_slipping: Booleans,
     springs: Floats,
     shares: Floats,
     travel: float,

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.random import Generator
 from scipy.signal import lfilter
 
+from sgms_observer.arrays import Floats
 from sim_plant.blind import slots as s
 from sim_plant.blind.force_effects import FORCE_KINDS, FRICTION_KINDS
-from sim_plant.blind.hidden_effect import Around, Floats, Hidden, Kind, Maker, Series
+from sim_plant.blind.hidden_effect import Around, Hidden, Kind, Maker, Series
 from sim_plant.blind.stage import PERIOD, Motion, TrueStage
 
 NOTHING = "nothing"

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 import yaml
 from numpy.random import Generator
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from sgms_observer.arrays import Floats
 from sim_plant.blind.slots import NOMINAL_RESOLUTION
 from sim_plant.blind.stage import PERIOD, TrueStage
 
-Floats = NDArray[np.float64]
 ELEMENTS = 4
 
 

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt, lfilter
 
+from sgms_observer.arrays import Floats
 from sim_plant.blind import kernel, slots
 from sim_plant.blind.hidden_effect import Around, Hidden, Kind, Maker
 from sim_plant.blind.stage import PERIOD, Motion
 
-Floats = NDArray[np.float64]
 NOISE_SHARE = 0.01
 """Rms of the force noise as a share of the Coulomb force."""
 FORCE_BAND = 100.0

@@ -6,7 +6,8 @@ All SI units. ``*_A`` of a friction factor is a share of the sliding level [-], 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from sgms_observer.arrays import Floats
 
 COGGING_A, COGGING_PITCH, COGGING_PHASE, COGGING_A2, COGGING_PHASE2 = 0, 1, 2, 3, 4
 RIPPLE_A, RIPPLE_PITCH, RIPPLE_PHASE = 5, 6, 7  # friction, periodic in position
@@ -44,7 +45,7 @@ LAG_BY_ATTRACTION = -1.0
 NOMINAL_RESOLUTION = 1.0e-8  # m
 
 
-def nothing_hidden() -> NDArray[np.float64]:
+def nothing_hidden() -> Floats:
     """Return the parameter vector of a plant without any hidden effect."""
     vector = np.zeros(COUNT)
     vector[GAIN] = 1.0

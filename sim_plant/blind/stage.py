@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from sgms_observer.arrays import Floats
+
 FILTER_TIME = 1.5e-4  # s, of the controller's velocity: more would excite the contact's own resonance at 100-150 Hz
 
 PERIOD = 1.0e-3  # s

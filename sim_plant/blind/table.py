@@ -9,8 +9,8 @@ from pathlib import Path
 from statistics import fmean, median
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Ints
 from sim_plant.blind.menu import INSIDE, OUTSIDE
 from sim_plant.blind.score import NAMING, CaseScore
 
@@ -186,7 +186,7 @@ def per_effect_text(scores: Sequence[CaseScore]) -> str:
     return "\n".join(rows)
 
 
-def matrix(scores: Sequence[CaseScore]) -> tuple[list[str], list[str], NDArray[np.int64]]:
+def matrix(scores: Sequence[CaseScore]) -> tuple[list[str], list[str], Ints]:
     """Return rows (hidden), columns (reported first) and counts; cases with two effects are left out.
 
     Args:

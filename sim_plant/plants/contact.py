@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.jit import njit
 from sim_plant.plants import leuven, rate_state, single_state_laws
 from sim_plant.plants.leuven import step as leuven_step
 from sim_plant.plants.rate_state import step as rate_state_step
 from sim_plant.plants.single_state_laws import bouc_wen_step, elasto_plastic_step, lugre_step
 
-Floats = NDArray[np.float64]
 LAWS = ("lugre", "elasto_plastic", "bouc_wen", "rate_state", "leuven")
 """Names of the contact laws; their place here is their number in the compiled step."""
 

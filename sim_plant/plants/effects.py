@@ -13,12 +13,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sim_plant.plants import slots as s
 from sim_plant.plants.machine import Machine
 
-Floats = NDArray[np.float64]
 MAP_POINTS = 201
 NOMINAL_DURATION = 30.0
 """Duration at which the warm-up is measured [s]."""

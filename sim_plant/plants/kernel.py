@@ -8,14 +8,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.jit import njit
 from sim_plant.plants import slots as s
 from sim_plant.plants.contact import advance
 from sim_plant.plants.stribeck import relaxed
-
-Floats = NDArray[np.float64]
 
 POSITION, EFFORT, FRICTION, HIDDEN, TRUE_VELOCITY = 0, 1, 2, 3, 4
 """Columns of what comes out, one row per logged sample."""

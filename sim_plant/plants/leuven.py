@@ -16,12 +16,11 @@ import math
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.jit import njit
 from sim_plant.plants.stribeck import STATIC, sliding_force
 
-Floats = NDArray[np.float64]
 LARGEST, DISTANCE, POWER = 0, 1, 2
 DEFLECTION, SIDE, DEPTH, STACK = 0, 2, 3, 4
 """Places in the state: z [m], direction of its motion, number of open reversals, then their z_r [m] and F_r [N]."""

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sim_plant.plants.contact import LAWS, draw_law
 
-Floats = NDArray[np.float64]
 LOOP_RATIOS = (1, 2, 4, 10, 20)
 """How many times the controller runs between two logged samples; at 1 the effort is held over the log's period."""
 LOOP_RATES = (1.0e3, 2.0e4)

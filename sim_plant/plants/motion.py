@@ -9,9 +9,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sim_plant.plants.machine import Machine
 
-Floats = NDArray[np.float64]
 KINDS = ("rich", "steps")
 GROUPS = ((0.07, 0.17, 2), (0.35, 0.9, 3), (1.6, 8.0, 4))
 """Lowest and highest frequency [Hz] and number of the tones that use the stroke, the speed, the acceleration."""

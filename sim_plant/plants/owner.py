@@ -12,15 +12,14 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from sgms_observer.arrays import Floats
 from sim_plant.plants import rate_state
 from sim_plant.plants.contact import LAWS, advance, rested_state
 from sim_plant.plants.machine import Machine
 from sim_plant.plants.stribeck import KNEE, sliding_force
 
-Floats = NDArray[np.float64]
 ELEMENTS = 4
 OFF = 0.05
 """How far each figure of the owner is off, at most, as a share of it."""

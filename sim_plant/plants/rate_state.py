@@ -14,12 +14,11 @@ import math
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.jit import njit
 from sim_plant.plants.stribeck import COULOMB, KNEE, STATIC
 
-Floats = NDArray[np.float64]
 STIFFNESS, DIRECT, EVOLUTION, REFERENCE_VELOCITY, LENGTH = 0, 1, 2, 3, 4
 DEFLECTION, AGE = 0, 1
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 from scipy.signal import butter, lfilter, sosfiltfilt
 
+from sgms_observer.arrays import Floats
 from sgms_observer.bags.writer import BagWriter
 from sim_plant.plants import kernel
 from sim_plant.plants.contact import LAWS, rested_state
@@ -20,7 +20,6 @@ from sim_plant.plants.effects import Hidden, Peaks, draw_hidden, outside_force
 from sim_plant.plants.machine import Machine
 from sim_plant.plants.motion import make_motion
 
-Floats = NDArray[np.float64]
 LARGEST_STEP = 2.5e-5  # s
 FORCE_BAND = 100.0
 """Hidden forces count below this frequency [Hz], or below 0.4 of the log's rate."""

@@ -35,12 +35,10 @@ import math
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.jit import njit
 from sim_plant.plants.stribeck import COULOMB, KNEE, STATIC, relaxed, sliding_force
-
-Floats = NDArray[np.float64]
 
 STIFFNESS, DAMPING, FADING_VELOCITY, BREAKAWAY = 0, 1, 2, 2
 """Columns of LuGre (the first three) and of the elasto-plastic bristle."""

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sgms_observer.arrays import Floats
 from sgms_observer.jit import njit
-
-Floats = NDArray[np.float64]
 
 COULOMB, STATIC, KNEE, POWER = 0, 1, 2, 3
 """Columns of a sliding curve: force at high speed [N], force at low speed [N], speed of the fall [m/s], its power."""

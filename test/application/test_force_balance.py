@@ -7,15 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from sgms_observer.application.bag_info import inspect_bag
+from sgms_observer.arrays import Floats
 from sgms_observer.bags.conversion import Table, write_table
 from sgms_observer.cli.main import main
 from sgms_observer.diagnosis.motion import play_operator
 from sgms_observer.shipped import shipped_file
 
-Floats = NDArray[np.float64]
 RATE = 1000.0
 MASS, VISCOUS, COULOMB, DEFLECTION = 3.0, 20.0, 4.0, 5.0e-6
 

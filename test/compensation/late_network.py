@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.compensation.horizon import EVERY, Horizon, KnownMotion
 from sgms_observer.nodes.horizons import BEFORE
 from sgms_observer.nodes.pace import DueForces
@@ -43,7 +43,7 @@ class Trouble:
     is_bunched: bool = False
 
 
-def delays(troubles: Sequence[Trouble], count: int, seed: int) -> NDArray[np.float64]:
+def delays(troubles: Sequence[Trouble], count: int, seed: int) -> Floats:
     """Return how long each message takes [s]; NaN for one that is lost."""
     time = PERIOD * np.arange(count)
     found = np.full(count, 1e-3)

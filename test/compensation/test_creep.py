@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.compensation.feedforward_kernel import standstill_velocity
 from sgms_observer.filters.differentiator import Differentiator
 from sgms_observer.observer.axis_observer import AxisObserver
@@ -19,7 +19,6 @@ from sgms_observer.settings.axis import AxisSettings, FilterSettings
 from sgms_observer.settings.load import load_settings
 from sim_plant.stage import SimulatedStage
 
-Floats = NDArray[np.float64]
 See = Callable[[Samples], Samples]
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.compensation.motion_ahead import (
     AHEAD_POSITION,
     AHEAD_VELOCITY,
@@ -20,7 +20,6 @@ from sgms_observer.compensation.motion_ahead import (
 )
 from sgms_observer.filters.motion import ELAPSED, LEAD, PRESENT_POSITION, PRESENT_VELOCITY
 
-Floats = NDArray[np.float64]
 PERIOD = 1e-4
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.excitation.design import Goal
 from sgms_observer.excitation.goals import followed
 from sgms_observer.excitation.limits import ExcitationLimits
@@ -27,7 +27,7 @@ START = AxisSettings(effects=(EffectSettings("offset", (0.2,)),))
 MIN_GAIN = 1.5
 
 
-def _half_widths(table: AxisSettings, reference: NDArray[np.float64]) -> dict[str, float]:
+def _half_widths(table: AxisSettings, reference: Floats) -> dict[str, float]:
     """Return the expected half interval of each parameter of a table that follows a reference, over its value."""
     contact = contacts(table.friction, LIMITS.smallest)[0]
     model = Sensitivity(table, contact, followed(reference, 1.0 / RATE, table, table.friction), 1.0 / RATE)

@@ -6,12 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.settings.axis import AxisSettings
 from sim_plant.record import StageRecord
-
-Floats = NDArray[np.float64]
 
 
 def paper_axis(model: str = "gms", friction: dict[str, Any] | None = None, **stage: Any) -> AxisSettings:

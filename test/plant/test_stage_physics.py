@@ -6,12 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from stages import paper_axis, stored_energy, under_open_loop, with_controller, work_of_effort
 
+from sgms_observer.arrays import Floats
 from sim_plant.stage import SimulatedStage
-
-Floats = NDArray[np.float64]
 
 MODELS = pytest.mark.parametrize("model", ["gms", "sgms"])
 

@@ -7,15 +7,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.jit import HAS_NUMBA
 from sim_plant.plants.contact import LAWS, advance, draw_law, rested_state
 from sim_plant.plants.machine import Machine, draw
 from sim_plant.plants.owner import loading_curve, steady_curve
 from sim_plant.plants.stribeck import KNEE, STATIC, relaxed
 
-Floats = NDArray[np.float64]
 needs_numba = pytest.mark.skipif(not HAS_NUMBA, reason="hundreds of thousands of steps in plain Python")
 by_law = pytest.mark.parametrize("law", LAWS)
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sgms_observer.application.commission.ledger import (
     EXCITATION,
@@ -34,6 +33,7 @@ from sgms_observer.application.commission.motion import (
 from sgms_observer.application.commission.session import Session
 from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
 from sgms_observer.application.identify import IdentifyJob, identify_bags
+from sgms_observer.arrays import Floats
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.gap import WeightedResidual, effort_rms, residuals
@@ -47,8 +47,6 @@ from sgms_observer.offline.recording import read_recordings
 from sgms_observer.settings.axis import AxisSettings, FrictionSettings
 from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.write import write_settings
-
-Floats = NDArray[np.float64]
 
 
 def own_rows(path: Path, axis: AxisSettings) -> tuple[Floats, Floats]:

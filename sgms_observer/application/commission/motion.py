@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import ConfigurationError
 from sgms_observer.excitation.limits import ExcitationLimits, Track
 from sim_plant.reference_file import write_reference_file
-
-Floats = NDArray[np.float64]
 
 REST = 0.3
 """Rest at both ends of a motion [s]."""

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sgms_observer.application.commission.learn import WITHOUT_OFFSET
 from sgms_observer.application.commission.ledger import OWN_MOTION_GAP, Ledger
 from sgms_observer.application.commission.tracking import Tracking
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.bags.source import BagReader
 from sgms_observer.diagnosis.report_pictures import effects_over_position
@@ -25,8 +25,6 @@ from sgms_observer.report.gap_picture import gap_picture
 from sgms_observer.report.page import Picture, Plot
 from sgms_observer.report.run_pictures import draw_line
 from sgms_observer.settings.units import Units
-
-Floats = NDArray[np.float64]
 
 _MEASURED = "quantisation"  # is measured and not fitted: it closes no part of the gap
 
@@ -56,7 +54,7 @@ def tracking_plot(before: Tracking, after: Tracking, units: Units) -> Plot:
     return time_plot("tracking", caption, before.time, panels)
 
 
-def _nearest(times: Floats, wanted: Floats) -> NDArray[np.int64]:
+def _nearest(times: Floats, wanted: Floats) -> Ints:
     """Return the row of the nearest of some times for each wanted one; both rise."""
     later = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
     return np.asarray(later - (wanted - times[later - 1] < times[later] - wanted), dtype=np.int64)

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sgms_observer.application.commission.motion import Motion
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.errors import DataError
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.observer.samples import Samples
@@ -20,7 +20,6 @@ from sgms_observer.settings.axis import AxisSettings
 LEAD = 0.2
 """How long before its stamp a set-point is sent [s], to a table that follows set-points at their stamps."""
 
-Floats = NDArray[np.float64]
 
 STROKE_MARGIN = 0.05
 """How far beyond the stroke a position may be, as a share of it: overshoot, not more."""
@@ -212,7 +211,7 @@ class Guard:
         effort, velocity = samples.effort[known], samples.reference_velocity[known]
         self._power += effort @ velocity, effort @ effort, velocity @ velocity
 
-    def _judge_gap(self, stamp_ns: NDArray[np.int64]) -> None:
+    def _judge_gap(self, stamp_ns: Ints) -> None:
         before = stamp_ns[0] if self._latest_ns is None else self._latest_ns
         gap = 1e-9 * float(np.max(np.diff(stamp_ns, prepend=before)))
         self._latest_ns = int(stamp_ns[-1])
@@ -232,7 +231,7 @@ class Guard:
                 " larger --stroke"
             )
 
-    def _judge_following(self, stamp_ns: NDArray[np.int64], position: Floats, set_point: Floats) -> None:
+    def _judge_following(self, stamp_ns: Ints, position: Floats, set_point: Floats) -> None:
         if self._first_ns is None:
             self._first_ns = int(stamp_ns[0])
         fresh = np.stack([(stamp_ns - self._first_ns) * 1e-9, position, set_point])

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sgms_observer.application.commission.motion import Motion
 from sgms_observer.application.commission.table import Heard
+from sgms_observer.arrays import Floats
 from sgms_observer.bags.reader import read_joint_states
 from sgms_observer.errors import DataError
 from sgms_observer.settings.axis import AxisSettings
-
-Floats = NDArray[np.float64]
 
 MAX_DELAY = 0.3
 """Largest delay of the motion after the stamp of its set-point in the search [s]."""
