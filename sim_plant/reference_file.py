@@ -51,17 +51,8 @@ class PiecewiseCubic:
         return position, velocity, curvature + since * jerk
 
 
-def from_jerks(start: float, durations: Floats, jerks: Floats) -> tuple[Floats, float]:
-    """Integrate a sequence of constant jerks from rest.
-
-    Args:
-        start: first position [m].
-        durations: length of each piece [s], shape (n,).
-        jerks: jerk in each piece [m/s^3], shape (n,).
-
-    Returns:
-        Coefficients as in ``PiecewiseCubic``, shape (n, 4), and the last position [m].
-    """
+def _from_jerks(start: float, durations: Floats, jerks: Floats) -> tuple[Floats, float]:
+    """Integrate constant jerks from rest; return the coefficients of ``PiecewiseCubic`` and the last position [m]."""
     rows = np.zeros((len(durations), 4))
     position, velocity, acceleration = start, 0.0, 0.0
     for i, (duration, jerk) in enumerate(zip(durations, jerks, strict=True)):
@@ -72,17 +63,10 @@ def from_jerks(start: float, durations: Floats, jerks: Floats) -> tuple[Floats, 
     return rows, position
 
 
-def s_curve_durations(stroke: float, velocity: float, acceleration: float, jerk: float) -> Floats:
-    """Return the lengths of the seven pieces of the fastest jerk-limited move.
+def _s_curve_durations(stroke: float, velocity: float, acceleration: float, jerk: float) -> Floats:
+    """Return the lengths of the seven pieces of the fastest jerk-limited move [s]: jerk +, 0, -, 0, -, 0, +.
 
-    Args:
-        stroke: distance, not negative [m].
-        velocity: largest velocity [m/s].
-        acceleration: largest acceleration [m/s^2].
-        jerk: largest jerk [m/s^3].
-
-    Returns:
-        Durations [s] of jerk +, 0, -, 0, -, 0, +; shape (7,); pieces that do not fit into a short move are 0.
+    Pieces that do not fit into a short move are 0.
 
     Source: the double-S profile; L. Biagiotti and C. Melchiorri, Trajectory Planning for Automatic Machines and
         Robots, Springer 2008, section 3.4, for equal limits in both directions and rest at both ends.
@@ -102,21 +86,10 @@ def s_curve_durations(stroke: float, velocity: float, acceleration: float, jerk:
     return np.array([ramp, hold, ramp, cruise, ramp, hold, ramp])
 
 
-def s_curve(start: float, stroke: float, velocity: float, acceleration: float, jerk: float) -> tuple[Floats, Floats]:
-    """Return a move from rest at ``start`` to rest at ``start + stroke``.
-
-    Args:
-        start: first position [m].
-        stroke: signed distance [m].
-        velocity: largest velocity [m/s].
-        acceleration: largest acceleration [m/s^2].
-        jerk: largest jerk [m/s^3].
-
-    Returns:
-        Durations of the pieces [s], shape (7,), and their coefficients as in ``PiecewiseCubic``, shape (7, 4).
-    """
-    durations = s_curve_durations(abs(stroke), velocity, acceleration, jerk)
-    coefficients, _ = from_jerks(start, durations, np.copysign(jerk, stroke) * _JERK_SIGNS)
+def _s_curve(start: float, stroke: float, velocity: float, acceleration: float, jerk: float) -> tuple[Floats, Floats]:
+    """Return a move from rest to rest: durations of its seven pieces [s] and coefficients as in ``PiecewiseCubic``."""
+    durations = _s_curve_durations(abs(stroke), velocity, acceleration, jerk)
+    coefficients, _ = _from_jerks(start, durations, np.copysign(jerk, stroke) * _JERK_SIGNS)
     return durations, coefficients
 
 
@@ -130,8 +103,8 @@ def back_and_forth(stroke: float, velocity: float, acceleration: float, jerk: fl
         jerk: largest jerk [m/s^3].
         dwell: rest at each end [s].
     """
-    durations, out = s_curve(0.0, stroke, velocity, acceleration, jerk)
-    _, back = s_curve(stroke, -stroke, velocity, acceleration, jerk)
+    durations, out = _s_curve(0.0, stroke, velocity, acceleration, jerk)
+    _, back = _s_curve(stroke, -stroke, velocity, acceleration, jerk)
     rest = np.zeros((1, 4))
     rest_there = np.array([[stroke, 0.0, 0.0, 0.0]])
     lengths = np.concatenate([[dwell], durations, [dwell], durations])
@@ -214,7 +187,7 @@ def through_points(
         spline = CubicSpline(time, position, bc_type="clamped" if gap else "periodic")
         pieces = (spline.c[::-1] * np.array([[1.0], [1.0], [2.0], [6.0]])).T
     if gap:
-        durations, back = s_curve(position[-1], gap, velocity, acceleration, jerk)
+        durations, back = _s_curve(position[-1], gap, velocity, acceleration, jerk)
         has_length = durations > 0.0
         time = np.concatenate([time, time[-1] + np.cumsum(durations[has_length])])
         pieces = np.concatenate([pieces, back[has_length]])

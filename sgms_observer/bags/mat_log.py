@@ -50,7 +50,7 @@ class MatLog:
     def __init__(self, path: Path) -> None:
         self._places: dict[str, NDArray[Any]] = {}
         self.spellings: dict[str, str] = {}
-        self._collect("", read_mat(path))
+        self._collect("", _read_mat(path))
         self.names = tuple(self._places)
         self.spellings |= {name: name for name in self.names}
 
@@ -97,16 +97,8 @@ class _Element(NamedTuple):
     data: memoryview
 
 
-def read_mat(path: Path) -> dict[str, Any]:
-    """Return the numeric variables of a MAT file: arrays, and dictionaries for structs of one element.
-
-    Args:
-        path: the file.
-
-    Raises:
-        RecordingError: it is damaged, of version 7.3, or no MAT file.
-        OSError: it cannot be read.
-    """
+def _read_mat(path: Path) -> dict[str, Any]:
+    """Return the numeric variables of a MAT file: arrays, and dictionaries for structs of one element."""
     data = memoryview(path.read_bytes())
     try:
         if len(data) < 20:

@@ -172,19 +172,8 @@ class ParametricWindow:
         return float(np.array(answer["x"]).ravel()[-len(self._unit) :] @ self._unit)
 
 
-def time_do_mpc(problem: Problem, estimator: Estimator) -> tuple[list[float], list[float]]:
-    """Run do-mpc over the recording.
-
-    Args:
-        problem: the problem.
-        estimator: an estimator of it, for weights and bounds.
-
-    Returns:
-        Seconds of each call ``make_step`` with a full window, and the force at each of its newest nodes [N].
-
-    Raises:
-        ImportError: do-mpc is not installed.
-    """
+def _time_do_mpc(problem: Problem, estimator: Estimator) -> tuple[list[float], list[float]]:
+    """Return seconds of each ``make_step`` of do-mpc with a full window, and the force at its newest nodes [N]."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about features of do-mpc that need other packages
         import do_mpc
@@ -321,7 +310,7 @@ def time_peers(problem: Problem) -> tuple[dict[str, Peer | None], list[str]]:
         if is_full:
             ours.append(newest_force(estimator.flat))
     try:
-        seconds, forces = time_do_mpc(problem, estimator)
+        seconds, forces = _time_do_mpc(problem, estimator)
     except ImportError:
         found["do_mpc"] = None
         return found, ["do-mpc is not installed, so it is not timed: pip install 'sgms_observer[bench]'"]

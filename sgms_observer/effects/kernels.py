@@ -28,17 +28,11 @@ delayed: Any = njit(effects.actuator_delay)
 
 
 @njit
-def user_effect_step(
+def _user_effect_step(
     number: int, p: Any, s: Any, user: Any, q: float, v: float, a: float, t: float, u: float, h: float, level: float,
     v2: float, a2: float, out: Any,
 ) -> tuple[float, float]:  # fmt: skip
-    """Advance one user effect by one step; return its force [N] and its factor on the Stribeck level [-].
-
-    Args:
-        number: number of the effect among the user effects.
-        p, s: its parameters and its state; the state is changed in place.
-        user, q, v, a, t, u, h, level, v2, a2, out: as in ``effects_step``.
-    """
+    """Advance user effect ``number``; return force [N] and level factor [-]; other arguments as in ``effects_step``."""
     out[2] = 0.0
     out[3] = 1.0
     if user is not None:
@@ -89,7 +83,7 @@ def effects_step(
         if kind < FIRST_USER_KIND:
             added, scale = built_in_step(kind, p, s, q, v, a, t, u, h, level, v2, a2)
         else:
-            added, scale = user_effect_step(kind - FIRST_USER_KIND, p, s, user, q, v, a, t, u, h, level, v2, a2, out)
+            added, scale = _user_effect_step(kind - FIRST_USER_KIND, p, s, user, q, v, a, t, u, h, level, v2, a2, out)
         force += added
         factor *= scale
     out[0] = force
@@ -180,7 +174,7 @@ def effects_block(
             if kind < FIRST_USER_KIND:
                 added, scale = built_in_step(kind, p, s, q[k], v[k], a[k], t[k], u[k], h[k], level[k], v2[k], a2[k])
             else:
-                added, scale = user_effect_step(
+                added, scale = _user_effect_step(
                     kind - FIRST_USER_KIND, p, s, user, q[k], v[k], a[k], t[k], u[k], h[k], level[k], v2[k], a2[k],
                     scratch,
                 )  # fmt: skip

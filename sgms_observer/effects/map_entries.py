@@ -47,13 +47,8 @@ def size_of(coordinates: tuple[str, ...], grids: Mapping[str, tuple[float, ...]]
     return size
 
 
-def map_faults(lists: Mapping[str, tuple[Any, ...]], where: str) -> list[str]:
-    """Return one sentence per fault of a table.
-
-    Args:
-        lists: coordinates, grids and values by name [SI units].
-        where: path in the YAML, for instance ``x.effects.learnt_map``.
-    """
+def _map_faults(lists: Mapping[str, tuple[Any, ...]], where: str) -> list[str]:
+    """Return one sentence per fault of a table; ``lists`` has coordinates, grids and values by name [SI units]."""
     coordinates = lists["coordinates"]
     faults = []
     if len(coordinates) not in (1, 2) or len(set(coordinates)) < len(coordinates):
@@ -120,7 +115,7 @@ def _entry(name: str) -> Effect:
                 "forces at the grid points, the last coordinate running fastest",
             ),
         ),
-        map_faults,
+        _map_faults,
     )
 
 

@@ -62,7 +62,7 @@ class Differentiator:
         else:
             self.delay_samples = round(settings.lag / sample_period)
             self.delay = self.delay_samples * sample_period
-            memory = math.ceil(5.0 * tracking_time(settings, sample_period) / sample_period)
+            memory = math.ceil(5.0 * _tracking_time(settings, sample_period) / sample_period)
             method_config = tracking.tracking_config(
                 settings.position_noise, settings.jerk_density, memory + self.delay_samples
             )
@@ -163,14 +163,10 @@ def window_samples(settings: FilterSettings, sample_period: float) -> int:
     return 1 + 2 * max(round(0.5 * settings.window / sample_period), settings.degree // 2 + 1)
 
 
-def tracking_time(settings: FilterSettings, sample_period: float) -> float:
+def _tracking_time(settings: FilterSettings, sample_period: float) -> float:
     """Return the time constant of the steady tracking filter [s].
 
     Its poles lie at radius (jerk density / (noise sqrt(period)))^(1/3) for short periods; never below one period.
-
-    Args:
-        settings: ``position_noise`` and ``jerk_density``.
-        sample_period: nominal time between two samples [s].
     """
     noise_density = settings.position_noise * math.sqrt(sample_period)
     return max(math.cbrt(noise_density / settings.jerk_density), sample_period)

@@ -40,15 +40,10 @@ def lowpass_config(cutoff: float, period: float) -> Floats:
 
 
 @njit
-def lowpass_step(state: Floats, at: int, period: float, angular: float, value: float) -> None:
-    """Step a 2nd-order Butterworth low-pass by the trapezoidal rule over any period.
+def _lowpass_step(state: Floats, at: int, period: float, angular: float, value: float) -> None:
+    """Step a 2nd-order Butterworth low-pass of corner ``angular`` [rad/s] by the trapezoidal rule over any period [s].
 
-    Args:
-        state: array with value, rate and last input from ``at`` on; updated.
-        at: where they start.
-        period: step [s].
-        angular: analog cut-off [rad/s].
-        value: input at the end of the step.
+    ``state`` has value, rate and last input from ``at`` on.
     """
     half = 0.5 * period
     damping = math.sqrt(2.0) * angular
@@ -93,14 +88,14 @@ def lowpass_sample(config: Floats, state: Floats, period: float, position: float
         state[LAST_PERIOD] = nominal
         return
     last_position = state[POSITION_STATE]
-    lowpass_step(state, POSITION_STATE, period, angular, position - state[layout.ORIGIN])
+    _lowpass_step(state, POSITION_STATE, period, angular, position - state[layout.ORIGIN])
     velocity = (state[POSITION_STATE] - last_position) / period
     acceleration = (velocity - state[LAST_VELOCITY]) / (0.5 * (period + state[LAST_PERIOD]))
     if config[layout.IS_HELD] > 0.0:
         acting = 0.5 * (state[LAST_EFFORT] + state[EARLIER_EFFORT])
     else:
         acting = state[LAST_EFFORT]
-    lowpass_step(state, EFFORT_STATE, period, angular, acting)
+    _lowpass_step(state, EFFORT_STATE, period, angular, acting)
     if config[layout.IS_ALIGNED] > 0.0:
         lead = int(config[layout.DELAY_SAMPLES])
         share = period / (period + state[LAST_PERIOD])

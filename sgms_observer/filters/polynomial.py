@@ -44,7 +44,7 @@ def polynomial_config(window: int, degree: int, period: float) -> Floats:
     weights = np.linalg.solve(triangle, orthogonal.T)  # (count, window)
     half = 0.5 * period * (window - 1)
     effort = np.zeros(window)
-    acceleration_kernel(weights[2] * (2.0 / half**2), np.full(window, period), effort, window)
+    _acceleration_kernel(weights[2] * (2.0 / half**2), np.full(window, period), effort, window)
     return np.concatenate(([float(window), float(degree)], weights.T.ravel(), effort[: window - 1]))
 
 
@@ -54,16 +54,11 @@ def polynomial_state_size(window: int) -> int:
 
 
 @njit
-def acceleration_kernel(weight: Floats, period: Floats, effort_weight: Floats, window: int) -> None:
+def _acceleration_kernel(weight: Floats, period: Floats, effort_weight: Floats, window: int) -> None:
     """Turn the second derivative's weights on positions into the equal weights on the acceleration.
 
     sum_i w_i q_i = integral of K(t) q''(t), where K is w integrated twice: piecewise linear, zero outside the window.
-
-    Args:
-        weight: weights on the positions [1/s^2], shape (window,).
-        period: time from the previous sample to each sample [s], shape (window,).
-        effort_weight: receives the integral of K over the interval after each sample, shape (window,).
-        window: number of samples.
+    ``effort_weight`` receives the integral of K over the interval after each sample.
     """
     slope = 0.0
     kernel = 0.0
@@ -127,25 +122,18 @@ def fit_uneven(
     for m in range(1, count):  # moments only: entry (m, n) is the moment m + n
         for n in range(degree):
             gram[m * count + n] = gram[(m - 1) * count + n + 1]
-    solve_positive(gram, coefficients, second, count)
+    _solve_positive(gram, coefficients, second, count)
     for j in range(window):
         value = second[degree]
         for m in range(degree - 1, -1, -1):
             value = value * x[j] + second[m]
         x[j] = value * 2.0 / (scale * scale)
-    acceleration_kernel(x, period, scratch, window)
+    _acceleration_kernel(x, period, scratch, window)
 
 
 @njit
-def solve_positive(matrix: Floats, first: Floats, second: Floats, count: int) -> None:
-    """Solve a symmetric positive definite system for two right-hand sides in place (Cholesky).
-
-    Args:
-        matrix: the matrix, row by row; destroyed, shape (count * count,).
-        first: right-hand side, becomes the solution, shape (count,).
-        second: right-hand side, becomes the solution, shape (count,).
-        count: order of the system.
-    """
+def _solve_positive(matrix: Floats, first: Floats, second: Floats, count: int) -> None:
+    """Solve a symmetric positive definite system for two right-hand sides, all in place (Cholesky)."""
     for j in range(count):
         for i in range(j, count):
             value = matrix[i * count + j]

@@ -61,15 +61,8 @@ def tracking_state_size(lag_samples: int) -> int:
 
 
 @njit
-def tracking_predict(state: Floats, period: float, jerk_variance: float, effort: float) -> None:
-    """Move estimate, covariance and the effort's error state over one period.
-
-    Args:
-        state: the filter's memory.
-        period: step [s].
-        jerk_variance: squared spectral density of the jerk.
-        effort: mean effort over the step [N].
-    """
+def _tracking_predict(state: Floats, period: float, jerk_variance: float, effort: float) -> None:
+    """Move estimate, covariance and the effort's error state over one period [s] with a mean effort [N]."""
     h = period
     half = 0.5 * h * h
     state[ESTIMATE] += h * state[ESTIMATE + 1] + half * state[ESTIMATE + 2]
@@ -125,7 +118,7 @@ def tracking_sample(config: Floats, state: Floats, period: float, position: floa
         acting = state[LAST_EFFORT]
         if config[layout.IS_HELD] == 0.0:
             acting = 0.5 * (acting + known_effort)
-        tracking_predict(state, period, config[JERK_VARIANCE], acting)
+        _tracking_predict(state, period, config[JERK_VARIANCE], acting)
     state[LAST_EFFORT] = known_effort
 
     at = RING + R_SIZE * (count % size)
@@ -154,7 +147,7 @@ def tracking_sample(config: Floats, state: Floats, period: float, position: floa
     state[COVARIANCE + 4] -= gain_v * qa
     state[COVARIANCE + 5] -= gain_a * qa
     if count >= size:
-        smooth_row(config, state, count, lag, row)
+        _smooth_row(config, state, count, lag, row)
         if config[layout.IS_ALIGNED] == 0.0:
             row[motion.EFFORT] = effort
         elif state[layout.MISSING] > 0.0:
@@ -164,16 +157,8 @@ def tracking_sample(config: Floats, state: Floats, period: float, position: floa
 
 
 @njit
-def smooth_row(config: Floats, state: Floats, count: int, lag: int, row: Floats) -> None:
-    """Run the backward recursion over the lag and write the row.
-
-    Args:
-        config: the filter's fixed numbers.
-        state: the filter's memory, the newest sample included.
-        count: number of the newest sample.
-        lag: samples to go back.
-        row: receives the columns of ``Motion``.
-    """
+def _smooth_row(config: Floats, state: Floats, count: int, lag: int, row: Floats) -> None:
+    """Run the backward recursion from sample ``count`` over the lag [samples] and write the columns of ``Motion``."""
     size = lag + 1
     m0, m1, m2 = 0.0, 0.0, 0.0
     e0, e1, e2 = 0.0, 0.0, 0.0

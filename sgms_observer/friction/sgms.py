@@ -22,18 +22,8 @@ def _tanh(x: float) -> float:
 
 
 @njit_bare
-def slip_fraction_with_slope(u: float, lam: float, zeta: float, gain: float) -> tuple[float, float, float]:
-    """Slip fraction eta of eq. 5 with its derivatives.
-
-    Args:
-        u: ratio z / z_s along the direction of motion [-].
-        lam: smoothing lambda of eq. 6 [-].
-        zeta: smoothing zeta of eq. 6 [-].
-        gain: reset gain, gamma |v| / v_s or gamma (eq. 7, notes trap 2) [-].
-
-    Returns:
-        eta, d eta / du, d eta / d gain.
-    """
+def _slip_fraction_with_slope(u: float, lam: float, zeta: float, gain: float) -> tuple[float, float, float]:
+    """Return the slip fraction eta of eq. 5 at u = z / z_s along the motion, d eta / du and d eta / d gain."""
     magnitude = abs(u)
     inner = lam * (magnitude - zeta)
     outer = lam * (magnitude + zeta)
@@ -57,26 +47,15 @@ def slip_fraction_with_slope(u: float, lam: float, zeta: float, gain: float) -> 
 
 
 @njit_bare
-def solve_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -> float:
-    """Solve the backward-Euler step u1 = u0 + a (1 - eta(u1) u1) of eq. 4 by bracketed Newton iterations.
-
-    Args:
-        u0: ratio before the step, along the direction of motion [-].
-        travel: a = kappa |v| h / (nu s), the step over the slip deflection [-], >= 0.
-        lam: smoothing lambda [-].
-        zeta: smoothing zeta [-].
-        gain: reset gain [-].
-
-    Returns:
-        u1 [-].
-    """
+def _solve_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -> float:
+    """Solve u1 = u0 + a (1 - eta(u1) u1) of eq. 4 by bracketed Newton iterations; arguments as of ``sgms_ratio``."""
     stick = u0 + travel
     slip = stick / (1.0 + travel)
     low = min(stick, slip)
     high = max(stick, slip)
     u = min(max(zeta, low), high)
     for _ in range(_MAX_ITERATIONS):
-        eta, slope, _gain_slope = slip_fraction_with_slope(u, lam, zeta, gain)
+        eta, slope, _gain_slope = _slip_fraction_with_slope(u, lam, zeta, gain)
         residual = u - stick + travel * eta * u
         derivative = 1.0 + travel * (eta + u * slope)
         if residual > 0.0:
@@ -99,13 +78,18 @@ def solve_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) 
 def sgms_ratio(u0: float, travel: float, lam: float, zeta: float, gain: float) -> tuple[float, float, float, float]:
     """Solve a step and evaluate it there.
 
-    Args: as ``solve_ratio``.
+    Args:
+        u0: ratio before the step, along the direction of motion [-].
+        travel: a = kappa |v| h / (nu s), the step over the slip deflection [-], >= 0.
+        lam: smoothing lambda of eq. 6 [-].
+        zeta: smoothing zeta of eq. 6 [-].
+        gain: reset gain, gamma |v| / v_s or gamma (eq. 7, notes trap 2) [-].
 
     Returns:
         u1, eta(u1), dG/du1 of the residual G (its slope, > 0), dG/d gain.
     """
-    u = solve_ratio(u0, travel, lam, zeta, gain)
-    eta, slope, gain_slope = slip_fraction_with_slope(u, lam, zeta, gain)
+    u = _solve_ratio(u0, travel, lam, zeta, gain)
+    eta, slope, gain_slope = _slip_fraction_with_slope(u, lam, zeta, gain)
     return u, eta, 1.0 + travel * (eta + u * slope), travel * u * gain_slope
 
 
@@ -183,7 +167,7 @@ def sgms_step(
     if lam * push > (lam * zeta + _SATURATED) * denominator and gain * push > _SATURATED * denominator:
         return level * stuck * (1.0 / denominator)
     share = direction / level
-    return direction * level * solve_ratio(force * share, stiffness * distance * share, lam, zeta, gain)
+    return direction * level * _solve_ratio(force * share, stiffness * distance * share, lam, zeta, gain)
 
 
 @njit_bare
@@ -199,7 +183,7 @@ def sgms_rate(
     """
     direction = math.copysign(1.0, velocity)
     u = direction * force / level
-    eta, slope, gain_slope = slip_fraction_with_slope(u, lam, zeta, gain)
+    eta, slope, gain_slope = _slip_fraction_with_slope(u, lam, zeta, gain)
     product_slope = eta + u * slope
     return (
         velocity * (1.0 - eta * u),

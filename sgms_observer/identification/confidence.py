@@ -29,14 +29,8 @@ _OFFSET_PRECISION = 0.02  # of the Coulomb force: half interval at which an offs
 _DELAY_PRECISION = 1.0e-4  # s
 
 
-def correlation_bandwidth(scores: Floats) -> int:
-    """Return the lag up to which scores are correlated, by Andrews' AR(1) plug-in for the Bartlett kernel.
-
-    Args:
-        scores: score of each row (regressor times residual), shape (n, k).
-
-    Returns:
-        Lag [rows], at least 1.
+def _correlation_bandwidth(scores: Floats) -> int:
+    """Return the lag up to which scores are correlated [rows], by Andrews' AR(1) plug-in for the Bartlett kernel.
 
     Source: Andrews, Econometrica 59 (1991), eqs 6.2 and 6.4 with equal weights.
     """
@@ -57,21 +51,14 @@ def correlation_bandwidth(scores: Floats) -> int:
     return int(min(max(np.ceil(1.1447 * (alpha * n) ** (1.0 / 3.0)), 1), max(1, int(_LARGEST_SHARE * n))))
 
 
-def long_run_covariance(pieces: Sequence[Floats]) -> Floats:
-    """Sum over pieces of the scores' long-run covariance times their count (the middle of the sandwich).
-
-    Args:
-        pieces: scores of each piece of recording, shape (n_i, k); pieces are taken as independent.
-
-    Returns:
-        Shape (k, k), positive semi-definite (Bartlett weights).
-    """
+def _long_run_covariance(pieces: Sequence[Floats]) -> Floats:
+    """Sum over independent pieces of the scores' long-run covariance times their count (the middle of the sandwich)."""
     width = pieces[0].shape[1]
     score_covariance = np.zeros((width, width))
     for scores in pieces:
         centred = scores - scores.mean(axis=0)
         score_covariance += centred.T @ centred
-        lags = correlation_bandwidth(_unit_columns(centred))
+        lags = _correlation_bandwidth(_unit_columns(centred))
         for lag in range(1, min(lags, len(centred) - 1) + 1):
             weight = 1.0 - lag / (lags + 1.0)
             product = centred[lag:].T @ centred[:-lag]
@@ -101,19 +88,11 @@ def least_squares_covariance(jacobians: Sequence[Floats], residuals: Sequence[Fl
     hessian = sum((jacobian.T @ jacobian for jacobian in scaled), np.zeros((stacked.shape[1],) * 2))
     scores = [jacobian * residual[:, None] for jacobian, residual in zip(scaled, residuals, strict=True)]
     freedom = len(stacked) / max(len(stacked) - stacked.shape[1], 1)
-    return _sandwich(hessian, long_run_covariance(scores), freedom, scale)
+    return _sandwich(hessian, _long_run_covariance(scores), freedom, scale)
 
 
-def clustered_covariance(jacobian: Floats, residual: Floats, cluster: Ints) -> Floats:
-    """Sandwich covariance for residuals with any correlation within a cluster.
-
-    Args:
-        jacobian: derivative of the residual by the parameters, shape (n, k).
-        residual: shape (n,).
-        cluster: number of the stretch of time each row belongs to, shape (n,).
-
-    Returns:
-        Covariance, shape (k, k). Directions that are not identifiable have infinite variance.
+def _clustered_covariance(jacobian: Floats, residual: Floats, cluster: Ints) -> Floats:
+    """Return the sandwich covariance for residuals with any correlation within a cluster; infinite if not identifiable.
 
     Source: Liang and Zeger, Biometrika 73 (1986), with the small-sample factor C / (C - 1).
     """
@@ -182,7 +161,7 @@ def confidence_of(
     clusters = [number[mask] for number, mask in zip(chunk_numbers(data, _CLUSTERS), masks, strict=True)]
     covariances = (
         least_squares_covariance(jacobians, residuals),
-        clustered_covariance(np.concatenate(jacobians), np.concatenate(residuals), np.concatenate(clusters)),
+        _clustered_covariance(np.concatenate(jacobians), np.concatenate(residuals), np.concatenate(clusters)),
     )
     steps = [step_to(other, rows, parameters, shape, chosen) for other, rows in others]
     std_error = np.full(len(value), np.nan)

@@ -77,17 +77,8 @@ class Regression:
     time: Floats
 
 
-def zero_phase_motion(position: Floats, period: float, cutoff: float) -> tuple[Floats, Floats, Floats]:
-    """Return position, velocity and acceleration, low-passed without delay.
-
-    Args:
-        position: measured position [m], shape (n,).
-        period: time between two samples [s].
-        cutoff: corner of the filter, applied once in each direction [Hz].
-
-    Returns:
-        Position [m], velocity [m/s], acceleration [m/s^2], each of shape (n,).
-    """
+def _zero_phase_motion(position: Floats, period: float, cutoff: float) -> tuple[Floats, Floats, Floats]:
+    """Return position [m], velocity [m/s] and acceleration [m/s^2], low-passed forth and back and so without delay."""
     b, a = signal.butter(_FILTER_ORDER, 2.0 * cutoff * period)
     smooth = signal.filtfilt(b, a, position, padlen=min(3 * _FILTER_ORDER, len(position) - 1))
     velocity = np.gradient(smooth) / period
@@ -130,7 +121,7 @@ def regression(recording: Recording, names: Sequence[str], cutoff: float) -> Reg
         raise DataError(
             f"{recording.name} is sampled at {rate:.4g} Hz; choose a cutoff below 0.45 times that, not {cutoff:.4g} Hz"
         )
-    position, velocity, acceleration = zero_phase_motion(recording.position, recording.period, cutoff)
+    position, velocity, acceleration = _zero_phase_motion(recording.position, recording.period, cutoff)
     direction = np.sign(velocity)
     if tuple(names[: len(SYMMETRIC)]) == SYMMETRIC:
         columns = [acceleration, velocity, direction, np.ones_like(velocity)]

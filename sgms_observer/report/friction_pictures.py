@@ -34,12 +34,8 @@ _PERIODS = 20  # of an effect that are shown where the whole stroke has too many
 _LINE_POINTS = 1_000  # of an effect's line over position: fifty for each period
 
 
-def slowest_speed(velocity: Floats) -> float:
-    """Return the speed from which on there is data [m/s]: the slowest one but a few; 0 where too few rows slide.
-
-    Args:
-        velocity: of rows where the axis slides.
-    """
+def _slowest_speed(velocity: Floats) -> float:
+    """Return the speed from which on there is data [m/s]: the slowest one but a few; 0 where too few rows slide."""
     speed = np.sort(np.abs(velocity[velocity != 0.0]))
     return float(speed[_MIN_ROWS - 1]) if len(speed) >= _MIN_ROWS else 0.0
 
@@ -53,7 +49,7 @@ def stribeck_points(velocity: Floats, friction: Floats) -> tuple[Floats, Floats,
         velocity: of rows where the axis slides.
         friction: of the same rows.
     """
-    slowest = slowest_speed(velocity)
+    slowest = _slowest_speed(velocity)
     points = []
     if slowest > 0.0:
         top = float(np.max(np.abs(velocity)))
@@ -84,7 +80,7 @@ def over_velocity(
     speeds = [float(np.max(np.abs(part), initial=0.0)) for part in (velocity, *(line for line, _ in model))]
     fastest = max(speeds)
     factor, unit = units.prefixed(fastest, "m/s")
-    slowest = slowest_speed(velocity)
+    slowest = _slowest_speed(velocity)
     slowest_row = " It never slides so far and so long one way that a row counts."
     if slowest > 0.0:
         speed = units.readable(slowest, "m/s")

@@ -45,27 +45,15 @@ def added_force(q: float, v: float, t: float, p: Floats) -> float:
 
 
 @njit
-def slack_force(q: float, slack: float, p: Floats) -> float:
-    """Return the force of a spring that pulls harder on the way out than on the way back [N].
-
-    Args:
-        q: position [m].
-        slack: -1 long after going back, 1 long after going out [-].
-        p: hidden parameters.
-    """
+def _slack_force(q: float, slack: float, p: Floats) -> float:
+    """Return the force of a spring that pulls harder going out (slack towards 1) than going back (towards -1) [N]."""
     stretch = q / p[s.SLACK_REACH]
     return float(p[s.SLACK_FORCE] * stretch * (1.0 + 0.6 * slack * math.copysign(1.0, stretch)))
 
 
 @njit
-def placed_scale(q: float, v: float, p: Floats) -> float:
-    """Return the factor on friction that place and direction make [-].
-
-    Args:
-        q: position [m].
-        v: velocity [m/s].
-        p: hidden parameters.
-    """
+def _placed_scale(q: float, v: float, p: Floats) -> float:
+    """Return the factor on friction that place and direction make [-]."""
     scale = 1.0
     if p[s.TIGHT_SHARE] != 0.0:
         away = abs(q - p[s.TIGHT_CENTRE]) / p[s.TIGHT_HALF_WIDTH]
@@ -79,14 +67,8 @@ def placed_scale(q: float, v: float, p: Floats) -> float:
 
 
 @njit
-def timed_scale(t: float, age: float, p: Floats) -> float:
-    """Return the factor on friction that running in and resting make [-].
-
-    Args:
-        t: time [s].
-        age: of the contact, grown at rest and lost by sliding [s].
-        p: hidden parameters.
-    """
+def _timed_scale(t: float, age: float, p: Floats) -> float:
+    """Return the factor on friction that running in and the age of the contact [s] make [-]."""
     scale = 1.0
     if p[s.WARM_SHARE] != 0.0:
         scale += p[s.WARM_SHARE] * math.expm1(-t / p[s.WARM_TIME])
@@ -110,14 +92,8 @@ def arriving_effort(demand: float, p: Floats) -> float:
 
 
 @njit
-def on_map(q: float, values: Floats, p: Floats) -> float:
-    """Return a map's value at a place, linear between its points and constant beyond its ends; 0 without a map.
-
-    Args:
-        q: position [m].
-        values: map, in the unit of its values.
-        p: hidden parameters.
-    """
+def _on_map(q: float, values: Floats, p: Floats) -> float:
+    """Return a map's value at a place, linear between its points and constant beyond its ends; 0 without a map."""
     if values.shape[0] == 0:
         return 0.0
     place = min(max((q - p[s.MAP_START]) / p[s.MAP_STEP], 0.0), values.shape[0] - 1.000001)
@@ -201,13 +177,13 @@ def run(
             if p[s.DELAY] > 0.0:
                 demand = efforts[max(math.floor(k + j / steps - p[s.DELAY] / period), 0)]
             applied = arriving_effort(demand, p)
-            hidden = added_force(q, v, t, p) + on_map(q, force_map, p)
+            hidden = added_force(q, v, t, p) + _on_map(q, force_map, p)
             if p[s.SLACK_FORCE] != 0.0:
                 slack = relaxed(slack, v / p[s.SLACK_DISTANCE], abs(v) / p[s.SLACK_DISTANCE], h)
-                hidden += slack_force(q, slack, p)
-            scale = placed_scale(q, v, p) * timed_scale(t, age, p)
+                hidden += _slack_force(q, slack, p)
+            scale = _placed_scale(q, v, p) * _timed_scale(t, age, p)
             if v > 0.0:
-                scale *= 1.0 + on_map(q, scale_map, p)
+                scale *= 1.0 + _on_map(q, scale_map, p)
             if p[s.AGE_SHARE] != 0.0:
                 age = relaxed(age, 1.0, abs(v) / p[s.AGE_LENGTH], h)
             friction = contact + viscous * v

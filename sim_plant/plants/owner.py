@@ -92,13 +92,8 @@ def steady_curve(machine: Machine, speed: Floats) -> Floats:
     return np.array([sliding_force(v, machine.curve) for v in speed])
 
 
-def fit_elements(travel: Floats, force: Floats) -> tuple[Floats, Floats]:
-    """Return slip distances [m] and fractions [-] of the elements whose loading curve is closest.
-
-    Args:
-        travel: displacement from rest [m].
-        force: of the contact [N].
-    """
+def _fit_elements(travel: Floats, force: Floats) -> tuple[Floats, Floats]:
+    """Return slip distances [m] and fractions [-] of the elements whose loading curve is closest."""
     level = force / force.max()
     scale = float(np.interp(0.6, level, travel))
 
@@ -115,12 +110,8 @@ def fit_elements(travel: Floats, force: Floats) -> tuple[Floats, Floats]:
     return parts(least_squares(misfit, start, bounds=bounds).x)
 
 
-def fit_steady(machine: Machine) -> tuple[float, float, float]:
-    """Return Coulomb force [N], static force [N] and Stribeck velocity [m/s] of the closest Stribeck curve.
-
-    Args:
-        machine: whose contact.
-    """
+def _fit_steady(machine: Machine) -> tuple[float, float, float]:
+    """Return Coulomb force [N], static force [N] and Stribeck velocity [m/s] of the closest Stribeck curve."""
     speed = np.geomspace(0.05 * machine.curve[KNEE], machine.speed, 60)
     force = steady_curve(machine, speed)
 
@@ -142,8 +133,8 @@ def nominal_model(machine: Machine, off: float = OFF) -> NominalModel:
         off: share of each figure; 0 for the fit itself.
     """
     rng = np.random.default_rng([machine.seed, 13])
-    distance, fraction = fit_elements(*loading_curve(machine))
-    coulomb, static, knee = fit_steady(machine)
+    distance, fraction = _fit_elements(*loading_curve(machine))
+    coulomb, static, knee = _fit_steady(machine)
     stiffness = fraction * static / distance
     wrong = 1.0 + off * rng.uniform(-1.0, 1.0, (ELEMENTS, 2))
     fraction = fraction * wrong[:, 0]

@@ -53,14 +53,8 @@ def steady_force(velocity: float, curve: Floats, law: Floats) -> float:
 
 
 @njit
-def slip_speed(load: float, stress: float, v_0: float) -> float:
-    """Return the speed of slip [m/s] under a force ``load`` at a strength ``stress``, both in units of A.
-
-    Args:
-        load: F / A [-].
-        stress: (F_0 + B ln(theta v_0 / L)) / A [-].
-        v_0: reference velocity [m/s].
-    """
+def _slip_speed(load: float, stress: float, v_0: float) -> float:
+    """Return the speed of slip [m/s] under a force ``load`` at a strength ``stress``, both in units of A."""
     return v_0 * (math.exp(load - stress) - math.exp(-load - stress))
 
 
@@ -84,11 +78,11 @@ def step(velocity: float, duration: float, scale: float, curve: Floats, law: Flo
         load = max(load, 0.0)
         for _ in range(30):
             rise = v_0 * (math.exp(load - stress) + math.exp(-load - stress))
-            change = (load + slip_gain * slip_speed(load, stress, v_0) - goal) / (1.0 + slip_gain * rise)
+            change = (load + slip_gain * _slip_speed(load, stress, v_0) - goal) / (1.0 + slip_gain * rise)
             load -= change
             if abs(change) < 1.0e-9 * (1.0 + load):
                 break
-    slip = abs(slip_speed(load, stress, v_0))
+    slip = abs(_slip_speed(load, stress, v_0))
     x = slip * duration / length
     mean = 1.0 - 0.5 * x if x < 1.0e-6 else -math.expm1(-x) / x
     state[AGE] = state[AGE] * math.exp(-x) + duration * mean

@@ -78,16 +78,12 @@ def record(
 
 
 @lru_cache(maxsize=64)
-def peaks_of(machine: Machine) -> Peaks:
-    """Return what a learning motion of the machine reaches with nothing hidden.
-
-    Args:
-        machine: the machine; its seed is that of the motion.
-    """
+def _peaks_of(machine: Machine) -> Peaks:
+    """Return what a learning motion of the machine, drawn from its seed, reaches with nothing hidden."""
     empty = run(machine, Hidden(), machine.seed, "rich", CALIBRATION_DURATION)
     period = 1.0 / machine.log_rate
-    velocity = low_passed(empty.true_velocity, machine.log_rate)
-    effort = low_passed(empty.effort, machine.log_rate)
+    velocity = _low_passed(empty.true_velocity, machine.log_rate)
+    effort = _low_passed(empty.effort, machine.log_rate)
     signals = (velocity, np.gradient(velocity, period), np.gradient(effort, period))
     return Peaks(*(float(np.quantile(np.abs(one), 0.995)) for one in signals))
 
@@ -104,7 +100,7 @@ def hidden_in(machine: Machine, effects: tuple[str, ...], share: float) -> Hidde
     sizes = dict.fromkeys(effects, share)
     if not effects:
         return draw_hidden(machine, Peaks(1.0, 1.0, 1.0), sizes, machine.seed)
-    peaks = peaks_of(machine)
+    peaks = _peaks_of(machine)
     if "flexible_mode" in effects:
         sizes["flexible_mode"] = _flexible_part(machine, peaks, share)
     return draw_hidden(machine, peaks, sizes, machine.seed)
@@ -127,16 +123,11 @@ def force_size(recording: Recording, machine: Machine) -> float:
         recording: with its truth.
         machine: that made it.
     """
-    return float(np.quantile(np.abs(low_passed(recording.hidden_force, machine.log_rate)), 0.995))
+    return float(np.quantile(np.abs(_low_passed(recording.hidden_force, machine.log_rate)), 0.995))
 
 
-def low_passed(values: Floats, rate: float) -> Floats:
-    """Return ``values`` without what lies above the force band, without phase.
-
-    Args:
-        values: evenly sampled, in any SI unit.
-        rate: of the samples [Hz].
-    """
+def _low_passed(values: Floats, rate: float) -> Floats:
+    """Return ``values`` without what lies above the force band, without phase."""
     corner = min(FORCE_BAND, 0.4 * rate)
     return np.asarray(sosfiltfilt(butter(4, 2.0 * corner / rate, output="sos"), values))
 

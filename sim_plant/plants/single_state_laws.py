@@ -71,15 +71,8 @@ def draw_elasto_plastic(rng: Generator, curve: Floats, distance: float, mass: fl
 
 
 @njit
-def plastic_share(deflection: float, velocity: float, breakaway: float, steady: float) -> float:
-    """Return alpha, the share of the motion that is plastic.
-
-    Args:
-        deflection: z [m].
-        velocity: sliding velocity [m/s].
-        breakaway: deflection below which nothing slips [m].
-        steady: deflection of steady sliding [m].
-    """
+def _plastic_share(deflection: float, velocity: float, breakaway: float, steady: float) -> float:
+    """Return alpha, the plastic share of the motion: 0 below the deflection ``breakaway``, 1 from ``steady`` on [m]."""
     if deflection * velocity <= 0.0:
         return 0.0
     size = abs(deflection)
@@ -100,7 +93,7 @@ def elasto_plastic_step(
     """
     steady = scale * sliding_force(velocity, curve) / law[STIFFNESS]
     before = state[0]
-    share = plastic_share(before, velocity, scale * law[BREAKAWAY], steady)
+    share = _plastic_share(before, velocity, scale * law[BREAKAWAY], steady)
     state[0] = relaxed(before, velocity, share * abs(velocity) / steady, duration)
     return float(law[STIFFNESS] * state[0] + law[DAMPING] * (state[0] - before) / duration)
 

@@ -49,17 +49,8 @@ from sgms_observer.settings.load import load_settings
 from sgms_observer.settings.write import write_settings
 
 
-def own_rows(path: Path, axis: AxisSettings) -> tuple[Floats, Floats]:
-    """Return times [s] and set-points [m] of a motion.
-
-    Args:
-        path: a bag with ``reference``, or a CSV with the columns time [s] and position [SI units].
-        axis: the axis.
-
-    Raises:
-        ConfigurationError: the bag has no reference of the axis.
-        RecordingError: it cannot be read.
-    """
+def _own_rows(path: Path, axis: AxisSettings) -> tuple[Floats, Floats]:
+    """Return times [s] and set-points [m] of a motion: of a bag, or of a CSV with columns for time and position."""
     if path.suffix == ".csv":
         try:
             rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
@@ -103,7 +94,7 @@ def excite(session: Session) -> Found:
     learn = learning_motion(limits, period, presliding, stribeck_velocity, seconds)
     if plan.request.motion:
         source = Path(plan.request.motion)
-        user_motion = read_motion(source, own_rows(source, axis), session.origin, period)
+        user_motion = read_motion(source, _own_rows(source, axis), session.origin, period)
         motion_name = str(source)
     else:
         user_motion, motion_name = representative_motion(limits, period), "the representative motion"
