@@ -20,10 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from sgms_observer.arrays import Floats
-
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from sgms_observer.arrays import Floats
 from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.observer.axis_observer import AxisObserver
 from sgms_observer.observer.samples import Estimates

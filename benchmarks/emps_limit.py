@@ -20,14 +20,13 @@ from pathlib import Path
 
 import numpy as np
 
-from sgms_observer.arrays import Floats
-
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 sys.path.insert(0, str(ROOT / "examples"))
 
 from emps import FILES, MAP, START  # noqa: E402
 
+from sgms_observer.arrays import Floats  # noqa: E402
 from sgms_observer.bags.conversion import parse_map, read_table, write_table  # noqa: E402
 from sgms_observer.diagnosis.motion import Motion, motion_of  # noqa: E402
 from sgms_observer.offline.recording import read_recordings  # noqa: E402

@@ -31,8 +31,6 @@ from typing import Any
 
 import numpy as np
 
-from sgms_observer.arrays import Floats
-
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
@@ -41,6 +39,7 @@ from identification import START, compare, random_table, record, truth
 
 from sgms_observer.application.commission.learn import MAX_RECORD_TIME, largest_deflection
 from sgms_observer.application.commission.motion import learning_motion
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.fit import fixed_parameters, refit
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of

@@ -31,11 +31,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from sgms_observer.arrays import Floats
-
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from sgms_observer.arrays import Floats  # noqa: E402
 from sgms_observer.cli.main import main as sgms  # noqa: E402
 from sgms_observer.identification.effect_terms import NO_EFFECTS  # noqa: E402
 from sgms_observer.identification.prepared import Prepared, prepare_all  # noqa: E402

@@ -30,8 +30,13 @@ def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``."""
     from sgms_observer.cli.progress import Progress
     from sgms_observer.paper.best_configuration import beyond, beyond_markdown, runs_beyond
-    from sgms_observer.paper.figures import figure_five, figure_three, figure_two, figures_six_and_seven
-    from sgms_observer.paper.over_time import estimates_over_time
+    from sgms_observer.paper.figures import (
+        estimates_over_time,
+        figure_five,
+        figure_three,
+        figure_two,
+        figures_six_and_seven,
+    )
     from sgms_observer.paper.report import paper_page
     from sgms_observer.paper.table import runs_of_table, table_markdown, table_two
     from sgms_observer.report.page import write_page

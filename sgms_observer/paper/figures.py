@@ -1,4 +1,4 @@
-"""Figures 2 and 3, what GMS and S-GMS friction do on eight elements; figures 5 to 7, how the estimators follow."""
+"""Figures 2 and 3: friction of GMS and S-GMS on eight elements. Figures 5 to 7 and plots over time: the estimators."""
 
 from __future__ import annotations
 
@@ -23,8 +23,19 @@ from sgms_observer.paper.conditions import (
     estimator_settings,
     simulate,
 )
-from sgms_observer.report.drawing import BACKWARD, ESTIMATE, FORWARD, MEASURED, REFERENCE, TRUTH, sheet
-from sgms_observer.report.page import Picture
+from sgms_observer.report.drawing import (
+    BACKWARD,
+    ESTIMATE,
+    FORWARD,
+    MEASURED,
+    REFERENCE,
+    TRUTH,
+    Line,
+    Panel,
+    sheet,
+    time_plot,
+)
+from sgms_observer.report.page import Picture, Plot
 from sgms_observer.settings.axis import FrictionSettings
 from sim_plant.integration import TrueFriction, advance_elements, level_of, true_friction
 from sim_plant.record import StageRecord
@@ -277,3 +288,35 @@ def _zoom_figure(number: int, row: str) -> Picture:
                 axis.set(xlabel="time [ms]", ylabel=f"({'abcd'[2 * i + j]}) friction [N]")
         drawn.axes[0].legend(loc="lower center", bbox_to_anchor=(0.45, 1.0), ncols=2)
     return drawn.picture
+
+
+PERIODS = 2
+"""Periods of the sine in a plot; Table II counts the last one."""
+_SETTLE = 0.02  # s at the start without an error: an estimator begins without friction
+_SHOWN = {"ekf_z": ("EKF(z)", "forward"), "mhe_zp": ("MHE(z,p)", "estimate")}
+
+
+def estimates_over_time() -> list[Plot]:
+    """Return a plot that zooms for each row of Table II: estimates of S-GMS, live, beside the stage."""
+    record = simulate(CHOSEN, PERIODS, SEED)
+    plots = []
+    for row, factor in ROWS.items():
+        friction = estimator_friction("sgms", factor)
+        lines = []
+        for name, (label, colour) in _SHOWN.items():
+            found = estimate(record, LOWPASS, estimator_settings(name), friction, CHOSEN.mass, factor, False)
+            lines.append(Line(label, found.live, colour))
+        truth = np.where(record.time < _SETTLE, np.nan, record.friction)
+        errors = [replace(line, values=line.values - truth) for line in lines]
+        panels = [
+            Panel("friction [N]", [Line("stage", record.friction, "measured"), *lines]),
+            Panel("error [N]", errors),
+            Panel("velocity [mm/s]", [Line("velocity", 1e3 * record.velocity, "ink")]),
+            Panel("position [um]", [Line("position", 1e6 * record.position, "reference")]),
+        ]
+        caption = (
+            f"Friction of the stage and live estimates of S-GMS with kappa {100 * (factor - 1):+.0f} %. Error: estimate"
+            f" minus friction of the stage, without the first {1e3 * _SETTLE:.0f} ms."
+        )
+        plots.append(time_plot(f"over_time_{row}", caption, record.time, panels))
+    return plots

@@ -21,7 +21,7 @@ import pytest
 from start_file import start_file
 
 from sgms_observer.application.commission import compensate, run
-from sgms_observer.application.commission.consistency import Consistency, consistency_of
+from sgms_observer.application.commission.compensate import Consistency, consistency_of
 from sgms_observer.application.commission.ledger import (
     DONE,
     FAILED,

@@ -15,7 +15,7 @@ from browser import Browser
 from looks import check_report
 
 from sgms_observer.paper.conditions import ESTIMATORS, MODELS, PAPER, ROWS
-from sgms_observer.paper.over_time import estimates_over_time
+from sgms_observer.paper.figures import estimates_over_time
 from sgms_observer.paper.report import paper_page
 from sgms_observer.paper.table import MAIN, READINGS
 from sgms_observer.report.page import BAD, GOOD, UNSURE, write_page

@@ -12,7 +12,7 @@ from browser import Browser
 from looks import check_report
 
 from sgms_observer.report.demonstration import Half
-from sgms_observer.report.demonstration_page import Evaluated, demonstration_page
+from sgms_observer.report.demonstration_run import Evaluated, demonstration_page
 from sgms_observer.report.page import BAD, GOOD, UNSURE, write_page
 from sgms_observer.report.run_pictures import Run
 from sgms_observer.settings.axis import AxisSettings
