@@ -22,11 +22,7 @@ def child_command(module: str, arguments: Sequence[str] = ()) -> list[str]:
 
 
 def child_environment(more: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return the environment for a child process, in which it imports this package.
-
-    Args:
-        more: variables to add.
-    """
+    """Return the environment for a child process, in which it imports this package, with more variables."""
     root = str(Path(__file__).resolve().parents[1])
     paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), **(more or {})}

@@ -175,11 +175,7 @@ def note_complete(name: str, module: str) -> None:
 
 
 def tell_each_compilation(tell: Callable[[], None]) -> None:
-    """Register a function that is called after each compiled kernel.
-
-    Args:
-        tell: called after each, in the thread that compiles.
-    """
+    """Register a function that is called after each compiled kernel, in the thread that compiles."""
     if not HAS_NUMBA:
         return
     from numba.core import event

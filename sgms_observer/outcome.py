@@ -49,11 +49,7 @@ class Outcome:
 
 
 def json_value(value: Any) -> Any:
-    """Return a value for JSON: a number that is not finite becomes null, numpy's numbers and arrays become plain.
-
-    Args:
-        value: numbers, texts, lists and mappings.
-    """
+    """Return a value for JSON: a number that is not finite becomes null, numpy's numbers and arrays become plain."""
     if isinstance(value, Mapping):
         return {str(key): json_value(item) for key, item in value.items()}
     if hasattr(value, "tolist"):

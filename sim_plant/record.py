@@ -68,11 +68,7 @@ class StageRecord:
 
 
 def join_records(records: Sequence[StageRecord]) -> StageRecord:
-    """Return consecutive blocks as one.
-
-    Args:
-        records: at least one block, in the order of time.
-    """
+    """Return consecutive blocks, at least one, as one."""
     if len(records) == 1:
         return records[0]
     names = [field.name for field in fields(StageRecord)]

@@ -104,11 +104,7 @@ class AxisDraft:
         return max(1, round(_CORRECTION_TIME / self.period))
 
     def pause(self, shortest: float) -> float:
-        """Return a pause that is long compared with the sample period [s].
-
-        Args:
-            shortest: [s].
-        """
+        """Return a pause that is long compared with the sample period [s]."""
         return max(shortest, _MIN_GAP_SAMPLES * self.period)
 
 

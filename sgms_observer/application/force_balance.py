@@ -71,30 +71,18 @@ class ForceBalance:
     is_mass_negative: bool
 
     def value(self, name: str) -> float:
-        """Return one value [SI unit], 0 if it was not fitted.
-
-        Args:
-            name: an entry of ``names``.
-        """
+        """Return one value [SI unit], 0 if it was not fitted."""
         return float(self.values[self.names.index(name)]) if name in self.names else 0.0
 
     def std_error(self, name: str) -> float:
-        """Return the standard error of one value [SI unit], 0 if it was not fitted.
-
-        Args:
-            name: an entry of ``names``.
-        """
+        """Return the standard error of one value [SI unit], 0 if it was not fitted."""
         if name not in self.names:
             return 0.0
         i = self.names.index(name)
         return math.sqrt(max(float(self.covariance[i, i]), 0.0))
 
     def is_significant(self, name: str) -> bool:
-        """Return whether a value differs significantly from zero.
-
-        Args:
-            name: an entry of ``names``.
-        """
+        """Return whether a value differs significantly from zero."""
         return abs(self.value(name)) > MIN_Z_SCORE * self.std_error(name)
 
     @property

@@ -43,12 +43,7 @@ class Replayed:
     settings: Settings
 
     def as_json(self, bag: str, report: str | None) -> dict[str, object]:
-        """Return the result that ``--json`` prints.
-
-        Args:
-            bag: the new bag.
-            report: the page; None for none.
-        """
+        """Return the result that ``--json`` prints: the new bag, and the page if there is one."""
         axes = {name: tally.figures() for name, tally in self.tallies.items()}
         return {
             "schema": 1,

@@ -186,10 +186,6 @@ def improve(flat: Floats) -> int:
 
 @njit_bare
 def finish(flat: Floats) -> None:
-    """Take the window's newest node as the estimate and begin the next interval there.
-
-    Args:
-        flat: the estimator's memory; overwritten.
-    """
+    """Take the window's newest node as the estimate and begin the next interval there."""
     store_newest(flat)
     start_interval(flat)

@@ -112,10 +112,6 @@ def time_growth(values: Sequence[int], name: str) -> list[list[float]]:
 
 
 def slope(pairs: Sequence[Sequence[float]]) -> float:
-    """Return the exponent with which time grows with size: the slope in a log-log plot, 1 when linear.
-
-    Args:
-        pairs: from ``time_growth``.
-    """
+    """Return the exponent with which the times of ``time_growth`` grow with size: the slope in a log-log plot."""
     size, time = np.log(np.array(pairs, dtype=float)).T
     return round(float(np.polyfit(size, time, 1)[0]), 3)

@@ -54,11 +54,7 @@ def compile_user_effects(effects: Sequence[Effect]) -> Any:
 
 
 def user_step_lines(effects: Sequence[Effect]) -> tuple[list[str], dict[str, Callable[..., Any]]]:
-    """Return the source of that function, and the formulas by the names that it calls them.
-
-    Args:
-        effects: in the order of their numbers.
-    """
+    """Return the source of that function, and the formulas by the names that it calls them."""
     formulas: dict[str, Callable[..., Any]] = {}
     lines = ["def user_step(number, inputs, s, p, out):", "    out[0] = 0.0", "    out[1] = 1.0"]
     for number, entry in enumerate(effects):

@@ -43,12 +43,7 @@ def start_interval(flat: Floats) -> None:
 
 @njit_bare
 def restart(flat: Floats, keep_p: bool) -> None:
-    """Forget the element forces (and p, unless kept) and start from the initial uncertainty.
-
-    Args:
-        flat: the estimator's memory.
-        keep_p: keep the estimate of p.
-    """
+    """Forget the element forces (and p, unless it is kept) and start from the initial uncertainty."""
     x_hat, covariance, initial = vector(flat, at.X_HAT), matrix(flat, at.COVARIANCE), vector(flat, at.INITIAL)
     slip, start = vector(flat, at.SLIP), vector(flat, at.START)
     n_z, d = slip.shape[0], x_hat.shape[0]

@@ -24,12 +24,7 @@ IMPROVED, CONVERGED, NO_DESCENT, NOT_FINITE = range(4)
 
 @njit_bare
 def apply_estimate(flat: Floats, p: Floats) -> None:
-    """Put p into the memory's model.
-
-    Args:
-        flat: the estimator's memory.
-        p: parameters as shares of their nominal value.
-    """
+    """Put p, as shares of the nominal values, into the memory's model."""
     apply_parameters(
         vector(flat, at.NOMINAL_SCALARS), matrix(flat, at.NOMINAL_ELEMENTS), vector(flat, at.KINDS),
         vector(flat, at.SCALE), p, vector(flat, at.SCALARS), matrix(flat, at.ELEMENTS),

@@ -27,11 +27,7 @@ def _shift(rows: Floats, last: int) -> None:
 
 @njit_bare
 def slide_window(flat: Floats) -> None:
-    """Drop the oldest interval: one EKF recursion of the arrival cost through it (III-D2).
-
-    Args:
-        flat: the estimator's memory; its window is linearised at the latest estimate.
-    """
+    """Drop the oldest interval of the linearised window: one EKF recursion of the arrival cost through it (III-D2)."""
     prior, covariance = vector(flat, at.PRIOR), matrix(flat, at.PRIOR_COVARIANCE)
     forces, p, ends = matrix(flat, at.FORCES), vector(flat, at.P), matrix(flat, at.ENDS)
     a, b = matrix(flat, at.A), layer(flat, at.B, 0)
@@ -73,11 +69,7 @@ def slide_window(flat: Floats) -> None:
 
 @njit_bare
 def append_interval(flat: Floats) -> None:
-    """Add the running interval, which ends now, and the measurement ``RECORD`` at its end.
-
-    Args:
-        flat: the estimator's memory; there is room in its window.
-    """
+    """Add the running interval, which ends now, and the measurement ``RECORD`` at its end; the window has room."""
     count = int(flat[at.COUNT])
     record, measurements = vector(flat, at.RECORD), matrix(flat, at.MEASUREMENTS)
     now, now_slip = vector(flat, at.NOW), vector(flat, at.NOW_SLIP)

@@ -135,11 +135,7 @@ def _activate_bounds(flat: Floats) -> bool:
 
 @njit_bare
 def solve_subproblem(flat: Floats) -> None:
-    """Solve the quadratic programme of one Gauss-Newton iteration into ``STEPS``.
-
-    Args:
-        flat: the estimator's memory, its window linearised.
-    """
+    """Solve the quadratic programme of one Gauss-Newton iteration on the linearised window into ``STEPS``."""
     active = matrix(flat, at.ACTIVE)
     for k in range(active.shape[0]):
         for i in range(active.shape[1]):

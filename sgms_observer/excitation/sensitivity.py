@@ -224,11 +224,7 @@ class Sensitivity:
         return Parameters(names, np.column_stack([self.rows(column) for column in found.values()]), asked)
 
     def effect_column(self, settings: EffectSettings) -> Floats:
-        """Return the effort of an effect [N], shape (n,).
-
-        Args:
-            settings: the effect, weak.
-        """
+        """Return the effort of an effect [N], shape (n,)."""
         entry = effect(settings.name)
         if entry.place in (Place.ADDED_FORCE, Place.PLANT):
             return self._evaluate([settings], self.effort)[0]
@@ -250,11 +246,7 @@ class Sensitivity:
 
     @staticmethod
     def largest_force(column: Floats) -> float:
-        """Return the largest force of an effect's column [N].
-
-        Args:
-            column: from ``effect_column`` [N].
-        """
+        """Return the largest force of an effect's column [N]."""
         return float(np.quantile(np.abs(column), _QUANTILE))
 
     def unit_rows(self, column: Floats, strength: float = SIZE) -> Floats:

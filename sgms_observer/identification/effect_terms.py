@@ -120,11 +120,7 @@ def effect_terms(axis: AxisSettings) -> EffectTerms:
 
 
 def reason_fixed(name: str) -> str:
-    """Return why a parameter is never fitted; empty if it is.
-
-    Args:
-        name: ``effect.parameter``.
-    """
+    """Return why ``effect.parameter`` is never fitted; empty if it is."""
     return _FIXED.get(name, "")
 
 

@@ -42,11 +42,7 @@ class LinearEffects:
     reasons: dict[int, str]
 
     def vector_of(self, weights: Floats) -> EffectVector:
-        """Return the effects with fitted strengths and phases.
-
-        Args:
-            weights: of the columns, shape (k,).
-        """
+        """Return the effects with fitted strengths and phases."""
         values = self.start.values.copy()
         at = 0
         for strength, phase in self.strengths:

@@ -139,11 +139,7 @@ def validation_squares(data: Rows, parameters: Parameters, shape: ElementShape) 
 
 
 def choose_count(errors: dict[int, Floats]) -> int:
-    """Return the smallest number of elements whose error is within the scatter or within 2 % rms of the best.
-
-    Args:
-        errors: number of elements to the squared error of each validation chunk.
-    """
+    """Return the smallest number of elements with an error within the scatter, or within 2 % rms, of the best."""
     best = min(errors, key=lambda count: float(np.mean(errors[count])))
     for count in sorted(errors):
         excess = errors[count] - errors[best]

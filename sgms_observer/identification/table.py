@@ -53,12 +53,7 @@ class Row:
 
 
 def parameter_rows(result: Identification, axis: AxisSettings) -> tuple[Row, ...]:
-    """Return the table: scalars, effects, then each element.
-
-    Args:
-        result: from ``identify``.
-        axis: start settings.
-    """
+    """Return the table: scalars, effects, then each element."""
     widths = np.where(np.isin(np.arange(len(result.confidence.half_width)), result.frozen), np.nan,
                       result.confidence.half_width)  # fmt: skip
     return (
@@ -139,12 +134,7 @@ def _effect_rows(result: Identification, axis: AxisSettings, widths: Floats) -> 
 
 
 def remarks_of(rows: Sequence[Row], result: Identification) -> dict[str, str]:
-    """Return a remark for each line of the YAML; a list has one for all its entries.
-
-    Args:
-        rows: the table.
-        result: from ``identify``.
-    """
+    """Return a remark for each line of the YAML; a list has one for all its entries."""
     single = [row for row in rows if not ("[" in row.name or " " in row.name or row.name == "delay")]
     remarks = {row.name: row.remark for row in single}
     damping = next(row for row in rows if row.name.startswith(DAMPING))

@@ -81,11 +81,7 @@ class Traces:
 
 
 def unexplained_share(traces: Sequence[Trace]) -> float:
-    """Return the rms residual over the rms effort [-].
-
-    Args:
-        traces: pieces, one at least.
-    """
+    """Return the rms residual over the rms effort of one piece or more [-]."""
     residual = np.concatenate([trace.residual for trace in traces])
     effort = np.concatenate([trace.effort for trace in traces])
     return float(np.linalg.norm(residual) / np.linalg.norm(effort))

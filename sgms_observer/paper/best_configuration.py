@@ -209,11 +209,7 @@ def beyond(seeds: int, consistency_seeds: int, step: Step = lambda: None) -> dic
 
 
 def beyond_markdown(result: dict[str, Any]) -> str:
-    """Write ``beyond.md``.
-
-    Args:
-        result: from ``beyond``.
-    """
+    """Return ``beyond.md`` for the result of ``beyond``."""
     lines = [
         "# Beyond Table II",
         "",

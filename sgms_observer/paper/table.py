@@ -183,11 +183,7 @@ def table_two(seeds: int, step: Step = lambda: None) -> dict[str, Any]:
 
 
 def table_markdown(result: dict[str, Any]) -> str:
-    """Write ``table2.md``.
-
-    Args:
-        result: from ``table_two``.
-    """
+    """Return ``table2.md`` for the result of ``table_two``."""
     conditions = result["conditions"]
     lines = [
         "# Table II",

@@ -68,11 +68,7 @@ def axis_result(without: Half, with_it: Half, same: int, compared: int) -> dict[
 
 
 def result_of(axes: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Return the content of result.json.
-
-    Args:
-        axes: name to ``axis_result``.
-    """
+    """Return the content of result.json from each axis's name and ``axis_result``."""
     return {"schema": SCHEMA, "axes": axes}
 
 

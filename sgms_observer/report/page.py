@@ -40,11 +40,7 @@ Text and signs have a contrast of 4.5 to 1 at least against ``paper`` (WCAG 2.1)
 
 
 def light(name: str) -> str:
-    """Return a colour as it is on a light page.
-
-    Args:
-        name: one of ``COLOURS``.
-    """
+    """Return one of ``COLOURS`` as it is on a light page."""
     return COLOURS[name][0]
 
 
@@ -233,11 +229,7 @@ class Page:
 
 
 def render_page(page: Page) -> str:
-    """Return a page as HTML; it needs no other file and no network.
-
-    Args:
-        page: what it says.
-    """
+    """Return a page as HTML; it needs no other file and no network."""
     environment = Environment(
         loader=FileSystemLoader(_FOLDER),
         autoescape=True,

@@ -54,12 +54,7 @@ class AxisView:
         self._squares, self._tracked, self.tracking_peak = 0.0, 0, 0.0
 
     def add(self, samples: Samples, estimates: Estimates) -> None:
-        """Take in a block.
-
-        Args:
-            samples: what was measured.
-            estimates: of these samples.
-        """
+        """Take in a block of samples and their estimates."""
         is_starting = estimates.status == Status.STARTING
         friction = np.where(is_starting, math.nan, estimates.friction)
         time = (samples.stamp_ns - self._first_ns) * 1e-9

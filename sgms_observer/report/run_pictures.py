@@ -55,11 +55,7 @@ class Run:
 
 
 def clearest_reversal(run: Run) -> float:
-    """Return the time of the last reversal but one, so that what follows it is in the run too [s].
-
-    Args:
-        run: the run; its end if it never reverses.
-    """
+    """Return the time of the last reversal but one, so that the run has what follows it too [s]; else its end."""
     fast = np.flatnonzero(np.abs(run.velocity) > 0.2 * np.nanmax(np.abs(run.velocity), initial=0.0))
     signs = np.sign(run.velocity[fast])
     turns = np.flatnonzero(np.diff(signs) != 0)

@@ -331,11 +331,7 @@ class Settings:
         return tuple(known[name] for name in dict.fromkeys(names)) or self.axes
 
     def coupled_to(self, axis: AxisSettings) -> AxisSettings | None:
-        """Return the axis whose motion acts on one by ``cross_axis_coupling``; None where there is none.
-
-        Args:
-            axis: one of ``axes``.
-        """
+        """Return the axis whose motion acts on one by ``cross_axis_coupling``; None where there is none."""
         number = coupled_number(self.axes, self.axes.index(axis))
         return None if number is None else self.axes[number]
 

@@ -153,11 +153,7 @@ def declared_settings(kind: type) -> dict[str, Declared]:
 
 
 def declared_sections(kind: type) -> dict[str, tuple[type, str]]:
-    """Return the groups inside a group, by name: their dataclass and their description.
-
-    Args:
-        kind: a dataclass whose fields were made with ``setting`` and ``section``.
-    """
+    """Return the groups inside a group, by name: their dataclass and their description."""
     if kind in _sections:
         return _sections[kind]
     found: dict[str, tuple[type, str]] = {}

@@ -231,12 +231,7 @@ def refuse_incomplete(arguments: NodeArguments, node_name: str) -> None:
 
 
 def missing_parameters(settings: Settings, axes: Sequence[AxisSettings]) -> list[str]:
-    """Return a sentence for each required value that a parameter file lacks.
-
-    Args:
-        settings: of the file.
-        axes: those of its axes that matter.
-    """
+    """Return a sentence for each required value that a parameter file lacks."""
     return _missing(given_parameters(parameter_tree(settings.source, "the parameter file")), axes)
 
 

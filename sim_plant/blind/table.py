@@ -99,11 +99,7 @@ def lower_tenth(values: Sequence[float]) -> float:
 
 
 def figures(scores: Sequence[CaseScore]) -> list[Figure]:
-    """Return the figures to reach, in the order in which they were asked for.
-
-    Args:
-        scores: all cases of a set.
-    """
+    """Return the figures to reach, in the order in which they were asked for."""
     null = [one for one in scores if not one.effects]
     single = [one for one in scores if len(one.effects) == 1 and one.is_inside]
     outside = [one for one in scores if one.effects and not one.is_inside]
@@ -187,11 +183,7 @@ def per_effect_text(scores: Sequence[CaseScore]) -> str:
 
 
 def matrix(scores: Sequence[CaseScore]) -> tuple[list[str], list[str], Ints]:
-    """Return rows (hidden), columns (reported first) and counts; cases with two effects are left out.
-
-    Args:
-        scores: all cases of a set.
-    """
+    """Return rows (hidden), columns (reported first) and counts; cases with two effects are left out."""
     single = [one for one in scores if len(one.effects) < 2]
     present = {one.effects[0] if one.effects else "nothing" for one in single}
     rows = [name for name in (*INSIDE, *OUTSIDE, "nothing") if name in present]
@@ -216,12 +208,7 @@ def confusion_text(scores: Sequence[CaseScore]) -> str:
 
 
 def confusion_picture(scores: Sequence[CaseScore], path: Path) -> None:
-    """Draw the matrix; each row is coloured by its shares.
-
-    Args:
-        scores: all cases of a set.
-        path: PNG to write.
-    """
+    """Draw the matrix into a PNG; each row is coloured by its shares."""
     from matplotlib.figure import Figure
 
     rows, columns, counts = matrix(scores)

@@ -81,12 +81,7 @@ def loading_curve(machine: Machine, points: int = 400) -> tuple[Floats, Floats]:
 
 
 def steady_curve(machine: Machine, speed: Floats) -> Floats:
-    """Return the force of steady sliding without the viscous part [N].
-
-    Args:
-        machine: whose contact.
-        speed: sliding speeds, above zero [m/s].
-    """
+    """Return the force of steady sliding at speeds above zero [m/s], without the viscous part [N]."""
     if machine.law == "rate_state":
         return np.array([rate_state.steady_force(v, machine.curve, machine.law_parameters) for v in speed])
     return np.array([sliding_force(v, machine.curve) for v in speed])
@@ -126,12 +121,7 @@ def _fit_steady(machine: Machine) -> tuple[float, float, float]:
 
 
 def nominal_model(machine: Machine, off: float = OFF) -> NominalModel:
-    """Return the owner's model, every figure off by up to ``off``.
-
-    Args:
-        machine: whose owner.
-        off: share of each figure; 0 for the fit itself.
-    """
+    """Return the owner's model, every figure off by up to ``off``."""
     rng = np.random.default_rng([machine.seed, 13])
     distance, fraction = _fit_elements(*loading_curve(machine))
     coulomb, static, knee = _fit_steady(machine)

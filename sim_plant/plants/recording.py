@@ -117,12 +117,7 @@ def _flexible_part(machine: Machine, peaks: Peaks, share: float) -> float:
 
 
 def force_size(recording: Recording, machine: Machine) -> float:
-    """Return the 99.5 % quantile of the magnitude of the hidden force below ``FORCE_BAND`` [N].
-
-    Args:
-        recording: with its truth.
-        machine: that made it.
-    """
+    """Return the 99.5 % quantile of the magnitude of the hidden force below ``FORCE_BAND`` [N]."""
     return float(np.quantile(np.abs(_low_passed(recording.hidden_force, machine.log_rate)), 0.995))
 
 
@@ -202,12 +197,7 @@ START_NS = 1_700_000_000_000_000_000
 
 
 def write_bag(path: Path, recording: Recording) -> None:
-    """Write position, control_effort and reference; nothing of the truth.
-
-    Args:
-        path: folder of the bag; must not exist.
-        recording: what was logged.
-    """
+    """Write position, control_effort and reference into a new bag; nothing of the truth."""
     stamps = START_NS + np.rint(recording.time * 1.0e9).astype(np.int64)
     with BagWriter(path) as bag:
         bag.write_joint_states("position", stamps, ["x"], position=recording.position)

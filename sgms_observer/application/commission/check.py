@@ -74,12 +74,7 @@ def topic_faults(topics: Topics, axis: AxisSettings, period: float) -> list[str]
 
 
 def warn_of_limit(session: Session, axis: AxisSettings) -> None:
-    """Warn where the limit of the compensation does not fit the static force.
-
-    Args:
-        session: the session.
-        axis: with the best known friction.
-    """
+    """Warn where the limit of the compensation does not fit the static force."""
     limit, static, readable = axis.compensation.limit, axis.friction.static_force, axis.units.readable
     if static <= limit <= LIMIT_MARGIN * FIRST_LIMIT_SHARE * static:
         return

@@ -156,11 +156,7 @@ class Ledger:
         return all((self.folder / file).exists() for file in step.files)
 
     def begin(self, name: str) -> None:
-        """Remove a step, the steps after it and their results, before it is done again.
-
-        Args:
-            name: of the step.
-        """
+        """Remove a step, the steps after it and their results, before it is done again."""
         names = list(self.steps)
         for dropped in names[names.index(name) :] if name in names else []:
             del self.steps[dropped]

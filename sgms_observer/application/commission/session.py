@@ -155,11 +155,7 @@ class Session:
         return self.ledger.folder / name
 
     def warn(self, warning: str) -> None:
-        """Print a warning, and keep it for the ledger and the page.
-
-        Args:
-            warning: a sentence that begins with ``Warning:``.
-        """
+        """Print a warning, a sentence that begins with ``Warning:``, and keep it for the ledger and the page."""
         self.say(warning)
         self._warnings.append(warning)
 

@@ -93,11 +93,7 @@ class Table(Protocol):
     lead: float
 
     def listen(self, seconds: float) -> Topics:
-        """Return the messages within a time, counted from the first position and effort.
-
-        Args:
-            seconds: how long to listen [s].
-        """
+        """Return the messages within some seconds, counted from the first position and effort."""
         ...
 
     def play(self, motion: Motion, origin: float, watch: Watch, bag: Path | None = None) -> None:
@@ -123,11 +119,7 @@ class Table(Protocol):
         ...
 
     def start_observer(self, config: Path) -> None:
-        """Start an observer of this commissioning's own, and return when it publishes.
-
-        Args:
-            config: parameter file.
-        """
+        """Start an observer of this commissioning's own with a parameter file, and return when it publishes."""
         ...
 
     def stop_observer(self) -> None:
@@ -135,11 +127,7 @@ class Table(Protocol):
         ...
 
     def compensate(self, gain: float) -> None:
-        """Set the gain of the axis's compensation; 0 switches it off.
-
-        Args:
-            gain: share of the predicted friction.
-        """
+        """Set the gain of the axis's compensation, a share of the predicted friction; 0 switches it off."""
         ...
 
     def release(self) -> None:
