@@ -78,12 +78,8 @@ def nonlinear_viscous(stage: TrueStage, motion: Motion, rng: Generator) -> Maker
     exponent = float(rng.uniform(0.3, 0.6))
 
     def make(strength: float) -> Hidden:
-        entries = {
-            s.POWER_A: strength * stage.coulomb_force,
-            s.POWER_SPEED: stage.top_speed,
-            s.POWER_EXPONENT: exponent,
-        }
-        return Hidden(stage, stage, entries)
+        size = strength * stage.coulomb_force
+        return Hidden(stage, stage, {s.POWER_A: size, s.POWER_SPEED: stage.top_speed, s.POWER_EXPONENT: exponent})
 
     return make
 
@@ -105,12 +101,9 @@ def quadratic_drag(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
 def eddy_current(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
     """A brake whose force falls off otherwise than Kloss has it."""
     peak, power = rng.uniform(0.12, 0.35) * stage.top_speed, rng.uniform(1.7, 2.2)
-
-    def make(strength: float) -> Hidden:
-        entries = {s.EDDY_A: strength * stage.coulomb_force, s.EDDY_SPEED: peak, s.EDDY_POWER: power}
-        return Hidden(stage, stage, entries)
-
-    return make
+    return lambda strength: Hidden(
+        stage, stage, {s.EDDY_A: strength * stage.coulomb_force, s.EDDY_SPEED: peak, s.EDDY_POWER: power}
+    )
 
 
 def periodic_disturbance(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
@@ -189,12 +182,8 @@ def position_dependent_friction(stage: TrueStage, motion: Motion, rng: Generator
     half_width = rng.uniform(0.12, 0.25) * stage.half_stroke
 
     def make(strength: float) -> Hidden:
-        entries = {
-            s.SPOT_A: strength,
-            s.SPOT_PLACE: place,
-            s.SPOT_HALF_WIDTH: half_width,
-            s.SPOT_EDGE: 0.15 * half_width,
-        }
+        entries = {s.SPOT_A: strength, s.SPOT_PLACE: place}
+        entries |= {s.SPOT_HALF_WIDTH: half_width, s.SPOT_EDGE: 0.15 * half_width}
         return Hidden(stage, stage, entries, truth={"center": place})
 
     return make
@@ -203,21 +192,15 @@ def position_dependent_friction(stage: TrueStage, motion: Motion, rng: Generator
 def asymmetric_coulomb(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
     """Every element slips at another force in the other direction; the strength is half the difference."""
     side = sign(rng)
-
-    def make(strength: float) -> Hidden:
-        return Hidden(stage, stage, {s.SIDED_COULOMB_A: side * strength}, truth={"share": side * strength})
-
-    return make
+    return lambda strength: Hidden(stage, stage, {s.SIDED_COULOMB_A: side * strength}, truth={"share": side * strength})
 
 
 def stribeck(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
     """A second fall of friction at five to fifteen times the known speed, with a long tail instead of a bell."""
     speed, power = stage.knee * rng.uniform(5.0, 15.0), rng.uniform(1.2, 1.8)
-
-    def make(strength: float) -> Hidden:
-        return Hidden(stage, stage, {s.WEAKENING_A: strength, s.WEAKENING_SPEED: speed, s.WEAKENING_POWER: power})
-
-    return make
+    return lambda strength: Hidden(
+        stage, stage, {s.WEAKENING_A: strength, s.WEAKENING_SPEED: speed, s.WEAKENING_POWER: power}
+    )
 
 
 def presliding(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
@@ -237,11 +220,7 @@ def presliding(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
 def dwell_breakaway(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
     """A contact that ages with the logarithm of rest and forgets by sliding; the strength is reached after 2 s."""
     age_time, distance = rng.uniform(0.05, 0.2), float(np.exp(rng.uniform(np.log(2.0e-5), np.log(1.5e-4))))
-
-    def make(strength: float) -> Hidden:
-        return Hidden(stage, stage, {s.AGE_A: strength, s.AGE_TIME: age_time, s.AGE_DISTANCE: distance})
-
-    return make
+    return lambda strength: Hidden(stage, stage, {s.AGE_A: strength, s.AGE_TIME: age_time, s.AGE_DISTANCE: distance})
 
 
 def frictional_lag(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
@@ -271,11 +250,7 @@ def thermal_drift(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
     side = -1.0 if rng.random() < 0.8 else 1.0
     time = rng.uniform(5.0, 14.0)
     power = 1.3 * stage.coulomb_force * float(np.mean(np.abs(motion.velocity)))
-
-    def make(strength: float) -> Hidden:
-        return Hidden(stage, stage, {s.HEAT_A: side * strength, s.HEAT_TIME: time, s.HEAT_POWER: power})
-
-    return make
+    return lambda strength: Hidden(stage, stage, {s.HEAT_A: side * strength, s.HEAT_TIME: time, s.HEAT_POWER: power})
 
 
 def wear_step(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
@@ -295,11 +270,7 @@ def wear_step(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
 
 def load_dependent_friction(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
     """Friction that rises a little faster than the carried inertial load."""
-
-    def make(strength: float) -> Hidden:
-        return Hidden(stage, stage, {s.LOAD_A: strength, s.LOAD_ACCELERATION: stage.top_acceleration})
-
-    return make
+    return lambda strength: Hidden(stage, stage, {s.LOAD_A: strength, s.LOAD_ACCELERATION: stage.top_acceleration})
 
 
 FRICTION_KINDS = (

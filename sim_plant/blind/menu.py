@@ -117,12 +117,8 @@ def encoder_interpolation_error(stage: TrueStage, motion: Motion, rng: Generator
 
     def make(strength: float) -> Hidden:
         amplitude = min(strength * 2.0e-6, 0.03 * pitch)
-        entries = {
-            s.ENCODER_A: amplitude,
-            s.ENCODER_PITCH: pitch,
-            s.ENCODER_PHASE: phase,
-            s.ENCODER_A2: second * amplitude,
-        }
+        entries = {s.ENCODER_A: amplitude, s.ENCODER_A2: second * amplitude}
+        entries |= {s.ENCODER_PITCH: pitch, s.ENCODER_PHASE: phase}
         return Hidden(stage, stage, entries, truth={"pitch": pitch, "amplitude": amplitude})
 
     return make
@@ -172,11 +168,7 @@ def vibration_bursts(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
 def direction_memory(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
     """Friction that grows with how long the stage has gone the same way, over seconds."""
     time = rng.uniform(0.8, 2.5)
-
-    def make(strength: float) -> Hidden:
-        return Hidden(stage, stage, {s.MEMORY_A: strength, s.MEMORY_TIME: time})
-
-    return make
+    return lambda strength: Hidden(stage, stage, {s.MEMORY_A: strength, s.MEMORY_TIME: time})
 
 
 def cover_stick_slip(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
@@ -209,11 +201,9 @@ def random_walk_force(stage: TrueStage, motion: Motion, rng: Generator) -> Maker
 def magnetic_hysteresis(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
     """Iron in the motor: the force depends on where the effort came from."""
     width = rng.uniform(0.8, 1.5)
-
-    def make(strength: float) -> Hidden:
-        return Hidden(stage, stage, {s.IRON_SHARE: strength / width, s.IRON_WIDTH: width * stage.coulomb_force})
-
-    return make
+    return lambda strength: Hidden(
+        stage, stage, {s.IRON_SHARE: strength / width, s.IRON_WIDTH: width * stage.coulomb_force}
+    )
 
 
 def viscosity_spikes(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
@@ -238,11 +228,7 @@ def viscosity_spikes(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
 def grease_ridge(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
     """Grease pushed up where the stage last rested makes it drag there again."""
     width = rng.uniform(0.05, 0.12) * stage.half_stroke
-
-    def make(strength: float) -> Hidden:
-        return Hidden(stage, stage, {s.RIDGE_A: 1.5 * strength, s.RIDGE_WIDTH: width})
-
-    return make
+    return lambda strength: Hidden(stage, stage, {s.RIDGE_A: 1.5 * strength, s.RIDGE_WIDTH: width})
 
 
 def sweeping_disturbance(stage: TrueStage, motion: Motion, rng: Generator) -> Maker:
