@@ -81,12 +81,7 @@ def doubts_about(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
 
 
 def unit_doubts(facts: AxisFacts, joint_type: str | None) -> tuple[str, ...]:
-    """Return a sentence for each suspicious unit.
-
-    Args:
-        facts: what the recording shows.
-        joint_type: prismatic or revolute; None if it is not known.
-    """
+    """Return a sentence for each suspicious unit; arguments as of ``doubts_about``."""
     found = []
     units = Units(joint_type or PRISMATIC)
     stroke, speed = facts.stroke, facts.peak_speed

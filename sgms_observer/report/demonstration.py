@@ -125,14 +125,7 @@ def missing_warnings(axis: str, share: float) -> list[str]:
 
 
 def late_warnings(axis: str, without: Half, with_it: Half, units: Units) -> list[str]:
-    """Return a warning where compensations that came late decide how large the tracking error gets.
-
-    Args:
-        axis: its name.
-        without: errors of the half without compensation.
-        with_it: errors of the half with it.
-        units: of the axis.
-    """
+    """Return a warning where late compensations decide the largest tracking error; arguments as of ``headline``."""
     if not with_it.late_share > 0.0 or with_it.clear_peak >= with_it.tracking_peak:
         return []
     peak = units.readable(with_it.tracking_peak, largest=max(without.tracking_peak, with_it.tracking_peak))
@@ -143,13 +136,7 @@ def late_warnings(axis: str, without: Half, with_it: Half, units: Units) -> list
 
 
 def on_the_way(without: Half, with_it: Half, units: Units) -> str:
-    """Return a sentence about late compensations, if the recording shows them.
-
-    Args:
-        without: errors of the half without compensation.
-        with_it: errors of the half with it.
-        units: of the axis.
-    """
+    """Return a sentence about late compensations, if the recording shows them; arguments as of ``headline``."""
     readable = readable_errors(without, with_it, units)
     if math.isnan(with_it.late_share):
         return "the recording does not tell which compensations came in time"
@@ -169,11 +156,5 @@ def on_the_way(without: Half, with_it: Half, units: Units) -> str:
 
 
 def readable_errors(without: Half, with_it: Half, units: Units) -> Callable[[float], str]:
-    """Return a function that formats tracking errors with one prefix.
-
-    Args:
-        without: errors of the half without compensation.
-        with_it: errors of the half with it.
-        units: of the axis.
-    """
+    """Return a function that formats tracking errors with one prefix; arguments as of ``headline``."""
     return partial(units.readable, largest=max(without.tracking_peak, with_it.tracking_peak))

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sgms_observer.arrays import Floats
 from sgms_observer.excitation.design import Goal
 from sgms_observer.excitation.goals import followed
 from sgms_observer.excitation.limits import ExcitationLimits
@@ -19,8 +20,6 @@ from sgms_observer.settings.axis import AxisSettings, EffectSettings
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 from excitation_recipe import build_recipe
-
-from sgms_observer.arrays import Floats
 
 RATE = 1000.0
 LIMITS = ExcitationLimits(0.02, 0.05, 1.0)
