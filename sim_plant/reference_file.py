@@ -108,16 +108,11 @@ def back_and_forth(stroke: float, velocity: float, acceleration: float, jerk: fl
     rest = np.zeros((1, 4))
     rest_there = np.array([[stroke, 0.0, 0.0, 0.0]])
     lengths = np.concatenate([[dwell], durations, [dwell], durations])
-    return join(lengths, np.concatenate([rest, out, rest_there, back]))
+    return _join(lengths, np.concatenate([rest, out, rest_there, back]))
 
 
-def join(durations: Floats, coefficients: Floats) -> PiecewiseCubic:
-    """Chain pieces into a periodic motion, leaving out those without length.
-
-    Args:
-        durations: length of each piece [s], shape (n,).
-        coefficients: as in ``PiecewiseCubic``, shape (n, 4).
-    """
+def _join(durations: Floats, coefficients: Floats) -> PiecewiseCubic:
+    """Chain pieces into a periodic motion, leaving out those without length."""
     has_length = durations > 0.0
     knots = np.concatenate([[0.0], np.cumsum(durations[has_length])])
     return PiecewiseCubic(knots, coefficients[has_length])

@@ -111,15 +111,8 @@ class Cursor:
         return bytes(self._message[self.at - length : self.at]).rstrip(b"\0").decode("utf-8", "replace")
 
 
-def seconds_of(stamp_ns: int) -> tuple[int, int]:
-    """Return seconds and nanoseconds of a stamp, as ROS counts them.
-
-    Args:
-        stamp_ns: time [ns].
-
-    Raises:
-        DataError: the stamp does not fit a ROS time.
-    """
+def _seconds_of(stamp_ns: int) -> tuple[int, int]:
+    """Return seconds and nanoseconds of a stamp, as ROS counts them; DataError where it does not fit a ROS time."""
     seconds, nanoseconds = divmod(stamp_ns, _SECOND)
     if not -_SEC_LIMIT <= seconds < _SEC_LIMIT:
         raise DataError(f"the stamp {stamp_ns} ns does not fit a ROS time; give a time within 68 years of 1970")
@@ -136,7 +129,7 @@ def begin_message(stamp_ns: int, frame_id: str = "") -> bytearray:
     Raises:
         DataError: the stamp does not fit a ROS time.
     """
-    message = bytearray(b"\x00\x01\x00\x00" + struct.pack("<iI", *seconds_of(stamp_ns)))
+    message = bytearray(b"\x00\x01\x00\x00" + struct.pack("<iI", *_seconds_of(stamp_ns)))
     append_string(message, frame_id)
     return message
 
@@ -334,7 +327,7 @@ class JointStateEncoder:
             DataError: the stamp does not fit a ROS time, or a field does not fit the names.
         """
         buffer = self._buffer
-        self._pack_stamp(buffer, HEADER, *seconds_of(stamp_ns))
+        self._pack_stamp(buffer, HEADER, *_seconds_of(stamp_ns))
         try:
             for start, values in zip(self.starts, fields, strict=True):
                 self._pack_field(buffer, start, *values)

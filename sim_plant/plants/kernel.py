@@ -23,15 +23,8 @@ PROPORTIONAL, DERIVATIVE, INTEGRAL, FILTER_RATE, FEEDFORWARD = 0, 1, 2, 3, 4
 
 
 @njit
-def added_force(q: float, v: float, t: float, p: Floats) -> float:
-    """Return the hidden force against positive motion [N].
-
-    Args:
-        q: position [m].
-        v: velocity [m/s].
-        t: time [s].
-        p: hidden parameters.
-    """
+def _added_force(q: float, v: float, t: float, p: Floats) -> float:
+    """Return the hidden force against positive motion at a position [m], a velocity [m/s] and a time [s] [N]."""
     force = p[s.CONSTANT] + p[s.SPRING] * (q - p[s.SPRING_CENTRE]) + p[s.DRAG] * v * abs(v)
     if p[s.RIPPLE] != 0.0:
         angle = 2.0 * math.pi * q / p[s.RIPPLE_PITCH]
@@ -78,13 +71,8 @@ def _timed_scale(t: float, age: float, p: Floats) -> float:
 
 
 @njit
-def arriving_effort(demand: float, p: Floats) -> float:
-    """Return the effort that reaches the mass [N].
-
-    Args:
-        demand: effort of the controller [N].
-        p: hidden parameters.
-    """
+def _arriving_effort(demand: float, p: Floats) -> float:
+    """Return the effort that reaches the mass when the controller demands one [N]."""
     arrived = float(demand * (1.0 - p[s.LOST_GAIN]))
     if abs(arrived) <= p[s.DEAD_WIDTH]:
         return 0.0
@@ -176,8 +164,8 @@ def run(
             demand = effort
             if p[s.DELAY] > 0.0:
                 demand = efforts[max(math.floor(k + j / steps - p[s.DELAY] / period), 0)]
-            applied = arriving_effort(demand, p)
-            hidden = added_force(q, v, t, p) + _on_map(q, force_map, p)
+            applied = _arriving_effort(demand, p)
+            hidden = _added_force(q, v, t, p) + _on_map(q, force_map, p)
             if p[s.SLACK_FORCE] != 0.0:
                 slack = relaxed(slack, v / p[s.SLACK_DISTANCE], abs(v) / p[s.SLACK_DISTANCE], h)
                 hidden += _slack_force(q, slack, p)

@@ -63,13 +63,8 @@ def hysteresis(z: float, side: float, law: Floats, state: Floats) -> tuple[float
 
 
 @njit
-def turn(force: float, state: Floats) -> None:
-    """Remember a reversal at the present deflection and ``force`` [N].
-
-    Args:
-        force: of the hysteresis [N].
-        state: changed.
-    """
+def _turn(force: float, state: Floats) -> None:
+    """Remember a reversal at the present deflection and ``force`` [N] in the state."""
     depth = int(state[DEPTH])
     if depth >= MAX_OPEN:
         depth -= 2
@@ -99,7 +94,7 @@ def step(velocity: float, duration: float, scale: float, curve: Floats, law: Flo
         return float(force)
     side = way if pace > 0.0 else -way
     if side != state[SIDE]:
-        turn(force, state)
+        _turn(force, state)
     travel = abs(velocity) * duration
     # distance x along ``side`` with x = travel |pace(x)|: rising in x on the left, falling on the right
     low, high = 0.0, travel * abs(pace)

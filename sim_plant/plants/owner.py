@@ -142,13 +142,8 @@ def nominal_model(machine: Machine, off: float = OFF) -> NominalModel:
     )
 
 
-def axis_tree(machine: Machine, *, with_joint_type: bool) -> dict[str, Any]:
-    """Return one axis of the parameter file.
-
-    Args:
-        machine: whose owner.
-        with_joint_type: say that the axis turns, where it does.
-    """
+def _axis_tree(machine: Machine, *, with_joint_type: bool) -> dict[str, Any]:
+    """Return one axis of the parameter file, with its joint type where the axis turns and the file shall say so."""
     nominal = nominal_model(machine)
     period = 1.0 / machine.log_rate
     tree: dict[str, Any] = {"joint_type": "revolute"} if with_joint_type and machine.is_rotary else {}
@@ -183,6 +178,6 @@ def write_yaml(path: Path, machine: Machine, *, with_joint_type: bool = True) ->
         machine: whose owner.
         with_joint_type: say that the axis turns, where it does; False for a reader that does not know the key.
     """
-    axis = axis_tree(machine, with_joint_type=with_joint_type)
+    axis = _axis_tree(machine, with_joint_type=with_joint_type)
     tree = {"axes": ["x"], "sample_period": 1.0 / machine.log_rate, "x": axis}
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": tree}}, sort_keys=False), encoding="utf-8")

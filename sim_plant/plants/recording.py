@@ -141,7 +141,7 @@ def run(machine: Machine, hidden: Hidden, seed: int, kind: str, duration: float)
     motion_chance, noise_chance, pulse_chance = chance.spawn(3)
     motion = make_motion(machine, kind, duration, motion_chance)
     period, count = 1.0 / machine.loop_rate, motion.position.size
-    noise_force = machine.force_noise * coloured(count, 100.0, machine.loop_rate, noise_chance)
+    noise_force = machine.force_noise * _coloured(count, 100.0, machine.loop_rate, noise_chance)
     timed_force = outside_force(hidden, count, period, pulse_chance)
     out = kernel.run(
         motion.position,
@@ -163,7 +163,7 @@ def run(machine: Machine, hidden: Hidden, seed: int, kind: str, duration: float)
         hidden.scale_map,
         noise_force + timed_force,
     )
-    noise = machine.effort_noise * coloured(out.shape[0], machine.noise_corner, machine.log_rate, noise_chance)
+    noise = machine.effort_noise * _coloured(out.shape[0], machine.noise_corner, machine.log_rate, noise_chance)
     return Recording(
         time=np.arange(out.shape[0]) / machine.log_rate,
         position=out[:, kernel.POSITION],
@@ -177,15 +177,8 @@ def run(machine: Machine, hidden: Hidden, seed: int, kind: str, duration: float)
     )
 
 
-def coloured(count: int, corner: float, rate: float, rng: Generator) -> Floats:
-    """Return noise of unit rms, white or of first order.
-
-    Args:
-        count: number of samples.
-        corner: corner frequency [Hz]; 0 for white.
-        rate: of the samples [Hz].
-        rng: source of chance.
-    """
+def _coloured(count: int, corner: float, rate: float, rng: Generator) -> Floats:
+    """Return noise of unit rms, of first order with a corner, or white where that is 0 Hz."""
     white = rng.standard_normal(count)
     if corner == 0.0:
         return np.asarray(white)
