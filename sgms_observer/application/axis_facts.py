@@ -123,11 +123,7 @@ class AxisFacts:
 
 
 def read_axis_facts(
-    bag: str | Path,
-    axis: AxisSettings,
-    survey: TopicSurvey,
-    topics: Mapping[str, str],
-    has_gravity: bool | None = None,
+    bag: str | Path, axis: AxisSettings, survey: TopicSurvey, topics: Mapping[str, str], has_gravity: bool | None = None
 ) -> AxisFacts:
     """Return the facts about one axis of a recording.
 

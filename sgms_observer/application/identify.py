@@ -11,12 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from sgms_observer.errors import ConfigurationError, RecordingError
-from sgms_observer.identification.answer import (
-    Answer,
-    identification_answer,
-    judged_on_held_out,
-    least_squares_answer,
-)
+from sgms_observer.identification.answer import Answer, identification_answer, judged_on_held_out, least_squares_answer
 from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
 from sgms_observer.identification.least_squares import fit_inverse_model, is_reversed
 from sgms_observer.identification.report import IdentifiedAxis, identification_page, report_path

@@ -114,10 +114,7 @@ def _axis(draft: AxisDraft) -> list[tuple[str, str]]:
         ("        degree: 3", "of the polynomial over the window"),
         (f"        position_noise: {number(draft.noise)}", f"{length}, standard deviation of the encoder's noise"),
         ("        effort_is_held: true", "the drive holds each effort until the next one"),
-        (
-            f"        maximum_gap: {number(draft.pause(0.02))}",
-            "s: after a longer pause filters and estimator restart",
-        ),
+        (f"        maximum_gap: {number(draft.pause(0.02))}", "s: after a longer pause filters and estimator restart"),
         (
             f"        jump_speed: {number(max(10.0, 10.0 * draft.speed))}",
             f"{units.velocity}: a larger change from one sample to the next is a jump",

@@ -142,14 +142,7 @@ def find_in_python(data: bytes) -> tuple[Bytes, Ints, Ints, int]:
 
 
 @njit
-def find_messages(
-    data: Bytes,
-    index_of: Ints,
-    topic: Ints,
-    log_ns: Ints,
-    start: Ints,
-    length: Ints,
-) -> int:
+def find_messages(data: Bytes, index_of: Ints, topic: Ints, log_ns: Ints, start: Ints, length: Ints) -> int:
     """Find the messages of some channels among MCAP records; only called where numba is.
 
     Args:

@@ -168,14 +168,7 @@ def word(data: Bytes, at: int) -> np.uint64:
 
 @njit
 def read_rows(
-    data: Bytes,
-    start: Ints,
-    length: Ints,
-    template: Bytes,
-    mask: Bytes,
-    places: Ints,
-    found: Booleans,
-    out: Words,
+    data: Bytes, start: Ints, length: Ints, template: Bytes, mask: Bytes, places: Ints, found: Booleans, out: Words
 ) -> int:
     """Read numbers from every message that has a layout.
 

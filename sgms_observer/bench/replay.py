@@ -9,10 +9,7 @@ from typing import Any
 
 from sgms_observer.bench.process import TELL_PEAK, Usage, run_python, write_config
 
-_SGMS = (
-    "-c",
-    f"import sys; from sgms_observer.__main__ import main; code = main(); {TELL_PEAK}; sys.exit(code)",
-)
+_SGMS = ("-c", f"import sys; from sgms_observer.__main__ import main; code = main(); {TELL_PEAK}; sys.exit(code)")
 _FIRST_ESTIMATE = """
 import sys
 from sgms_observer.nodes.engine import Engine

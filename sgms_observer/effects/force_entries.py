@@ -171,11 +171,7 @@ FORCE_EFFECTS = (
     Effect(
         "periodic_disturbance",
         Place.ADDED_FORCE,
-        (
-            strength("amplitude", "N", "amplitude"),
-            frequency(1.0e-3, "frequency in time"),
-            _PHASE,
-        ),
+        (strength("amplitude", "N", "amplitude"), frequency(1.0e-3, "frequency in time"), _PHASE),
         "F = A sin(2 pi f t + phase)",
         "periodic in time, independent of the motion",
         "any motion, longer than several periods, at more than one speed",

@@ -156,10 +156,7 @@ class LearntMap:
             key: grid for key, grid in zip(self.coordinates, self.grids, strict=True) if key in GRIDS
         }
         named.update(
-            scale=self.scale,
-            reversal_distance=self.reversal_distance,
-            coordinates=self.coordinates,
-            values=self.values,
+            scale=self.scale, reversal_distance=self.reversal_distance, coordinates=self.coordinates, values=self.values
         )
         return EffectSettings(self.name, flat_values(effect(self.name), named))
 

@@ -57,10 +57,7 @@ LEVEL_EFFECTS = (
     Effect(
         "stribeck",
         Place.LEVEL_FACTOR,
-        (
-            share("rise toward zero speed"),
-            speed("velocity", 0.01, 1.0e-6, 10.0, "speed over which it fades"),
-        ),
+        (share("rise toward zero speed"), speed("velocity", 0.01, 1.0e-6, 10.0, "speed over which it fades")),
         "s -> s (1 + A exp(-(v / v1)^2))",
         "more (or less) friction at low speed than the model's Stribeck curve",
         "constant speeds over two decades around the Stribeck velocity",

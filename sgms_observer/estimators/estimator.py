@@ -18,13 +18,7 @@ from sgms_observer.estimators.block import (
     STATUS,
     estimate_block,
 )
-from sgms_observer.estimators.layout import (
-    COULOMB,
-    NU,
-    P_OFFSET,
-    model_arrays,
-    parameter_arrays,
-)
+from sgms_observer.estimators.layout import COULOMB, NU, P_OFFSET, model_arrays, parameter_arrays
 from sgms_observer.estimators.memory import EKF_NEXT, Memory, Sizes, Tuning, allocate, forget
 from sgms_observer.filters.motion import Motion
 from sgms_observer.settings.axis import EstimatorSettings, FrictionSettings

@@ -122,13 +122,7 @@ def filter_sample(config: Floats, state: Floats, stamp_ns: int, position: float,
 
 @njit
 def filter_block(
-    config: Floats,
-    state: Floats,
-    row: Floats,
-    stamp_ns: Ints,
-    position: Floats,
-    effort: Floats,
-    table: Floats,
+    config: Floats, state: Floats, row: Floats, stamp_ns: Ints, position: Floats, effort: Floats, table: Floats
 ) -> None:
     """Take a block of samples, one after the other.
 

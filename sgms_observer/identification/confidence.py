@@ -203,11 +203,7 @@ def _allowed(parameters: Parameters) -> Floats:
 
 
 def step_to(
-    data: Sequence[Prepared],
-    masks: Sequence[Booleans],
-    parameters: Parameters,
-    shape: ElementShape,
-    chosen: list[int],
+    data: Sequence[Prepared], masks: Sequence[Booleans], parameters: Parameters, shape: ElementShape, chosen: list[int]
 ) -> Floats:
     """Return the Gauss-Newton step of the chosen entries on other data.
 

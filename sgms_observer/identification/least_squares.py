@@ -142,10 +142,7 @@ def regression(recording: Recording, names: Sequence[str], cutoff: float) -> Reg
 
 
 def fit_inverse_model(
-    recordings: Sequence[Recording],
-    names: Sequence[str] = SYMMETRIC,
-    cutoff: float = 100.0,
-    is_revolute: bool = False,
+    recordings: Sequence[Recording], names: Sequence[str] = SYMMETRIC, cutoff: float = 100.0, is_revolute: bool = False
 ) -> InverseModelFit:
     """Fit the inverse dynamic model to one or several recordings.
 

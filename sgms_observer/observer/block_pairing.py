@@ -157,12 +157,7 @@ def _accept(stream: Stream, messages: Messages, number: int) -> _Queue | None:
 
 
 def _commit(
-    pairing: Pairing,
-    p: _Queue,
-    e: _Queue,
-    r: _Queue,
-    done: int,
-    matches: list[tuple[NDArray[np.intp], Booleans]],
+    pairing: Pairing, p: _Queue, e: _Queue, r: _Queue, done: int, matches: list[tuple[NDArray[np.intp], Booleans]]
 ) -> None:
     """Complete the first ``done`` positions; the others continue to wait."""
     columns = []

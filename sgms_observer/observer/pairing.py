@@ -98,14 +98,7 @@ class Pairing:
         most: largest number of waiting samples, for any ``hold``.
     """
 
-    def __init__(
-        self,
-        sample_period: float,
-        scales: Scales = UNSCALED,
-        *,
-        hold: float = 0.5,
-        most: int = 4096,
-    ) -> None:
+    def __init__(self, sample_period: float, scales: Scales = UNSCALED, *, hold: float = 0.5, most: int = 4096) -> None:
         self._scales = None if scales.are_one else scales
         self.tolerance_ns = round(_TOLERANCE * sample_period * 1e9)
         self.limit = min(most, max(16, round(hold / sample_period)))

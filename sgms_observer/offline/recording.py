@@ -144,11 +144,7 @@ class Recordings(Sequence[Recording]):
 
 
 def read_recordings(
-    path: str | Path,
-    axis: AxisSettings,
-    other: AxisSettings | None = None,
-    *,
-    topics: Mapping[str, str] | None = None,
+    path: str | Path, axis: AxisSettings, other: AxisSettings | None = None, *, topics: Mapping[str, str] | None = None
 ) -> Recordings:
     """Read the pieces of a bag, in SI units.
 

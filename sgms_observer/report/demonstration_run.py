@@ -333,10 +333,7 @@ def _over_time(one: Evaluated) -> Plot:
             ],
         ),
         Panel(f"error [{error_unit}]", [Line("position - set-point", error_factor * error, "measured")]),
-        Panel(
-            f"friction [{unit}]",
-            [Line("true", run.truth, "ink"), Line("estimated", run.friction, "estimate")],
-        ),
+        Panel(f"friction [{unit}]", [Line("true", run.truth, "ink"), Line("estimated", run.friction, "estimate")]),
         Panel(f"compensation [{unit}]", [Line("compensation", run.compensation, "accent")]),
     ]
     caption = (

@@ -269,7 +269,7 @@ def _section(view: AxisView, of_axis: str, figures: Mapping[str, float], recorde
     name, last = view.axis.name, view.recent(recorded.truth)
     text = [
         "The observer ran over the recording as the live node does. The innovation is the measured minus the predicted"
-        f" {view.axis.units.effort_word} of friction, at each correction.",
+        f" {view.axis.units.effort_word} of friction, at each correction."
     ]
     pictures = (hysteresis_picture(last, f"{name}_"), reversal_picture(last, f"{name}_"))
     tables, plots = [_table(view, figures, recorded)], [_over_time(view, recorded)]

@@ -24,12 +24,7 @@ MAX_WINDOW = 10_000
 
 
 def friction_consistency(
-    path: str,
-    friction: FrictionSettings,
-    given: Sequence[str],
-    faults: Faults,
-    units: Units,
-    inherited_from: str = "",
+    path: str, friction: FrictionSettings, given: Sequence[str], faults: Faults, units: Units, inherited_from: str = ""
 ) -> None:
     """Check the lists against each other and the Stribeck curve.
 

@@ -306,10 +306,7 @@ def _commented(text: str, comments: Comments) -> str:
 
 
 def write_settings(
-    settings: Settings,
-    path: str | Path,
-    changes: Mapping[str, Mapping[str, Any]],
-    comments: Comments | None = None,
+    settings: Settings, path: str | Path, changes: Mapping[str, Mapping[str, Any]], comments: Comments | None = None
 ) -> None:
     """Write settings as they were read, with changes.
 
@@ -326,10 +323,7 @@ def write_settings(
 
 
 def settings_text(
-    settings: Settings,
-    path: str | Path,
-    changes: Mapping[str, Mapping[str, Any]],
-    comments: Comments | None = None,
+    settings: Settings, path: str | Path, changes: Mapping[str, Mapping[str, Any]], comments: Comments | None = None
 ) -> str:
     """Return the text that ``write_settings`` writes.
 

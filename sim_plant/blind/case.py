@@ -106,12 +106,7 @@ class Scene:
 
 
 def _draw_effect(
-    kind: Kind,
-    stage: TrueStage,
-    motion: Motion,
-    size: float,
-    purpose: tuple[int, int],
-    run: Callable[[Hidden], Track],
+    kind: Kind, stage: TrueStage, motion: Motion, size: float, purpose: tuple[int, int], run: Callable[[Hidden], Track]
 ) -> Hidden:
     """Draw an effect that the main motion shows, at the size asked for (share of the Coulomb force, or 0)."""
     index = list(menu.KINDS).index(kind.name)

@@ -65,11 +65,7 @@ def with_noise_of(bag: str, axis: AxisSettings) -> AxisSettings:
 
 
 def separating(
-    sets: Sequence[Sequence[str]],
-    axis: AxisSettings,
-    limits: ExcitationLimits,
-    origin: float,
-    period: float,
+    sets: Sequence[Sequence[str]], axis: AxisSettings, limits: ExcitationLimits, origin: float, period: float
 ) -> Experiment | None:
     """Return the motion for the first set of effects that a motion within the limits tells apart; None if none does.
 
