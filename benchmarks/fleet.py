@@ -23,6 +23,7 @@ from typing import Any
 
 from dask.distributed import Client, LocalCluster
 
+from sgms_observer.application.diagnose import DiagnoseRequest
 from sgms_observer.bags.source import BagReader
 from sgms_observer.cli.main import main as sgms
 from sgms_observer.fleet.jobs import DiagnoseJob, Outcome, ReplayJob, run_job, run_jobs
@@ -72,13 +73,25 @@ def jobs_of(bags: list[Path], config: Path, out: Path, is_diagnosis: bool) -> li
     out.mkdir()
     if is_diagnosis:
         return [
-            DiagnoseJob(f"{n}", str(bag), (), str(config), str(out / f"{n}"), None, 0.1, 0)
+            DiagnoseJob(f"{n}", DiagnoseRequest([str(bag)], str(config), str(out / f"{n}"), tolerance=0.1, seed=0))
             for n, bag in enumerate(bags)
         ]
     return [
         ReplayJob(f"{n}", str(bag), str(config), str(out / f"{n}"), "mcap", is_overwriting=True)
         for n, bag in enumerate(bags)
     ]
+
+
+def first_of(job: Job, number: int) -> Job:
+    """Return a job whose result goes beside its own folder.
+
+    Args:
+        job: the job.
+        number: of the worker that does it.
+    """
+    if isinstance(job, ReplayJob):
+        return replace(job, out=f"{job.out}_first_of_{number}")
+    return replace(job, request=replace(job.request, out=f"{job.request.out}_first_of_{number}"))
 
 
 def on_cluster(jobs: list[Job], workers: int, is_killed: bool) -> tuple[list[Outcome], float]:
@@ -91,7 +104,7 @@ def on_cluster(jobs: list[Job], workers: int, is_killed: bool) -> tuple[list[Out
     """
     with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, scheduler_port=0) as cluster:
         with Client(cluster) as client:  # imports and kernels, in every worker
-            first = [replace(jobs[0], out=f"{jobs[0].out}_first_of_{number}") for number in range(workers)]
+            first = [first_of(jobs[0], number) for number in range(workers)]
             places = zip(first, list(client.scheduler_info()["workers"]), strict=True)
             client.gather([client.submit(run_job, job, workers=[address], pure=False) for job, address in places])
         killed: list[int] = []

@@ -27,7 +27,7 @@ from sgms_observer.diagnosis.traces import traces_of
 from sgms_observer.diagnosis.tracking import PredictedTracking, TrackingError
 from sgms_observer.diagnosis.workflow import diagnose_from, fitted_file
 from sgms_observer.observer.axis_observer import AxisObserver
-from sgms_observer.offline.band import choose_band
+from sgms_observer.offline.band import choose_band, refuse_cutoff
 from sgms_observer.offline.recording import Recording, read_recordings
 from sgms_observer.report.page import write_page
 from sgms_observer.settings.axis import AxisSettings, Settings
@@ -179,6 +179,7 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
     settings = load_settings(request.config)
     axis = settings.wanted_axes([request.axis] if request.axis else (), request.config)[0]
     refuse_missing(settings, [axis])
+    refuse_cutoff(request.cutoff)
     other = settings.coupled_to(axis)
     refuse_learnt_from(request.bags, request.holdout)
     refuse_own_recording(request.out, [*request.bags, *request.holdout])

@@ -10,14 +10,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from sgms_observer.errors import ConfigurationError, RecordingError
+from sgms_observer.errors import RecordingError
 from sgms_observer.identification.answer import Answer, identification_answer, judged_on_held_out, least_squares_answer
 from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
 from sgms_observer.identification.least_squares import fit_inverse_model, is_reversed
 from sgms_observer.identification.report import IdentifiedAxis, identification_page, report_path
 from sgms_observer.identification.trace import Traces, least_squares_traces, traces_of, unexplained_share
 from sgms_observer.observer.all_axes import COUPLING
-from sgms_observer.offline.band import choose_band
+from sgms_observer.offline.band import choose_band, refuse_cutoff
 from sgms_observer.offline.recording import Recordings, read_recordings
 from sgms_observer.report.page import render_page
 from sgms_observer.settings.axis import AxisSettings, Settings
@@ -113,8 +113,7 @@ def identify_bags(
     """
     settings = load_settings(job.config)
     wanted = settings.wanted_axes(job.axes, job.config)
-    if job.cutoff < 0.0:
-        raise ConfigurationError([f"--cutoff {job.cutoff:g} Hz must be positive; leave it out for the default"])
+    refuse_cutoff(job.cutoff)
     report = report_path(job.out, job.is_overwriting)
     refuse_existing_files([job.out, report], job.is_overwriting)
     try_folder(Path(job.out).parent)

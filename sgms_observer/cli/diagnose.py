@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int | Outcome:
+def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``."""
     from sgms_observer.application.diagnose import FILES, DiagnoseRequest, diagnose_bags
     from sgms_observer.cli.progress import Progress
@@ -75,18 +75,18 @@ def run(args: argparse.Namespace) -> int | Outcome:
     if args.workers < 0 or args.seed < 0:
         raise ConfigurationError(["--workers and --seed must not be negative; leave them out for the defaults"])
     axis = axis_from(args.axis, "diagnose")
-    if args.each:
-        from sgms_observer.cli.fleet_commands import diagnose_each
-
-        return diagnose_each(args)
-    if args.scheduler is not None:
-        raise ConfigurationError(["--scheduler is for many diagnoses; add --each, or leave it out"])
-    refuse_existing_files([Path(args.out) / name for name in FILES], args.overwrite)
     workers = args.workers or os.cpu_count() or 1
     request = DiagnoseRequest(
         args.bags, args.config, args.out, args.holdout, axis, topics_from(args.topic), args.tolerance, args.cutoff,
         args.seed, workers,
     )  # fmt: skip
+    if args.each:
+        from sgms_observer.cli.fleet_commands import diagnose_each
+
+        return diagnose_each(args, request)
+    if args.scheduler is not None:
+        raise ConfigurationError(["--scheduler is for many diagnoses; add --each, or leave it out"])
+    refuse_existing_files([Path(args.out) / name for name in FILES], args.overwrite)
     with Progress("diagnose", 1.0) as progress:
         done = diagnose_bags(request, progress.show)
     answer, gap, unit = done.answer, done.answer.gap, done.units.effort

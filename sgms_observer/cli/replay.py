@@ -14,6 +14,7 @@ from sgms_observer.cli.options import (
     topics_from,
 )
 from sgms_observer.cli.warn import warn
+from sgms_observer.errors import ConfigurationError
 from sgms_observer.outcome import Outcome
 
 HELP = "run the observer over a recorded bag and write its estimates into another; deterministic"
@@ -30,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="folder of the new bag and its report.html; for several, the folder of the new bags and of one summary,"
         " report.html",
     )
-    parser.add_argument("--no-report", action="store_true", help="write no report.html about a single bag")
+    parser.add_argument("--no-report", action="store_true", help="write no report.html")
     add_storage_option(parser, "the new bag")
     add_bag_options(parser, "all axes of the file")
     add_fleet_arguments(parser)
@@ -38,11 +39,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_output_options(parser)
 
 
-def run(args: argparse.Namespace) -> int | Outcome:
+def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``."""
     from sgms_observer.application.replay import replay_bag, write_report
     from sgms_observer.cli.progress import Progress
 
+    if args.workers < 0:
+        raise ConfigurationError([f"--workers {args.workers} must not be negative; leave it out for one per core"])
     if len(args.bags) > 1 or args.scheduler is not None:
         from sgms_observer.cli.fleet_commands import replay_many
 

@@ -12,10 +12,13 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sgms_observer.errors import ConfigurationError, DataError, SgmsError
 from sgms_observer.outcome import SHOW_TRACEBACK
+
+if TYPE_CHECKING:
+    from sgms_observer.application.diagnose import DiagnoseRequest
 
 Show = Callable[[float], None]
 
@@ -36,6 +39,7 @@ class ReplayJob:
         out: folder of the new bag.
         storage: ``mcap`` or ``sqlite3``.
         topics: names of the input topics where they differ.
+        axes: axes of the file to observe; empty for all.
         is_overwriting: replace what is in the folder: a cluster starts a job again whose worker it lost.
     """
 
@@ -45,6 +49,7 @@ class ReplayJob:
     out: str
     storage: str
     topics: Mapping[str, str] = field(default_factory=dict)
+    axes: tuple[str, ...] = ()
     is_overwriting: bool = False
 
 
@@ -54,23 +59,11 @@ class DiagnoseJob:
 
     Attributes:
         name: name of the job in the summary, and of its folder.
-        bag: the fitted recording.
-        holdout: recordings to evaluate the model on.
-        config: parameter file.
-        out: folder of result.json, augmented.yaml and report.html.
-        axis: axis to diagnose; the first of the YAML if None.
-        tolerance: how far the YAML's mass and friction may be off, as a share.
-        seed: of every random number.
+        request: inputs and options: one fitted recording, the job's own folder, and one thread.
     """
 
     name: str
-    bag: str
-    holdout: tuple[str, ...]
-    config: str
-    out: str
-    axis: str | None
-    tolerance: float
-    seed: int
+    request: DiagnoseRequest
 
 
 @dataclass(frozen=True)
@@ -100,7 +93,7 @@ def run_job(job: ReplayJob | DiagnoseJob) -> Outcome:
     except SgmsError as error:
         return Outcome(job.name, "; ".join(str(error).splitlines()))
     except OSError as error:
-        return Outcome(job.name, f"{error.filename or job.bag}: {error.strerror or error}")
+        return Outcome(job.name, f"{error.filename or job.name}: {error.strerror or error}")
     except Exception as error:
         if os.environ.get(SHOW_TRACEBACK):
             traceback.print_exc()
@@ -113,8 +106,9 @@ def _replay(job: ReplayJob) -> dict[str, Any]:
     from sgms_observer.application.replay import replay_bag
 
     done = replay_bag(
-        job.bag, job.config, job.out, job.storage, job.topics, lambda share: None, is_overwriting=job.is_overwriting
-    )
+        job.bag, job.config, job.out, job.storage, job.topics, lambda share: None,
+        axes=job.axes, is_overwriting=job.is_overwriting,
+    )  # fmt: skip
     return {
         "duration": done.duration,
         "messages": done.messages,
@@ -132,13 +126,11 @@ def _diagnose(job: DiagnoseJob) -> dict[str, Any]:
     """Diagnose a recording and return what result.json says."""
     import json
 
-    from sgms_observer.application.diagnose import DiagnoseRequest, diagnose_bags
+    from sgms_observer.application.diagnose import diagnose_bags
 
-    diagnose_bags(
-        DiagnoseRequest([job.bag], job.config, job.out, job.holdout, job.axis, tolerance=job.tolerance, seed=job.seed)
-    )
-    result: dict[str, Any] = json.loads((Path(job.out) / "result.json").read_text(encoding="utf-8"))
-    return {key: result[key] for key in ("verdict", "warnings", "gap", "effects", "next_experiment")}
+    diagnose_bags(job.request)
+    result: dict[str, Any] = json.loads((Path(job.request.out) / "result.json").read_text(encoding="utf-8"))
+    return {key: result[key] for key in ("verdict", "usable", "warnings", "gap", "effects", "next_experiment")}
 
 
 def job_names(bags: list[str]) -> list[str]:
@@ -172,12 +164,16 @@ def run_jobs(jobs: Sequence[Job], workers: int, scheduler: str | None, show: Sho
         show: called with the number of finished jobs.
 
     Raises:
-        ConfigurationError: the number of workers makes no sense, or Dask is not installed.
+        ConfigurationError: the number of workers makes no sense or is given beside a cluster, or Dask is not installed.
         DataError: the scheduler cannot be reached, or it lost jobs.
     """
     if workers < 0:
         raise ConfigurationError([f"--workers {workers} must not be negative; leave it out for one per core"])
     if scheduler is not None:
+        if workers:
+            raise ConfigurationError(
+                [f"--workers {workers} is for this machine, and --scheduler is for a cluster; leave one of the two out"]
+            )
         return _on_cluster(jobs, scheduler, show)
     return _on_this_machine(jobs, min(workers or os.cpu_count() or 1, len(jobs)), show)
 

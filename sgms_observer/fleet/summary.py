@@ -14,8 +14,21 @@ from sgms_observer.report.page import Page, Section, Table, write_page
 from sgms_observer.status import MAX_NIS
 from sgms_observer.whole_file import write_text
 
+SUMMARY = "summary.json"
 
-def write_summary(title: str, outcomes: Sequence[Outcome], folder: Path, config: str) -> Path:
+
+def summary_of(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Return what summary.json and ``--json`` say.
+
+    Args:
+        outcomes: of all jobs, in their order.
+    """
+    return {"schema": 1, "recordings": [{"name": o.name, "fault": o.fault or None, **o.figures} for o in outcomes]}
+
+
+def write_summary(
+    title: str, outcomes: Sequence[Outcome], folder: Path, config: str, *, has_page: bool = True
+) -> Path | None:
     """Write summary.json and report.html: the same bytes for the same outcomes.
 
     Args:
@@ -23,15 +36,17 @@ def write_summary(title: str, outcomes: Sequence[Outcome], folder: Path, config:
         outcomes: of all jobs, in their order.
         folder: where to.
         config: parameter file, for the page's footer.
+        has_page: write report.html.
 
     Returns:
-        Path of the page.
+        Path of the page; None without one.
 
     Raises:
         RecordingError: the folder cannot be written.
     """
-    listed = [{"name": o.name, "fault": o.fault or None, **o.figures} for o in outcomes]
-    write_text(json.dumps({"schema": 1, "recordings": listed}, indent=1) + "\n", folder / "summary.json")
+    write_text(json.dumps(summary_of(outcomes), indent=1) + "\n", folder / SUMMARY)
+    if not has_page:
+        return None
     good = [outcome for outcome in outcomes if not outcome.fault]
     is_diagnosis = any("verdict" in outcome.figures for outcome in good)
     sections = [_diagnoses(good) if is_diagnosis else _replays(good)] if good else []
@@ -54,7 +69,9 @@ def verdict(outcomes: Sequence[Outcome]) -> str:
     verdicts = Counter(outcome.figures["verdict"] for outcome in good if "verdict" in outcome.figures)
     if verdicts:
         counts = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in sorted(verdicts.items()))
-        return f"{start}: {counts}."
+        unusable = sum(not outcome.figures["usable"] for outcome in good)
+        caution = f" The result of {unusable} must not be used as it is." if unusable else ""
+        return f"{start}: {counts}.{caution}"
     high = [o.name for o in good if any(_nis(axis) > MAX_NIS for axis in o.figures.get("axes", {}).values())]
     if high:
         return f"{start}; the model fits badly (NIS above {MAX_NIS:g}) in {len(high)} of them."
@@ -118,10 +135,11 @@ def _diagnoses(outcomes: Sequence[Outcome]) -> Section:
                 f"{gap['before']:.3g}",
                 f"{gap['after']:.3g}",
                 f"{gap['floor']:.3g}",
+                "yes" if outcome.figures["usable"] else "no",
                 outcome.figures["next_experiment"] or "-",
             )
         )
-    header = ("recording", "verdict", "effects", "gap before", "gap after", "noise floor", "next")
+    header = ("recording", "verdict", "effects", "gap before", "gap after", "noise floor", "usable", "next")
     table = Table(header, rows, "The largest gap first; gaps in % of the rms effort")
     text = "Each recording was diagnosed by itself; its own report lies in the folder of its name beside this page."
     return Section("Recordings", [text], [table])

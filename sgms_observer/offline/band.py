@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
+from sgms_observer.errors import ConfigurationError, DataError
 from sgms_observer.offline.encoder import white_noise
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
@@ -24,6 +25,8 @@ RATE_SHARE = 0.1
 """Highest corner over the sample rate: the driving position is filtered at 2.5 times the corner."""
 NOISE_SHARE = 0.02
 """Share of the rms effort that mass times the noise of the acceleration may reach: small beside a residual of 5 %."""
+MIN_PERIODS = 10.0
+"""Shortest longest recording, in periods of the corner that the user wants."""
 _MASS_CORNER = 10.0  # Hz, at which the rough mass is read
 _MASS_RATE_SHARE = 0.05
 _MIN_INERTIA_SHARE = 0.01  # of the rms effort; below it the recordings do not show the mass
@@ -46,6 +49,21 @@ class Band:
         return f"band 0 to {self.corner:.4g} Hz, limited by {self.limit}"
 
 
+def refuse_cutoff(cutoff: float) -> None:
+    """Refuse a corner that is no frequency, before any work.
+
+    Args:
+        cutoff: corner that the user wants [Hz]; 0 for none.
+
+    Raises:
+        ConfigurationError: it is negative or not finite.
+    """
+    if not 0.0 <= cutoff < math.inf:
+        raise ConfigurationError(
+            [f"--cutoff {cutoff:g} Hz must be a positive number; leave the option out for the default"]
+        )
+
+
 def choose_band(recordings: Sequence[Recording], axis: AxisSettings, cutoff: float = 0.0) -> Band:
     """Choose the band.
 
@@ -53,10 +71,19 @@ def choose_band(recordings: Sequence[Recording], axis: AxisSettings, cutoff: flo
         recordings: evenly sampled pieces of one axis.
         axis: its settings; their mass counts only where the recordings do not show one.
         cutoff: corner that the user wants [Hz]; 0 for none.
+
+    Raises:
+        DataError: the recordings are too slow or too short for the corner that the user wants.
     """
-    if cutoff > 0.0:
-        return Band(cutoff, "--cutoff")
     rate = min(1.0 / recording.period for recording in recordings)
+    if cutoff > 0.0:
+        longest = max(recording.duration for recording in recordings)
+        if not MIN_PERIODS / longest <= cutoff < 0.5 * rate:
+            raise DataError(
+                f"--cutoff {cutoff:.4g} Hz must lie between {MIN_PERIODS / longest:.2g} and {0.5 * rate:.4g} Hz; leave it"
+                f" out, or choose {MIN_PERIODS:g} periods in the longest recording and less than half the sample rate"
+            )
+        return Band(cutoff, "--cutoff")
     limits = [
         (HIGHEST_CORNER, "the frequencies that compensation acts at"),
         (RATE_SHARE * rate, f"the sample rate of {rate:.4g} Hz"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 from pathlib import Path
 
@@ -12,12 +13,13 @@ import pytest
 from browser import Browser
 from looks import check_report
 
+from sgms_observer.application.diagnose import DiagnoseRequest
 from sgms_observer.bags.source import BagReader
 from sgms_observer.bags.writer import BagWriter
-from sgms_observer.cli.main import main
+from sgms_observer.cli.main import build_parser, main
 from sgms_observer.errors import ConfigurationError, DataError
 from sgms_observer.fleet import jobs as fleet_jobs
-from sgms_observer.fleet.jobs import Outcome, ReplayJob, job_names, run_job, run_jobs
+from sgms_observer.fleet.jobs import DiagnoseJob, Outcome, ReplayJob, job_names, run_job, run_jobs
 from sgms_observer.fleet.summary import write_summary
 
 YAML = """/**:
@@ -170,6 +172,8 @@ def test_wrong_places_for_jobs_are_one_sentence(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(fleet_jobs, "_CONNECT", 1.0)
     with pytest.raises(ConfigurationError, match="--workers -1"):
         run_jobs([], -1, None, lambda done: None)
+    with pytest.raises(ConfigurationError, match="--scheduler is for a cluster"):
+        run_jobs([], 2, "tcp://127.0.0.1:9", lambda done: None)
     if pytest.importorskip("dask.distributed"):
         with pytest.raises(DataError, match="no Dask scheduler answers at tcp"):
             run_jobs([], 0, "tcp://127.0.0.1:9", lambda done: None)
@@ -182,8 +186,10 @@ def test_recordings_of_one_name_get_folders_of_their_own() -> None:
 def test_what_comes_from_recordings_is_escaped(tmp_path: Path) -> None:
     figures = {"duration": 1.0, "messages": 1, "warnings": ["<script>alert(1)</script>"], "axes": {
         "<b>": {"samples": 1, "corrections": 0, "innovation": None, "nis": None, "in_trouble": 0}}}  # fmt: skip
-    page = write_summary("title", [Outcome("<i>", "", figures), Outcome("b", "<u>")], tmp_path, "x.yaml").read_text()
-    assert not any(tag in page for tag in ("<script>alert", "<b>", "<i>", "<u>"))
+    page = write_summary("title", [Outcome("<i>", "", figures), Outcome("b", "<u>")], tmp_path, "x.yaml")
+    assert page is not None
+    text = page.read_text()
+    assert not any(tag in text for tag in ("<script>alert", "<b>", "<i>", "<u>"))
 
 
 def test_diagnoses_do_not_depend_on_the_number_of_workers(fleet: Path, tmp_path: Path) -> None:
@@ -201,3 +207,162 @@ def test_diagnoses_do_not_depend_on_the_number_of_workers(fleet: Path, tmp_path:
     assert found[0] == found[1]
     listed = json.loads(found[0]["summary.json"])["recordings"]
     assert all(entry["verdict"] for entry in listed)
+
+
+Given = tuple[list[ReplayJob | DiagnoseJob], int, str | None]
+OPTIONS = {
+    "replay": {
+        "--config": ["two.yaml"], "--out": ["elsewhere"], "--no-report": [], "--storage": ["sqlite3"], "--axis": ["y"],
+        "--topic": ["position=/joint_states"], "--workers": ["2"], "--scheduler": ["tcp://host:8786"], "--json": [],
+        "--quiet": [],
+    },
+    "diagnose": {
+        "--config": ["two.yaml"], "--out": ["elsewhere"], "--holdout": ["bag2"], "--axis": ["y"],
+        "--topic": ["position=/joint_states"], "--tolerance": ["0.1"], "--seed": ["7"], "--cutoff": ["25"],
+        "--workers": ["2"], "--scheduler": ["tcp://host:8786"], "--json": [], "--quiet": [],
+    },
+}  # fmt: skip
+EACH = {"replay": [], "diagnose": ["--each"]}
+
+
+def answered(
+    fleet: Path, command: str, options: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> tuple[list[Given], str, set[str]]:
+    """Return what a fleet's command hands to its jobs, what it prints, and the names that it writes."""
+    given: list[Given] = []
+
+    def note(jobs: list[ReplayJob | DiagnoseJob], workers: int, scheduler: str | None, show: object) -> list[Outcome]:
+        given.append((jobs, workers, scheduler))
+        return [Outcome(job.name, "no result") for job in jobs]
+
+    monkeypatch.setattr(fleet_jobs, "run_jobs", note)
+    monkeypatch.chdir(fleet)
+    before = set(os.listdir(fleet))
+    assert main([command, "bag0", "bag1", "--config", "both.yaml", "--out", "out", *EACH[command], *options]) == 1
+    new = set(os.listdir(fleet)) - before
+    written = {str(path.relative_to(fleet)) for folder in new for path in (fleet / folder).iterdir()}
+    for folder in new:
+        shutil.rmtree(fleet / folder)
+    return given, capsys.readouterr().out, written
+
+
+@pytest.mark.parametrize(("command", "option"), [(name, option) for name in OPTIONS for option in OPTIONS[name]])
+def test_no_option_of_a_fleet_is_silently_ignored(
+    command: str, option: str, fleet: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """--cutoff, --topic, --no-report, --axis and --json had no effect on several recordings."""
+    for name, axes in (("both", "x, y"), ("two", "x, y, z")):
+        settings = "".join(f"    {axis}: {{mass: 3.0}}\n" for axis in axes.split(", "))
+        (fleet / f"{name}.yaml").write_text(f"/**:\n  ros__parameters:\n    axes: [{axes}]\n{settings}")
+    plain = answered(fleet, command, [], monkeypatch, capsys)
+    assert plain[0], "the jobs are reached"
+    assert answered(fleet, command, [option, *OPTIONS[command][option]], monkeypatch, capsys) != plain
+
+
+@pytest.mark.parametrize("command", OPTIONS)
+def test_every_option_of_a_fleet_is_tried(command: str) -> None:
+    subparsers = next(action for action in build_parser(command)._actions if action.dest == "command")
+    parser = subparsers.choices[command]  # type: ignore[index, call-overload]
+    declared = {option for action in parser._actions for option in action.option_strings if option.startswith("--")}
+    assert declared == OPTIONS[command].keys() | {"--help", "--overwrite", *EACH[command]}
+
+
+@pytest.mark.parametrize("command", OPTIONS)
+@pytest.mark.parametrize("existing", ["summary.json", "report.html", "bag1"])
+def test_a_fleet_replaces_results_only_if_it_may(
+    command: str,
+    existing: str,
+    fleet: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Refused before any work, in one sentence: each job replaced result.json, and the summary another one."""
+    monkeypatch.setattr(fleet_jobs, "run_jobs", lambda jobs, *_: [Outcome(job.name, "no result") for job in jobs])
+    old = tmp_path / "out" / existing / ("result.json" if command == "diagnose" else "metadata.yaml")
+    old = old if existing == "bag1" else old.parent
+    old.parent.mkdir(parents=True)
+    old.write_text("old")
+    bags = [str(fleet / name) for name in ("bag0", "bag1")]
+    config = ["--config", str(fleet / "axis.yaml"), "--out", str(tmp_path / "out"), *EACH[command]]
+    assert main([command, *bags, *config]) == 1
+    printed = capsys.readouterr()
+    assert printed.err.endswith("exists already and is not overwritten; give another name, or --overwrite\n")
+    assert printed.err.count("\n") == 1 and printed.out == "" and old.read_text() == "old"
+    assert len(list(old.parent.iterdir())) == 1
+    main([command, *bags, *config, "--overwrite"])
+    assert "no result" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--axis", "nosuch"], "--axis nosuch is not in "),
+        (["--workers", "-2"], "--workers"),
+        (["--cutoff", "-5"], "--cutoff -5 Hz must be a positive number"),
+        (["--cutoff", "nan"], "--cutoff nan Hz must be a positive number"),
+        (["--holdout", "none"], "none does not exist"),
+        (["--config", "nomass.yaml"], "x.mass must be given"),
+        (["--config", "noaxes.yaml"], "axes must be given"),
+        (["--out", "."], "--out "),
+        (["--topic", "nosuch=/a"], "--topic nosuch=/a"),
+    ],
+)
+@pytest.mark.parametrize("command", OPTIONS)
+def test_what_no_job_could_use_is_refused_once(
+    command: str,
+    options: list[str],
+    sentence: str,
+    fleet: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """An axis that is not in the file had exit code 0; a missing mass was one row for each recording."""
+    if options[0] not in OPTIONS[command]:
+        pytest.skip("this command has no such option")
+    (fleet / "nomass.yaml").write_text("/**: {ros__parameters: {axes: [x]}}")
+    (fleet / "noaxes.yaml").write_text("/**: {ros__parameters: {x: {mass: 1.0}}}")
+    monkeypatch.chdir(fleet)
+    before = sorted(os.listdir(fleet))
+    config = ["--config", "axis.yaml", "--out", "out", *EACH[command]]
+    assert main([command, "bag0", "bag1", *config, *options]) == 1
+    printed = capsys.readouterr()
+    assert printed.err.startswith(sentence) or sentence in printed.err.partition(";")[0]
+    assert printed.err.count("\n") == 1 and printed.out == "" and sorted(os.listdir(fleet)) == before
+
+
+@pytest.mark.parametrize(
+    ("faults", "usable", "code"),
+    [(("", ""), (True, True), 0), (("", ""), (True, False), 3), (("broken", ""), (True, False), 1)],
+)
+def test_the_exit_code_of_a_fleet_is_the_worst_of_its_jobs(
+    faults: tuple[str, ...],
+    usable: tuple[bool, ...],
+    code: int,
+    fleet: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    figures = {
+        "verdict": "cannot_tell", "warnings": [], "effects": [], "next_experiment": None,
+        "gap": {"before": 90.0, "after": 80.0, "floor": 1.0},
+    }  # fmt: skip
+    found = [
+        Outcome(f"bag{n}", f, {**figures, "usable": u}) for n, (f, u) in enumerate(zip(faults, usable, strict=True))
+    ]
+    monkeypatch.setattr(fleet_jobs, "run_jobs", lambda *_: found)
+    arguments = ["--config", str(fleet / "axis.yaml"), "--out", str(tmp_path / "out"), "--each", "--json"]
+    assert main(["diagnose", str(fleet / "bag0"), str(fleet / "bag1"), *arguments]) == code
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert ("must not be used as it is" in (tmp_path / "out" / "report.html").read_text()) == (code != 0)
+
+
+def test_a_job_of_a_diagnosis_uses_its_whole_request(fleet: Path, tmp_path: Path) -> None:
+    """The band is the one that --cutoff names, and the topics are those of --topic."""
+    config, bag = str(fleet / "axis.yaml"), str(fleet / "bag0")
+    request = DiagnoseRequest([bag], config, str(tmp_path / "out"), topics={"position": "/nosuch"})
+    assert "/nosuch" in run_job(DiagnoseJob("a", request)).fault
+    fault = run_job(DiagnoseJob("b", DiagnoseRequest([bag], config, str(tmp_path / "out"), cutoff=800.0))).fault
+    assert fault.startswith("--cutoff 800 Hz must lie between ") and "500 Hz" in fault

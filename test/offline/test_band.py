@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sgms_observer.offline.band import NOISE_SHARE, choose_band, rough_mass
+from sgms_observer.errors import ConfigurationError, DataError
+from sgms_observer.offline.band import NOISE_SHARE, choose_band, refuse_cutoff, rough_mass
 from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import AxisSettings
 
@@ -56,3 +58,16 @@ def test_units_do_not_move_the_band() -> None:
 
 def test_the_user_overrides_the_band() -> None:
     assert choose_band([_recording(2.0e-5)], AxisSettings(), 7.0).corner == 7.0
+
+
+@pytest.mark.parametrize("cutoff", [-5.0, math.nan, math.inf])
+def test_a_corner_that_is_no_frequency_is_refused(cutoff: float) -> None:
+    with pytest.raises(ConfigurationError, match="must be a positive number"):
+        refuse_cutoff(cutoff)
+
+
+@pytest.mark.parametrize("cutoff", [1e-9, 0.1, 500.0, 1e6])
+def test_a_corner_beyond_the_recordings_is_refused(cutoff: float) -> None:
+    """The diagnosis ended in an internal error at 1e-9 Hz, and took any corner above half the sample rate."""
+    with pytest.raises(DataError, match="must lie between"):
+        choose_band([_recording(2.0e-5)], AxisSettings(), cutoff)
