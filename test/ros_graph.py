@@ -20,6 +20,7 @@ from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -159,9 +160,9 @@ class Graph:
             lambda: self.messages[topic] if len(self.messages[topic]) >= count else None, f"{count} messages of {topic}"
         )
 
-    def publisher(self, topic: str) -> Callable[[bytes], None]:
+    def publisher(self, topic: str, kind: type = JointState, qos: QoSProfile = SAMPLE_QOS) -> Callable[[bytes], None]:
         """Return a function that publishes bytes, once somebody subscribes."""
-        publisher = self.node.create_publisher(JointState, topic, SAMPLE_QOS)
+        publisher = self.node.create_publisher(kind, topic, qos)
         wait_until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
         return publisher.publish
 

@@ -80,8 +80,8 @@ def choose_band(recordings: Sequence[Recording], axis: AxisSettings, cutoff: flo
         longest = max(recording.duration for recording in recordings)
         if not MIN_PERIODS / longest <= cutoff < 0.5 * rate:
             raise DataError(
-                f"--cutoff {cutoff:.4g} Hz must lie between {MIN_PERIODS / longest:.2g} and {0.5 * rate:.4g} Hz; leave it"
-                f" out, or choose {MIN_PERIODS:g} periods in the longest recording and less than half the sample rate"
+                f"--cutoff {cutoff:.4g} Hz must lie between {MIN_PERIODS / longest:.2g} and {0.5 * rate:.4g} Hz; leave"
+                f" it out, or choose {MIN_PERIODS:g} periods in the longest recording and below half the sample rate"
             )
         return Band(cutoff, "--cutoff")
     limits = [

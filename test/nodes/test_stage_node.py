@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from ros_graph import ONE_AXIS, TWO_AXES, Graph, Start, decode_joint_state, wait_until
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.bags.cdr import JointStateEncoder
+from sgms_observer.bags.trajectory_cdr import encode_trajectory
 from sgms_observer.nodes.pace import MAX_CATCH_UP
-from sgms_observer.nodes.topics import SAMPLE_QOS
+from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
 from sgms_observer.settings.load import settings_from_tree
 from sgms_observer.settings.yaml_text import parse
 from sim_plant.table import SimulatedTable
@@ -63,6 +65,40 @@ def test_compensation_is_taken_in_and_times_out(graph: Graph, start: Start) -> N
     assert abs(effort()) < 0.1
     wait_until(lambda: publish(encoder.encode(1, [2.0])) or effort() > 1.0, "the compensation in the effort")
     wait_until(lambda: abs(effort()) < 0.1, "the compensation to time out")
+
+
+def test_a_horizon_is_applied_while_messages_are_late(graph: Graph, start: Start) -> None:
+    """The observer's values of the time to come bridge what single values, each later than the timeout, do not."""
+    graph.listen("control_effort")
+    still = "reference: {kind: sine, amplitude: 0.0}, controller: {bandwidth: 0.01}"
+    start("stage_node", ONE_AXIS.replace("friction: {model: gms}", f"friction: {{model: gms}}, {still}"))
+    single = graph.publisher("friction_compensation")
+    ahead = graph.publisher("compensation_horizon", JointTrajectory, HORIZON_QOS)
+    encoder = JointStateEncoder(["x"], ("effort",))
+    efforts: dict[int, float] = {}
+
+    def latest() -> int:
+        for data in graph.messages["control_effort"][len(efforts) :]:
+            stamp, *_, effort = decode_joint_state(data)
+            efforts[stamp] = effort[0]
+        return max(efforts)
+
+    graph.wait_messages("control_effort", 100)
+    begin = latest() + 300 * MILLISECOND
+    times = begin + MILLISECOND * np.arange(0, 1001, 5)
+    forces = np.linspace(1.0, 2.0, len(times))
+    ahead(encode_trajectory(int(times[0]), ("x",), times, {"effort": forces[:, None]}))
+
+    def is_over() -> bool:
+        single(encoder.encode(latest() - 500 * MILLISECOND, [-3.0]))
+        return latest() > times[-1] + 300 * MILLISECOND
+
+    wait_until(is_over, "the end of the horizon")
+    inside = np.array([stamp for stamp in efforts if times[0] <= stamp < times[-1] - 2 * MILLISECOND])
+    found = np.array([efforts[stamp] for stamp in inside.tolist()])
+    assert len(inside) > 500
+    assert np.abs(found - np.interp(inside, times, forces)).max() < 0.1
+    assert all(abs(effort) < 0.1 for stamp, effort in efforts.items() if stamp > times[-1] + 50 * MILLISECOND)
 
 
 def test_stage_and_observer_together(graph: Graph, start: Start) -> None:
