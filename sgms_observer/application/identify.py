@@ -10,11 +10,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from sgms_observer.errors import RecordingError
+from sgms_observer.errors import ConfigurationError, RecordingError
 from sgms_observer.identification.answer import Answer, identification_answer, judged_on_held_out, least_squares_answer
 from sgms_observer.identification.identify import Identification, IdentifyOptions, identify
 from sgms_observer.identification.least_squares import fit_inverse_model, is_reversed
 from sgms_observer.identification.report import IdentifiedAxis, identification_page, report_path
+from sgms_observer.identification.table import Row
 from sgms_observer.identification.trace import Traces, least_squares_traces, traces_of, unexplained_share
 from sgms_observer.observer.all_axes import COUPLING
 from sgms_observer.offline.band import choose_band, refuse_cutoff
@@ -22,6 +23,7 @@ from sgms_observer.offline.recording import Recordings, read_recordings
 from sgms_observer.report.page import render_page
 from sgms_observer.settings.axis import AxisSettings, Settings
 from sgms_observer.settings.load import load_settings
+from sgms_observer.settings.node_parameters import missing_parameters, refuse_missing
 from sgms_observer.settings.write import settings_text
 from sgms_observer.settings.yaml_text import comments_in, with_comments
 from sgms_observer.whole_file import refuse_existing_files, try_folder, write_text
@@ -113,6 +115,7 @@ def identify_bags(
     """
     settings = load_settings(job.config)
     wanted = settings.wanted_axes(job.axes, job.config)
+    refuse_missing(settings, [])  # axes; a mass may be identified instead
     refuse_cutoff(job.cutoff)
     report = report_path(job.out, job.is_overwriting)
     refuse_existing_files([job.out, report], job.is_overwriting)
@@ -126,9 +129,29 @@ def identify_bags(
             pieces, unseen = (_read(bags, axis, other, job) for bags in (job.bags, job.holdout))
             with progress(f"identify {axis.name}") as show:
                 found.append(_identified(pieces, unseen, axis, settings.sample_period, job, show))
+    _refuse_unknown_mass(settings, found)
     _write(settings, job, hashes, found)
     write_text(render_page(identification_page(found, job.out, job.bags, job.holdout)), report)
     return Identified(job.out, str(report), tuple(found))
+
+
+def _refuse_unknown_mass(settings: Settings, found: Sequence[IdentifiedAxis]) -> None:
+    """Refuse to write a mass that neither the file gives nor the recordings show: it would be that of an example."""
+    masses = {axis.name: next(row for row in axis.answer.rows if row.name == "mass") for axis in found}
+    unknown = [axis for axis in settings.axes if axis.name in masses and not _is_shown(masses[axis.name])]
+    names = [sentence.split(" ")[0] for sentence in missing_parameters(settings, unknown)]
+    if names:
+        raise ConfigurationError(
+            [
+                f"{name} must be given, as the recordings do not show it; weigh the mass, or record harder acceleration"
+                for name in names
+            ]
+        )
+
+
+def _is_shown(row: Row) -> bool:
+    """Return whether a value is larger than half its interval; a value that was not estimated has none."""
+    return row.half_width < abs(row.value)
 
 
 def _read(bags: Sequence[str], axis: AxisSettings, other: AxisSettings | None, job: IdentifyJob) -> Recordings:

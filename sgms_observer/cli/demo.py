@@ -47,6 +47,7 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.bags.bag_folder import REPORT, refuse_existing_bag
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.settings.load import load_settings
+    from sgms_observer.settings.node_parameters import refuse_missing
     from sgms_observer.shipped import shipped_file
     from sgms_observer.whole_file import refuse_existing_files, try_folder
 
@@ -54,6 +55,7 @@ def run(args: argparse.Namespace) -> Outcome:
         raise ConfigurationError([f"--duration = {args.duration:g} s must be between 4 and 3600; give for instance 20"])
     config = Path(args.config) if args.config else shipped_file("config", "demo.yaml")
     settings = load_settings(config)
+    refuse_missing(settings, settings.axes)
     require_ros()
     from sgms_observer.report.demonstration_run import RESULT, present
 
@@ -81,7 +83,8 @@ def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) 
     from sgms_observer.nodes.pace import AGE_SENTENCE
 
     with Progress("compile", 1.0) as progress:
-        compile_ahead(show=progress.show)
+        failure = compile_ahead(show=progress.show)
+    warn([failure] if failure else [])
     domain = prepare_graph()
     print(f"starting {STAGE}, {OBSERVER} and a recorder on this machine's graph, ROS_DOMAIN_ID {domain}", flush=True)
     with Conductor(out / "log") as conductor:

@@ -10,8 +10,10 @@ import pytest
 from c_build import needs
 
 from sgms_observer import whole_file
+from sgms_observer.application import kernels
 from sgms_observer.cli.main import main
-from sgms_observer.errors import RecordingError
+from sgms_observer.errors import DataError, RecordingError
+from sgms_observer.nodes import conductor
 
 NO_AXES = "/**: {ros__parameters: {sample_period: 1.0e-3}}"
 NO_MASS = "/**: {ros__parameters: {axes: [x], x: {estimator: {kind: ekf}}}}"
@@ -33,7 +35,10 @@ def _file(folder: Path, text: str) -> str:
         ("export", "--target", "fmu"),
         ("commission", "--yes"),
         ("replay", "bag"),
+        ("replay", "bag", "bag2"),
         ("diagnose", "bag"),
+        ("diagnose", "bag", "bag2", "--each"),
+        ("demo",),
         ("simulate",),
         ("excite",),
     ],
@@ -50,6 +55,29 @@ def test_a_file_without_its_machine_is_refused_before_anything_is_written(
     printed = capsys.readouterr()
     assert printed.err.startswith(sentence) and printed.err.count("\n") == 1 and printed.out == ""
     assert [path.name for path in tmp_path.iterdir()] == ["axis.yaml"]
+
+
+def test_an_identification_needs_the_axes_of_its_start_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It identified an axis x of an example; a mass may be missing, because it is what the recordings show."""
+    assert main(["identify", "bag", "--config", _file(tmp_path, NO_AXES), "--out", str(tmp_path / "out.yaml")]) == 1
+    assert capsys.readouterr().err.startswith("axes must be given")
+    assert [path.name for path in tmp_path.iterdir()] == ["axis.yaml"]
+
+
+def test_a_demonstration_warns_of_kernels_that_were_not_compiled_ahead(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The nodes then compile while the demonstration runs, and it must say why it is slow."""
+    pytest.importorskip("rclpy")
+
+    def stop() -> int:
+        raise DataError("the test stops here")
+
+    monkeypatch.setattr(kernels, "compile_ahead", lambda show: "the kernels of stage could not be compiled ahead")
+    monkeypatch.setattr(conductor, "prepare_graph", stop)
+    assert main(["demo", "--out", str(tmp_path / "out")]) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert said[-2:] == ["Warning: the kernels of stage could not be compiled ahead", "the test stops here"]
 
 
 @needs("cc")

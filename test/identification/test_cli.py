@@ -73,6 +73,33 @@ def test_identify_writes_a_file_with_provenance(
     assert "mass" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("speed", "noise"), [(1.0, 0.05), (0.1, 5.0)])
+@pytest.mark.parametrize("model", ["least_squares", "sgms"])
+def test_a_start_file_without_mass_needs_recordings_that_show_it(
+    tmp_path: Path, model: str, speed: float, noise: float, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Slow motion shows no mass: the file that was written had the 10 kg of an example."""
+    time = PERIOD * np.arange(20_000)
+    position = 0.05 * np.sin(np.pi * speed * time) + 0.01 * np.sin(2.0 * np.pi * 1.7 * speed * time)
+    velocity = np.gradient(position, PERIOD)
+    effort = 12.0 * np.gradient(velocity, PERIOD) + 30.0 * velocity + 4.0 * np.tanh(velocity / 1e-5)
+    effort += np.random.default_rng(11).normal(0.0, noise, len(time))
+    stamp = 1_000_000_000 + np.rint(time * 1e9).astype(np.int64)
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write_joint_states("position", stamp, ("x",), position=position)
+        writer.write_joint_states("control_effort", stamp, ("x",), effort=effort)
+    (tmp_path / "start.yaml").write_text(START.replace("      mass: 5.0\n", ""))
+    out = tmp_path / "out.yaml"
+    options = ["--config", str(tmp_path / "start.yaml"), "--out", str(out), "--model", model]
+    code = main(["identify", str(tmp_path / "bag"), *options, *(["--elements", "1"] if model == "sgms" else [])])
+    if speed == 1.0:
+        assert code == 0 and load_settings(out).axes[0].mass == pytest.approx(12.0, rel=0.02)
+        return
+    assert code == 1 and not out.exists()
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith("x.mass must be given, as the recordings do not show it;")
+
+
 def test_a_sliding_record_does_not_claim_a_stribeck_velocity(tmp_path: Path, bag: Path, start: Path) -> None:
     out = tmp_path / "out.yaml"
     assert main(["identify", str(bag), "--config", str(start), "--out", str(out), "--elements", "1"]) == 0
@@ -84,7 +111,7 @@ def test_a_sliding_record_does_not_claim_a_stribeck_velocity(tmp_path: Path, bag
     ("arguments", "says"),
     [
         (["--axis", "z"], "--axis z is not in"),
-        (["--cutoff", "-3"], "must be positive"),
+        (["--cutoff", "-3"], "must be a positive number"),
         (["--cutoff", "400"], "choose a cutoff below"),
     ],
 )
