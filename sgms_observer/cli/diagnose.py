@@ -65,6 +65,7 @@ def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``."""
     from sgms_observer.application.diagnose import FILES, DiagnoseRequest, diagnose_bags
     from sgms_observer.cli.progress import Progress
+    from sgms_observer.diagnosis.named import NOT_DETERMINED
     from sgms_observer.diagnosis.report import sentence
     from sgms_observer.effects.catalogue import effect
     from sgms_observer.errors import ConfigurationError
@@ -98,7 +99,9 @@ def run(args: argparse.Namespace) -> Outcome:
     for item in answer.effects:
         entry = effect(item.settings.name)
         values = ", ".join(
-            f"{parameter.name} {value:.4g} {done.units.of(parameter.unit)}".removesuffix(" -")
+            f"{parameter.name} {NOT_DETERMINED}"
+            if parameter.name in item.undetermined
+            else f"{parameter.name} {value:.4g} {done.units.of(parameter.unit)}".removesuffix(" -")
             for parameter, value in zip(entry.parameters, item.settings.values, strict=True)
         )
         others = f", may also be {' or '.join(item.alternatives)}" if item.alternatives else ""

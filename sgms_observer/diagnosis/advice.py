@@ -16,6 +16,9 @@ from sgms_observer.settings.units import Units
 PEAK_OVER_RMS = 2.5
 """Peak over rms of a force that acts only in short intervals."""
 
+_NO_PLACE = ("time", "time, along the motion")
+"""Coordinates that no motion can stay at."""
+
 
 def detectable(diagnosis: Diagnosis, axis: AxisSettings, options: Options) -> dict[str, float]:
     """Return the smallest size of each effect that these recordings would show.
@@ -74,7 +77,12 @@ def next_experiment(
             " supply): what differs at the same place and time comes from outside."
         )
     if verdict == "unknown_effect" and located:
-        where = located[0]
+        where = next((item for item in located if item.is_in_a_range and item.coordinate not in _NO_PLACE), None)
+        if where is None:
+            return (
+                f"The residual changes with {located[0].coordinate} over its whole range: record the same motion again"
+                " after changing one thing at a time (load, temperature, cables)."
+            )
         return (
             f"Record slow repeated motion that stays at {where.coordinate} {where.low:.3g} to {where.high:.3g}"
             f" {units.of(where.unit)}, and the same motion again after changing one thing at a time (load, temperature,"

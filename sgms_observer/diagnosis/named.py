@@ -12,10 +12,14 @@ from scipy import stats
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Round
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import Gap
+from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 
 ONE_RECORDING_CONFIDENCE = 0.9
 """Largest confidence without a held-out recording: nothing shows that the effect appears again."""
+NINETY = 1.645
+"""Half width of a 90 % interval in standard errors."""
+NOT_DETERMINED = "not determined by these recordings"
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,21 @@ class Named:
     alternatives: tuple[str, ...]
     gap_before: float
     gap_after: float
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Return the parameters whose values say nothing.
+
+        The 90 % interval is at least as wide as the allowed range, or the standard error of a parameter that is never
+        negative is larger than its value.
+        """
+        rows = zip(effect(self.settings.name).parameters, self.settings.values, self.std_error, strict=False)
+        return tuple(
+            parameter.name
+            for parameter, value, error in rows
+            if 2.0 * NINETY * error >= parameter.maximum - parameter.minimum
+            or (parameter.minimum >= 0.0 and error > abs(value))
+        )
 
 
 def named_effects(

@@ -13,8 +13,7 @@ from sgms_observer.diagnosis.criteria import Test
 from sgms_observer.diagnosis.decision import RANGE_END_TOLERANCE
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.fit import Refit, limits
-from sgms_observer.diagnosis.named import Named
-from sgms_observer.diagnosis.report_tables import NINETY
+from sgms_observer.diagnosis.named import NINETY, Named
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import BAD, GOOD, UNSURE, Light
@@ -134,8 +133,11 @@ def _effect(item: Named, answer: Answer, units: Units) -> Light:
     values = {
         parameter.name: with_unit(value, parameter.unit, units)
         for parameter, value in zip(entry.parameters, item.settings.values, strict=False)
+        if parameter.name not in item.undetermined
     }
     facts = [f"Confidence {item.confidence:.2f}."]
+    if item.undetermined:
+        facts.append(f"These recordings do not determine its {' and '.join(item.undetermined).replace('_', ' ')}.")
     score = next((test for test in accepted_tests(answer, entry.name) if test.name.startswith("z-score")), None)
     if score is not None:
         facts.append(
@@ -198,7 +200,7 @@ def _rest(answer: Answer, units: Units) -> Light:
     if rest is None or near is None:
         return Light(BELIEVABILITY, question, UNSURE, "It was not tested.")
     facts = (
-        f"{100 * max(rest.value, 0.0):.2g} % of its square can surely be predicted (limit"
+        f"At least {100 * max(rest.value, 0.0):.2g} % of the squared residual is predictable (limit"
         f" {100 * rest.threshold:.3g} %); its rms is {near.value:.2g} times the noise (limit {near.threshold:.3g})."
     )
     if not rest.passed:

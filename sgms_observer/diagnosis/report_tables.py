@@ -7,13 +7,10 @@ import numpy as np
 from sgms_observer.diagnosis.answer import Answer
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.locate import Located
-from sgms_observer.diagnosis.named import Named
+from sgms_observer.diagnosis.named import NINETY, NOT_DETERMINED, Named
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.report.page import Table
 from sgms_observer.settings.units import Units
-
-NINETY = 1.645
-"""Half width of a 90 % interval in standard errors."""
 
 
 def gap_table(answer: Answer) -> Table:
@@ -73,6 +70,9 @@ def _parameter_rows(item: Named, units: Units) -> list[tuple[str, str, str, str]
     entry = effect(item.settings.name)
     rows = []
     for parameter, value, error in zip(entry.parameters, item.settings.values, item.std_error, strict=True):
+        if parameter.name in item.undetermined:
+            rows.append((parameter.name, NOT_DETERMINED, "-", "-"))
+            continue
         factor, unit = prefixed_unit(max(abs(value), error), parameter.unit, units)
         low, high = factor * (value - NINETY * error), factor * (value + NINETY * error)
         interval = f"{low:.4g} .. {high:.4g}" if error > 0.0 else "fixed"

@@ -11,6 +11,7 @@ from typing import Any
 from sgms_observer.diagnosis.answer import Answer
 from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.contact import UNSMOOTHED_SETTLING_TIME
+from sgms_observer.diagnosis.named import NOT_DETERMINED
 from sgms_observer.diagnosis.tracking import PredictedTracking
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.effect import named_values
@@ -60,6 +61,7 @@ def result_of(
                 "name": item.settings.name,
                 "parameters": by_name(item.settings.name, item.settings.values),
                 "std_error": by_name(item.settings.name, item.std_error),
+                "undetermined": list(item.undetermined),
                 "confidence": item.confidence,
                 "alternatives": list(item.alternatives),
                 "gap_before": gap.before if math.isnan(item.gap_before) else item.gap_before,
@@ -179,7 +181,12 @@ def write_augmented(answer: Answer, settings: Settings, axis: str, out: Path) ->
         out: folder; created if it does not exist.
     """
     head = f"sgms diagnose: {answer.verdict}; gap {answer.gap.before:.3g} -> {answer.gap.after:.3g} % of rms effort"
-    write_settings(settings, out / "augmented.yaml", {axis: changes_of(answer)}, {"": head})
+    remarks = {
+        f"{axis}.effects.{item.settings.name}.{name}": f"{NOT_DETERMINED}; do not rely on it"
+        for item in answer.effects
+        for name in item.undetermined
+    }
+    write_settings(settings, out / "augmented.yaml", {axis: changes_of(answer)}, {"": head, **remarks})
 
 
 def finite_or_none(value: float) -> float | None:

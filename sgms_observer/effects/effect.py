@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from string import Formatter
 from typing import Any, TypeVar
 
 from sgms_observer.arrays import Floats
@@ -244,9 +245,12 @@ class Effect:
         """Return the question that a report asks about the effect.
 
         Args:
-            values: its parameters by name, with their units.
+            values: its parameters by name, with their units. Without one that the question needs, it has the name only.
         """
-        return self.question.format(**values) if self.question else f"Is there {self.name.replace('_', ' ')}?"
+        needed = {name for _, name, _, _ in Formatter().parse(self.question) if name}
+        if self.question and needed <= values.keys():
+            return self.question.format(**values)
+        return f"Is there {self.name.replace('_', ' ')}?"
 
     def parameter(self, name: str) -> EffectParameter:
         """Return one parameter.

@@ -147,5 +147,8 @@ def _diagnoses(outcomes: Sequence[Outcome]) -> Section:
 
 def _effect(found: Mapping[str, Any]) -> str:
     """Return an effect with its values."""
-    values = ", ".join(f"{name} {value:.4g}" for name, value in found["parameters"].items())
+    values = ", ".join(
+        f"{name} {'not determined' if name in found['undetermined'] else f'{value:.4g}'}"
+        for name, value in found["parameters"].items()
+    )
     return f"{found['name'].replace('_', ' ')} ({values})"

@@ -140,10 +140,14 @@ class Units:
     def prefixed(self, size: float, unit: str = "m") -> tuple[float, str]:
         """Return the factor and the unit in which numbers of this size are easy to read, from ``n`` to no prefix.
 
+        Kilograms have a prefix already and get no second one.
+
         Args:
             size: largest number to be shown, in the unit without a prefix.
             unit: what it has on a prismatic axis; its first word gets the prefix (``um/s``, ``mrad``).
         """
+        if unit.startswith("kg"):
+            return 1.0, self.of(unit)
         prefix_size, prefix = next(
             (entry for entry in _PREFIXES if abs(size) >= entry[0] * (1 - 1e-9)),
             _PREFIXES[-1] if size and math.isfinite(size) else _PREFIXES[0],

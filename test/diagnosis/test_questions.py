@@ -46,7 +46,11 @@ def answer(**changes: Any) -> Any:
     )
     values = {
         "gap": gap,
-        "effects": (Named(EffectSettings("cogging", (1.4, 0.012, 0.3, 0.0, 0.0)), (0.1,) * 5, 0.98, (), 5.0, 2.0),),
+        "effects": (
+            Named(
+                EffectSettings("cogging", (1.4, 0.012, 0.3, 0.0, 0.0)), (0.1, 1e-5, 0.1, 0.1, 0.1), 0.98, (), 5.0, 2.0
+            ),
+        ),
         "changed": (),
         "learnt": (),
         "disturbance": None,
@@ -172,11 +176,57 @@ def test_values_that_the_refit_stopped_at_their_tolerance_are_named() -> None:
     [
         (0.012, "m", Units(), "12.0 mm"), (1.0e-4, "s", Units(), "100 us"), (250.0, "Hz", Units(), "250 Hz"),
         (0.012, "m", Units(REVOLUTE), "12.0 mrad"), (1.25, "-", Units(), "1.25"), (5.0e6, "N/m", Units(), "5e+06 N/m"),
-        (0.0, "N", Units(), "0 N"),
+        (0.0, "N", Units(), "0 N"), (0.5, "kg", Units(), "0.500 kg"), (2.0e-4, "kg", Units(), "0.0002 kg"),
+        (0.5, "kg", Units(REVOLUTE), "0.500 kg m^2"),
     ],
 )  # fmt: skip
 def test_a_value_has_its_unit_and_three_digits(value: float, unit: str, units: Units, text: str) -> None:
     assert with_unit(value, unit, units) == text
+
+
+def test_a_value_that_the_recordings_do_not_determine_is_not_asked_about() -> None:
+    """A backlash of 1 mm with a standard error of 94 mm had the question: is there backlash of 1.00 mm?"""
+    item = Named(EffectSettings("backlash", (1e-3, 5.0)), (94e-3, 0.1), 0.98, (), 5.0, 2.0)
+    assert item.undetermined == ("gap",)
+    state, says = states(answer(effects=(item,)))["Is there backlash?"]
+    assert state == GOOD and "do not determine its gap" in says
+
+
+@pytest.mark.parametrize(
+    ("settings", "errors", "expected"),
+    [
+        (EffectSettings("frictional_lag", (200.0, 1.0)), (50.0, 94.0), ("distance",)),
+        (EffectSettings("frictional_lag", (200.0, 1e-4)), (50.0, 0.9e-4), ()),
+        (EffectSettings("offset", (0.0,)), (0.1,), ()),
+        (EffectSettings("cogging", (1.4, 0.012, 0.0, 0.0, 0.0)), (0.1, 1e-5, 0.2, 0.1, 0.1), ()),
+        (EffectSettings("cogging", (1.4, 0.012, 0.3, 0.0, 0.0)), (0.1, 1e-5, 40.0, 0.1, 0.1), ("phase",)),
+    ],
+)
+def test_a_value_is_undetermined_where_its_error_says_nothing(
+    settings: EffectSettings, errors: tuple[float, ...], expected: tuple[str, ...]
+) -> None:
+    """A value near zero is determined where its interval is narrower than its range: an offset, a phase."""
+    assert Named(settings, errors, 0.98, (), 5.0, 2.0).undetermined == expected
+
+
+NOWHERE = np.zeros(2)
+
+
+@pytest.mark.parametrize(
+    ("located", "says"),
+    [
+        ([Located("position", "m", NOWHERE, NOWHERE, NOWHERE, 0.5, 0.01, 0.0, 0.1, 0.1)],
+         "The residual changes with position over its whole range: record the same motion again"),
+        ([Located("position", "m", NOWHERE, NOWHERE, NOWHERE, 0.5, 0.01, 0.0, 0.1, 0.1),
+          Located("velocity", "m/s", NOWHERE, NOWHERE, NOWHERE, 0.4, 0.01, 0.2, 0.3, 2.0)],
+         "stays at velocity 0.2 to 0.3 m/s,"),
+        ([Located("time", "s", NOWHERE, NOWHERE, NOWHERE, 0.5, 0.01, 1.0, 2.0, 60.0)], "residual changes with time"),
+    ],
+)  # fmt: skip
+def test_the_next_experiment_names_a_range_only_where_it_narrows_something(located: list[Located], says: str) -> None:
+    found: Any = SimpleNamespace(rounds=())
+    text = next_experiment("unknown_effect", [], located, found, Units(), has_disturbance=False)
+    assert text is not None and says in text
 
 
 @pytest.mark.parametrize(

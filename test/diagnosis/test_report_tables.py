@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from sgms_observer.diagnosis import result
 from sgms_observer.diagnosis.changed import Changed
 from sgms_observer.diagnosis.locate import BINS, Located, locate
-from sgms_observer.diagnosis.named import Named
+from sgms_observer.diagnosis.named import NOT_DETERMINED, Named
 from sgms_observer.diagnosis.report_tables import changed_table, effect_tables, located_table, prefixed_unit
 from sgms_observer.settings.axis import EffectSettings
+from sgms_observer.settings.load import settings_from_tree
 from sgms_observer.settings.units import REVOLUTE, Units
 
 NONE = np.zeros(2)
@@ -86,3 +89,20 @@ def test_changed_values_have_one_prefix_for_all_their_numbers() -> None:
 )
 def test_a_prefix_makes_numbers_easier_to_read(size: float, unit: str, found: str) -> None:
     assert prefixed_unit(size, unit, Units())[1] == found
+
+
+def test_a_value_that_the_recordings_do_not_determine_is_not_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Table and YAML say so; result.json keeps the numbers. A distance read 1 m, with an interval of -154 to 156 m."""
+    item = Named(EffectSettings("frictional_lag", (200.0, 1.0)), (50.0, 94.0), 0.98, (), 5.0, 2.0)
+    answer: Any = SimpleNamespace(effects=(item,), verdict="effect_found", gap=SimpleNamespace(before=5.0, after=2.0))
+    rows = effect_tables(answer, Units())[0].rows
+    assert rows[0][:2] == ("attraction_rate", "200") and rows[1] == ("distance", NOT_DETERMINED, "-", "-")
+    changes = {"effects.names": ["frictional_lag"], "effects.frictional_lag.attraction_rate": 200.0,
+               "effects.frictional_lag.distance": 1.0}  # fmt: skip
+    monkeypatch.setattr(result, "changes_of", lambda _: changes)
+    settings = settings_from_tree({"axes": ["x"], "x": {"mass": 3.0}})
+    result.write_augmented(answer, settings, "x", tmp_path)
+    lines = (tmp_path / "augmented.yaml").read_text().splitlines()
+    assert [line.split(":")[0].strip() for line in lines if NOT_DETERMINED in line] == ["distance"]
