@@ -127,7 +127,7 @@ def find_files(path: Path) -> BagFiles:
     except (OSError, KeyError, TypeError, ValueError, yaml.YAMLError):
         if not found and not packed:
             raise RecordingError(
-                f"{path} is no bag: it has neither a readable {METADATA} nor an .mcap or .db3 file"
+                f"{path} is no bag: it has neither a readable {METADATA} nor an .mcap or .db3 file; check the path"
             ) from None
         warning = (
             f"{path / METADATA} is missing or cannot be read; the storage files in the folder were read without it"

@@ -180,8 +180,11 @@ def choose_window(table: Table, start: float, end: float) -> Table:
         end: seconds from the first sample [s]; infinite for the whole rest.
 
     Raises:
-        RecordingError: fewer than two samples are in it.
+        RecordingError: a time is no number or negative, or fewer than two samples are in the window.
     """
+    for name, value in (("from", start), ("to", end)):
+        if not value >= 0.0:
+            raise RecordingError(f"--{name} {value:g} s must not be negative; give seconds from the start of the log")
     seconds = (table.stamp_ns - table.stamp_ns[0]) * 1e-9
     first, last = np.searchsorted(seconds, [start, end], side="left")
     if last - first < 2:

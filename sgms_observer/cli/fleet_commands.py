@@ -90,10 +90,10 @@ def diagnose_each(args: argparse.Namespace, request: DiagnoseRequest) -> Outcome
         find_files(Path(bag))  # one that is not there would be the fault of every job
     jobs = []
     for name, bag in zip(job_names(args.bags), bags, strict=True):
-        own = replace(request, bags=[bag], config=config, out=str(out / name), holdout=holdout, workers=1)
-        refuse_own_recording(own.out, [*bags, *holdout])
+        job_request = replace(request, bags=[bag], config=config, out=str(out / name), holdout=holdout, workers=1)
+        refuse_own_recording(job_request.out, [*bags, *holdout])
         refuse_existing_files([out / name / file for file in FILES], args.overwrite)
-        jobs.append(DiagnoseJob(name, own))
+        jobs.append(DiagnoseJob(name, job_request))
     return _do("diagnose", "Diagnosis of a fleet", jobs, args, out, has_page=True)
 
 

@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.nodes.transport import prepare_transport
 
     if not 0.0 < args.rate < float("inf"):
-        raise RecordingError(f"--rate {args.rate:g} must be above 0")
+        raise RecordingError(f"--rate {args.rate:g} must be a positive number; 1 plays in real time")
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

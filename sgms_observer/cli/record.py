@@ -59,8 +59,10 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.nodes.spin import leave_graph, make_executor
     from sgms_observer.nodes.transport import prepare_transport
 
-    if args.duration is not None and not args.duration > 0.0:
-        raise RecordingError(f"--duration {args.duration:g} s must be above 0")
+    if args.duration is not None and not 0.0 < args.duration < float("inf"):
+        raise RecordingError(
+            f"--duration {args.duration:g} s must be a positive number; leave it out to record until Ctrl-C"
+        )
     for topic in args.topics:
         refuse_other_names(topic, topic)
     writer = BagWriter(args.out, args.storage, keep_on_failure=True, is_overwriting=args.overwrite)

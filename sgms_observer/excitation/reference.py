@@ -19,6 +19,8 @@ from sgms_observer.settings.axis import AxisSettings
 
 DURATION = 60.0
 """Default duration of a reference [s]: enough for the default question on a table of some centimetres."""
+MAX_DURATION = 86_400.0
+"""Longest reference [s]: a day."""
 MIN_DURATION = 8.0
 """Shortest reference [s]: it has room for a band and two of the slower segments."""
 _DESIGN_PERIOD = 1.0e-3  # s; segments are compared at this rate at most
@@ -126,6 +128,8 @@ def design_excitation(
         faults.append(f"rate = {rate:g} Hz must be at least 20 Hz; give the rate of the set-points")
     if not seconds >= MIN_DURATION:
         faults.append(f"duration = {seconds:g} s is too short for a recording; allow {MIN_DURATION:g} s or more")
+    elif seconds > MAX_DURATION:
+        faults.append(f"duration = {seconds:g} s is too long for a recording; give {MAX_DURATION:g} s at most")
     if abs(start - middle) > 0.5 * limits.stroke * (1.0 + 1.0e-9):
         faults.append(
             f"the table stands at {readable(start)}, outside of the window of {readable(limits.stroke)} around"

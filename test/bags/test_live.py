@@ -153,7 +153,7 @@ def test_playing_stops_at_a_signal(tmp_path: Path, delay: float) -> None:
     ("arguments", "sentence"),
     [
         (("play", "nowhere"), "nowhere does not exist"),
-        (("play", "source", "--rate", "0"), "--rate 0 must be above 0"),
+        (("play", "source", "--rate", "0"), "--rate 0 must be a positive number; "),
         (
             ("play", "source", "--topics", "posture"),
             "has no topic /posture; it holds /control_effort, /ignored, /position",

@@ -108,6 +108,38 @@ def test_a_recorder_asks_for_names_of_topics(name: str, tmp_path: Path, capsys: 
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["convert", "log.csv", "--map", "time=t", "position=q", "--from=-1"], "--from -1 s must not be negative; "),
+        (["convert", "log.csv", "--map", "time=t", "position=q", "--to=nan"], "--to nan s must not be negative; "),
+        (["excite", "--config", "axis.yaml", "--duration=inf"], "duration = inf s is too long for a recording; "),
+        (["record", "--duration=inf"], "--duration inf s must be a positive number; "),
+        (["record", "--duration=-1"], "--duration -1 s must be a positive number; "),
+        (["info", "empty"], "empty is no bag: "),
+    ],
+)
+def test_a_number_that_makes_no_sense_is_refused(
+    arguments: list[str],
+    sentence: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A window from -1 s on was the whole log, an infinite excitation an internal error, and a recording had no end."""
+    if arguments[0] == "record":
+        pytest.importorskip("rclpy")
+    monkeypatch.chdir(tmp_path)
+    _file(tmp_path, WHOLE)
+    Path("log.csv").write_text("t,q\n0,0\n0.001,1e-6\n0.002,2e-6\n", encoding="utf-8")
+    Path("empty").mkdir()
+    out = [] if arguments[0] == "info" else ["--out", "out"]
+    assert main([*arguments, *out]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith(sentence) and "; " in said and said.count("\n") == 1
+    assert not Path("out").exists()
+
+
 def test_a_bag_below_a_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "log.csv"
     log.write_text("t,q\n0,0\n0.001,1e-6\n", encoding="utf-8")
