@@ -19,6 +19,8 @@ from sgms_observer.settings.axis import AxisSettings
 
 DURATION = 60.0
 """Default duration of a reference [s]: enough for the default question on a table of some centimetres."""
+MAX_RATE = 1.0e5
+"""Highest rate of the set-points [Hz]."""
 MAX_DURATION = 86_400.0
 """Longest reference [s]: a day."""
 MIN_DURATION = 8.0
@@ -126,6 +128,8 @@ def design_excitation(
     faults = []
     if not (math.isfinite(rate) and rate >= 20.0):
         faults.append(f"rate = {rate:g} Hz must be at least 20 Hz; give the rate of the set-points")
+    elif rate > MAX_RATE:
+        faults.append(f"rate = {rate:g} Hz is too high for set-points; give {MAX_RATE:g} Hz at most")
     if not seconds >= MIN_DURATION:
         faults.append(f"duration = {seconds:g} s is too short for a recording; allow {MIN_DURATION:g} s or more")
     elif seconds > MAX_DURATION:
