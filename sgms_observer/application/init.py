@@ -249,8 +249,8 @@ def init(
         SgmsError: the bag cannot be read or the file not be written.
     """
     refuse_existing_files([out], options.is_overwriting)
-    if options.position_scale == 0.0 or options.effort_scale == 0.0:
-        raise ConfigurationError(["--position-scale and --effort-scale must not be 0; leave them out for 1"])
+    if not all(math.isfinite(scale) and scale for scale in (options.position_scale, options.effort_scale)):
+        raise ConfigurationError(["--position-scale and --effort-scale must be finite and not 0; leave them out for 1"])
     if bag is None:
         drafts = [
             replace(template_draft(name, options.joint_type),

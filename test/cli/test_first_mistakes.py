@@ -115,6 +115,7 @@ def test_a_recorder_asks_for_names_of_topics(name: str, tmp_path: Path, capsys: 
         (["convert", "log.csv", "--map", "time=t", "position=q", "--to=nan"], "--to nan s must not be negative; "),
         (["excite", "--config", "axis.yaml", "--duration=inf"], "duration = inf s is too long for a recording; "),
         (["excite", "--config", "axis.yaml", "--rate=1e30"], "rate = 1e+30 Hz is too high for set-points; "),
+        (["init", "--position-scale=nan"], "--position-scale and --effort-scale must be finite and not 0; "),
         (["record", "--duration=inf"], "--duration inf s must be a positive number; "),
         (["record", "--duration=-1"], "--duration -1 s must be a positive number; "),
         (["info", "empty"], "empty is no bag: "),
