@@ -94,9 +94,11 @@ def refuse_existing_files(paths: Sequence[str | Path], is_overwriting: bool) -> 
         is_overwriting: they may be replaced.
 
     Raises:
-        RecordingError: one of them is there and must stay; one sentence.
+        RecordingError: one of them is there and must stay, or is a folder; one sentence.
     """
     for path in paths:
+        if is_overwriting and os.path.isdir(path):
+            raise RecordingError(f"{path} is a folder where a file must be; give the name of a file")
         if not is_overwriting and os.path.lexists(path):
             raise RecordingError(f"{path} exists already and is not overwritten; give another name, or --overwrite")
 

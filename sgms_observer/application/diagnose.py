@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from sgms_observer.application.bag_info import refuse_learnt_from
 from sgms_observer.arrays import Floats
-from sgms_observer.bags.bag_folder import refuse_own_recording
+from sgms_observer.bags.bag_folder import refuse_bag_folder, refuse_own_recording
 from sgms_observer.diagnosis.answer import Answer, answer_of
 from sgms_observer.diagnosis.compensation_check import SKIPPED, CompensationCheck, can_look_ahead, check_compensation
 from sgms_observer.diagnosis.criteria import Test, at_most
@@ -183,6 +183,7 @@ def diagnose_bags(request: DiagnoseRequest, show: Callable[[float], None] = lamb
     other = settings.coupled_to(axis)
     refuse_learnt_from(request.bags, request.holdout)
     refuse_own_recording(request.out, [*request.bags, *request.holdout])
+    refuse_bag_folder(request.out)
     try_folder(request.out)
     notes: list[str] = []
 

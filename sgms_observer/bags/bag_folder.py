@@ -188,6 +188,19 @@ def refuse_own_recording(out: str | Path, bags: Sequence[str | Path]) -> None:
             raise RecordingError(f"--out {out} is the recording {bag} itself, which stays as it is; give another name")
 
 
+def refuse_bag_folder(out: str | Path) -> None:
+    """Raise if results of another kind would go into the folder of a bag.
+
+    Args:
+        out: folder of the results.
+
+    Raises:
+        RecordingError: a bag is there; --overwrite does not allow it either.
+    """
+    if (Path(out) / METADATA).is_file():
+        raise RecordingError(f"--out {out} is the folder of a bag, which stays as it is; give another name")
+
+
 def take_place(new: Path, path: Path) -> None:
     """Give a finished bag its name; a bag of that name is removed once the new one stands there.
 

@@ -63,6 +63,7 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.application.commission.ledger import LOG, Ledger
     from sgms_observer.application.commission.run import commission
     from sgms_observer.application.commission.session import Plan, Request, Session
+    from sgms_observer.bags.bag_folder import refuse_bag_folder
     from sgms_observer.cli.progress import Progress
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.whole_file import try_folder
@@ -78,6 +79,7 @@ def run(args: argparse.Namespace) -> Outcome:
     limits = (args.stroke, args.speed, args.acceleration)
     request = Request(args.config, out, axis, *limits, args.motion, args.time, topics)
     plan = Plan.of(request)
+    refuse_bag_folder(out)
     try_folder(out)
     ledger = Ledger.open(out, request.as_json(), args.overwrite)
     require_ros()

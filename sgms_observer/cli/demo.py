@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``."""
-    from sgms_observer.bags.bag_folder import REPORT, refuse_existing_bag
+    from sgms_observer.bags.bag_folder import REPORT, refuse_bag_folder, refuse_existing_bag
     from sgms_observer.errors import ConfigurationError
     from sgms_observer.settings.load import load_settings
     from sgms_observer.settings.node_parameters import refuse_missing
@@ -61,6 +61,7 @@ def run(args: argparse.Namespace) -> Outcome:
 
     out = Path(args.out)
     bag = out / "bag"
+    refuse_bag_folder(out)
     refuse_existing_bag(bag, args.overwrite)
     refuse_existing_files([out / REPORT, out / RESULT], args.overwrite)
     try_folder(out)

@@ -111,11 +111,12 @@ def _do(
     label: str, title: str, jobs: Sequence[fleet.Job], args: argparse.Namespace, out: Path, *, has_page: bool
 ) -> Outcome:
     """Run the jobs, write the summary, and print what it says."""
-    from sgms_observer.bags.bag_folder import REPORT
+    from sgms_observer.bags.bag_folder import REPORT, refuse_bag_folder
     from sgms_observer.fleet.jobs import run_jobs
     from sgms_observer.fleet.summary import SUMMARY, summary_of, verdict, write_summary
     from sgms_observer.whole_file import refuse_existing_files, try_folder
 
+    refuse_bag_folder(out)
     files = [SUMMARY, REPORT] if has_page else [SUMMARY]
     refuse_existing_files([out / name for name in files], args.overwrite)
     try_folder(out)

@@ -28,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     """Do the job, as ``main.Command``."""
+    from sgms_observer.bags.bag_folder import refuse_bag_folder
     from sgms_observer.cli.progress import Progress
     from sgms_observer.paper.best_configuration import beyond, beyond_markdown, runs_beyond
     from sgms_observer.paper.figures import (
@@ -43,6 +44,7 @@ def run(args: argparse.Namespace) -> Outcome:
     from sgms_observer.whole_file import refuse_existing_files, try_folder, write_text
 
     folder = Path(args.out)
+    refuse_bag_folder(folder)
     refuse_existing_files([folder / name for name in ("table2.json", "beyond.json", "report.html")], args.overwrite)
     runs = runs_of_table(args.seeds) + runs_beyond(args.seeds, args.consistency_seeds)
     done = itertools.count(1)

@@ -6,11 +6,13 @@ import errno
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 from c_build import needs
 
 from sgms_observer import whole_file
 from sgms_observer.application import kernels
+from sgms_observer.bags.writer import BagWriter
 from sgms_observer.cli.main import main
 from sgms_observer.errors import DataError, RecordingError
 from sgms_observer.nodes import conductor
@@ -140,6 +142,36 @@ def test_a_number_that_makes_no_sense_is_refused(
     said = capsys.readouterr().err
     assert said.startswith(sentence) and "; " in said and said.count("\n") == 1
     assert not Path("out").exists()
+
+
+@pytest.mark.parametrize("options", [[], ["--overwrite"]], ids=["", "overwrite"])
+@pytest.mark.parametrize(
+    "command",
+    [("diagnose", "other"), ("replay", "other", "third"), ("commission", "--yes"), ("demo",), ("paper",)],
+    ids=" ".join,
+)
+def test_no_result_goes_into_the_folder_of_a_bag(
+    command: tuple[str, ...], options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A commissioning put its log and report there; the bag was none any more for what replaces bags."""
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write_joint_states("position", np.arange(3, dtype=np.int64) * 1_000_000, ("x",), position=np.zeros(3))
+    before = {path.name: path.read_bytes() for path in (tmp_path / "bag").iterdir()}
+    config = [] if command[0] == "paper" else ["--config", _file(tmp_path, WHOLE)]
+    assert main([*command, *config, "--out", str(tmp_path / "bag"), *options]) == 1
+    said = capsys.readouterr().err
+    assert "is the folder of a bag, which stays as it is; " in said and said.count("\n") == 1
+    assert {path.name: path.read_bytes() for path in (tmp_path / "bag").iterdir()} == before
+
+
+@pytest.mark.parametrize("command", [("identify", "bag"), ("excite",)], ids=" ".join)
+def test_a_folder_in_place_of_a_file_is_refused_before_any_work(
+    command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out").mkdir()
+    options = ["--config", _file(tmp_path, WHOLE), "--out", str(tmp_path / "out"), "--overwrite"]
+    assert main([*command, *options]) == 1
+    assert capsys.readouterr().err.endswith("is a folder where a file must be; give the name of a file\n")
 
 
 def test_a_bag_below_a_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
