@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -99,9 +100,17 @@ def _refuse_existing(path: Path, options: ExportOptions) -> None:
     if not options.overwrite:
         raise ConfigurationError([f"{path} exists already and is not overwritten; give another name, or --overwrite"])
     marker = {"c": "sgms.h", "ros2_control": "package.xml"}.get(options.target)
-    is_ours = path.is_file() if marker is None else (path / marker).is_file() or _is_empty_folder(path)
+    is_ours = _is_fmu(path) if marker is None else (path / marker).is_file() or _is_empty_folder(path)
     if not is_ours:
         raise ConfigurationError([f"{path} was not written by sgms export and is not overwritten; give another name"])
+
+
+def _is_fmu(path: Path) -> bool:
+    """Return whether a file is an FMU, and no parameter file or other file of the user."""
+    if not path.is_file() or not zipfile.is_zipfile(path):
+        return False
+    with zipfile.ZipFile(path) as archive:
+        return "modelDescription.xml" in archive.namelist()
 
 
 def _is_empty_folder(path: Path) -> bool:

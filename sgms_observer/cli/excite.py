@@ -93,6 +93,8 @@ def run(args: argparse.Namespace) -> Outcome:
     if topics and not args.publish:
         raise ConfigurationError(["--topic names topics of the live graph; give --publish too, or leave it out"])
     if args.out:
+        if Path(args.out).resolve() == Path(args.config).resolve():
+            raise ConfigurationError([f"--out {args.out} is the parameter file itself, which stays; give another name"])
         refuse_existing_files([args.out], args.overwrite)
         try_folder(Path(args.out).parent)
     settings = load_settings(args.config)

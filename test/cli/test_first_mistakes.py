@@ -92,7 +92,14 @@ def test_an_fmu_of_another_name_is_warned_of(name: str, tmp_path: Path, capsys: 
     assert capsys.readouterr().err == (warning if name == "stage" else "")
 
 
-@pytest.mark.parametrize("target", ["c", "ros2_control"])
+def test_an_excitation_does_not_replace_its_parameter_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    config = _file(tmp_path, WHOLE)
+    assert main(["excite", "--config", config, "--out", config, "--overwrite"]) == 1
+    assert capsys.readouterr().err.endswith("is the parameter file itself, which stays; give another name\n")
+    assert Path(config).read_text(encoding="utf-8") == WHOLE
+
+
+@pytest.mark.parametrize("target", ["c", "ros2_control", "fmu"])
 def test_an_export_does_not_replace_a_file(target: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = _file(tmp_path, WHOLE)
     assert main(["export", config, "--target", target, "--out", config, "--overwrite"]) == 1
