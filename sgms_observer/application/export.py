@@ -99,8 +99,12 @@ def _refuse_existing(path: Path, options: ExportOptions) -> None:
         return
     if not options.overwrite:
         raise ConfigurationError([f"{path} exists already and is not overwritten; give another name, or --overwrite"])
-    marker = {"c": "sgms.h", "ros2_control": "package.xml"}.get(options.target)
-    is_ours = _is_fmu(path) if marker is None else (path / marker).is_file() or _is_empty_folder(path)
+    if options.target == "fmu":
+        is_ours = _is_fmu(path)
+    elif options.target == "c":
+        is_ours = (path / "sgms.h").is_file() or _is_empty_folder(path)
+    else:
+        is_ours = _is_exported_package(path) or _is_empty_folder(path)
     if not is_ours:
         raise ConfigurationError([f"{path} was not written by sgms export and is not overwritten; give another name"])
 
@@ -111,6 +115,14 @@ def _is_fmu(path: Path) -> bool:
         return False
     with zipfile.ZipFile(path) as archive:
         return "modelDescription.xml" in archive.namelist()
+
+
+def _is_exported_package(path: Path) -> bool:
+    """Return whether a folder is a ROS package that an export wrote, and none of the user."""
+    try:
+        return "written by sgms export" in (path / "package.xml").read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return False
 
 
 def _is_empty_folder(path: Path) -> bool:

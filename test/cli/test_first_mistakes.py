@@ -92,6 +92,18 @@ def test_an_fmu_of_another_name_is_warned_of(name: str, tmp_path: Path, capsys: 
     assert capsys.readouterr().err == (warning if name == "stage" else "")
 
 
+def test_an_export_does_not_replace_a_package_of_the_user(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    package, config = tmp_path / "mine", _file(tmp_path, WHOLE)
+    package.mkdir()
+    (package / "package.xml").write_text("<package><name>mine</name></package>", encoding="utf-8")
+    export = ["export", config, "--target", "ros2_control", "--overwrite", "--out"]
+    assert main([*export, str(package)]) == 1
+    assert "was not written by sgms export" in capsys.readouterr().err
+    assert [path.name for path in package.iterdir()] == ["package.xml"]
+    for _ in range(2):
+        assert main([*export, str(tmp_path / "exported")]) == 0
+
+
 def test_an_excitation_does_not_replace_its_parameter_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = _file(tmp_path, WHOLE)
     assert main(["excite", "--config", config, "--out", config, "--overwrite"]) == 1
