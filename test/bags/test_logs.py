@@ -145,8 +145,11 @@ def test_windows_and_halves(tmp_path: Path) -> None:
     for share in (0.0, 1.0, -1.0, 0.01, 0.999, float("nan")):
         with pytest.raises(RecordingError, match="--split"):
             split_table(log, share)
-    for start, end in ((1.0, 2.0), (0.02, 0.01), (-5.0, 0.0)):
+    for start, end in ((1.0, 2.0), (0.02, 0.01), (0.0, 0.0)):
         with pytest.raises(RecordingError, match="choose a window"):
+            choose_window(log, start, end)
+    for start, end in ((-5.0, 1.0), (0.0, float("nan"))):
+        with pytest.raises(RecordingError, match="must not be negative"):
             choose_window(log, start, end)
 
 
