@@ -9,7 +9,8 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from sgms_observer.compensation.horizon import Horizon
+from sgms_observer.compensation.horizon import EVERY, Horizon
+from sgms_observer.settings.axis import AxisSettings
 
 MAX_CATCH_UP = 0.5
 """A clock that jumps further than this [s] was stopped or set: the samples in between are dropped."""
@@ -89,6 +90,9 @@ _KEPT_HORIZONS = 100
 
 class DueForces:
     """The compensation of one axis as the stage applies it.
+
+    This class is for a controller without integral action, and for a compensation of friction only.
+    ``BumplessForces`` is for a controller with integral action and a compensation with a constant load.
 
     A horizon gives a value for every time up to its end, so a late horizon changes nothing before the end of the one
     before it. The newest horizon that has begun is used. Where none covers a time, single values are used: a message
@@ -176,7 +180,7 @@ class DueForces:
                 forces[k] = self._single(stamp)
                 value = self._from_horizon(stamp + self._ahead_ns)
                 if value is not None:
-                    forces[k], self._share = value, 1.0
+                    forces[k] = value
                 self._latest_ns = stamp
         return forces
 
@@ -214,3 +218,130 @@ class DueForces:
             wanted = max(0.0, 1.0 - age / self._timeout_ns)
         self._share += min(max(wanted - self._share, -step), step)
         return self._share * self._force
+
+
+HOLD = 0.5
+"""A held compensation stays for this long without messages, then it is released [s]."""
+
+MIN_RELEASE = 5.0
+"""Shortest time in which a held compensation is released [s]."""
+
+_RELEASE_RATIO = 100.0
+"""Time of the release over the controller's integral time [-]. The ramp changes the tracking error by 1 % of the held
+force over the controller's position gain."""
+
+_AT_REST = frozenset({"offset", "gravity", "spring", "cogging"})
+"""Effects whose force acts at rest too: the integral action supplies it where the compensation does not."""
+
+
+class BumplessForces(DueForces):
+    """The compensation of one axis as the stage applies it to a controller with integral action and a constant load.
+
+    The integral action supplies the force that the compensation does not. So a constant compensation changes no
+    tracking error, even if its value is wrong, but a step of it is a disturbance. A late message causes no step here:
+
+    * While no value for the present has arrived, the last output is held.
+    * When values return, the output continues from the held one, and the difference decays within ``release``.
+    * After ``HOLD`` without a value the held output decays to zero within ``release``.
+    * A value of exactly zero is used at once: the observer is switched off or stops, and has limited the slew itself.
+
+    Args:
+        lead: time from a message's stamp to its application [s].
+        timeout: the last part of a horizon that is not used [s]; it fades for an observer that has stopped.
+        sample_period: time between two samples [s].
+        ahead: time from a sample to the middle of the interval in which its force is applied [s].
+        release: time in which a held output, or its difference to the values, decays to zero [s].
+        limit: largest magnitude of the output [N].
+    """
+
+    def __init__(
+        self, lead: float, timeout: float, sample_period: float, ahead: float, release: float, limit: float
+    ) -> None:
+        super().__init__(lead, timeout, sample_period, ahead)
+        self._release_ns = round(release * 1e9)
+        self._limit = limit
+        self._output = self._difference = self._decay = 0.0
+        self._covered_ns = _LONG_AGO
+        self._is_held = True
+
+    def at(self, stamps: Ints, direction: int = 0) -> Floats:
+        """Return the force at each sample [N].
+
+        Args:
+            stamps: sample times [ns], shape (n,), not before those of the last call.
+            direction: not used: a held force is right or wrong by a constant, which the integral action supplies.
+        """
+        if self._first_ns is None and len(stamps):
+            self._first_ns = int(stamps[0])
+        forces = np.zeros(len(stamps))
+        with self._lock:
+            for k, stamp in enumerate(stamps.tolist()):
+                elapsed = max(0, stamp - self._latest_ns) if self._latest_ns > _LONG_AGO else 0
+                forces[k] = self._output = self._next(stamp, elapsed / self._release_ns)
+                self._latest_ns = stamp
+        return forces
+
+    def _next(self, stamp: int, share: float) -> float:
+        """Return the next output [N].
+
+        Args:
+            stamp: time of the sample [ns].
+            share: elapsed time over the time of the release [-].
+        """
+        before = self._horizon
+        value = self._present(stamp)
+        if value is None:
+            if not self._is_held:
+                self._is_held, self._decay = True, abs(self._output)
+            is_silent = stamp - self._covered_ns > round(HOLD * 1e9)
+            return _toward_zero(self._output, self._decay * share) if is_silent else self._output
+        self._covered_ns = stamp
+        if value == 0.0:
+            self._is_held, self._difference = False, 0.0
+            return 0.0
+        if self._is_held or self._is_late_or_skips(before, stamp + self._ahead_ns):
+            self._is_held, self._difference = False, self._output - value
+            self._decay = abs(self._difference)
+        self._difference = _toward_zero(self._difference, self._decay * share)
+        return min(max(value + self._difference, -self._limit), self._limit)
+
+    def _present(self, stamp: int) -> float | None:
+        """Return the value that was made for this sample [N]; None if there is none."""
+        while self._waiting and self._waiting[0][0] <= stamp:
+            self._due_ns, self._force = self._waiting.popleft()
+        time_ns = stamp + self._ahead_ns
+        value = self._from_horizon(time_ns)
+        if value is not None and self._horizon is not None:
+            begin, end = int(self._horizon.time_ns[0]), int(self._horizon.time_ns[-1])
+            if time_ns <= max(end - self._timeout_ns, begin + round(2.0 * EVERY * 1e9)):
+                return value
+        return self._force if stamp - self._due_ns <= self._grace_ns else None
+
+    def _is_late_or_skips(self, before: Horizon | None, time_ns: int) -> bool:
+        """Return whether a horizon has replaced another one after its own begin, or horizons in between are missing."""
+        if before is None or self._horizon is None or before is self._horizon:
+            return False
+        begin = int(self._horizon.time_ns[0])
+        return time_ns - begin > self._grace_ns or begin - int(before.time_ns[0]) > round(1.5e9 * EVERY)
+
+
+def _toward_zero(value: float, step: float) -> float:
+    """Return a value that is smaller in magnitude by ``step``, at least 0."""
+    return math.copysign(max(0.0, abs(value) - step), value)
+
+
+def due_forces(axis: AxisSettings, sample_period: float) -> DueForces:
+    """Return what applies the compensation of an axis to its simulated controller.
+
+    Args:
+        axis: the axis.
+        sample_period: time between two samples [s].
+    """
+    compensation, delay = axis.compensation, axis.stage.actuation_delay
+    lead, ahead = max(0.0, compensation.look_ahead - delay), delay + 0.5 * sample_period
+    rate = axis.stage.controller.integral_rate
+    has_load = "offset" in axis.estimator.parameters or any(effect.name in _AT_REST for effect in axis.effects)
+    if rate == 0.0 or not has_load:
+        return DueForces(lead, compensation.timeout, sample_period, ahead)
+    release = max(MIN_RELEASE, _RELEASE_RATIO / (2.0 * math.pi * rate))
+    return BumplessForces(lead, compensation.timeout, sample_period, ahead, release, compensation.limit)

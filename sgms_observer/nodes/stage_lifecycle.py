@@ -21,7 +21,7 @@ from sgms_observer.compensation.horizon import EVERY
 from sgms_observer.errors import DataError, SgmsError
 from sgms_observer.nodes.horizons import BEFORE, decode_horizons, encode_reference
 from sgms_observer.nodes.lifecycle import ManagedNode
-from sgms_observer.nodes.pace import AGE_SENTENCE, MAX_CATCH_UP, MAX_LAG_OF_FOLLOWER, DueForces, Pace
+from sgms_observer.nodes.pace import AGE_SENTENCE, MAX_CATCH_UP, MAX_LAG_OF_FOLLOWER, DueForces, Pace, due_forces
 from sgms_observer.nodes.topics import HORIZON_QOS, JointStateTopics, subscribe
 from sgms_observer.observer.outgoing import COMPENSATION, HORIZON, REFERENCE_HORIZON, OutgoingBlock
 from sgms_observer.observer.samples import Samples
@@ -100,15 +100,7 @@ class StageNode(ManagedNode):
     def set_up(self) -> None:
         """Make publishers and the subscription."""
         period = self.settings.sample_period
-        self._due = [
-            DueForces(
-                max(0.0, axis.compensation.look_ahead - axis.stage.actuation_delay),
-                axis.compensation.timeout,
-                period,
-                axis.stage.actuation_delay + 0.5 * period,
-            )
-            for axis in self.settings.axes
-        ]
+        self._due = [due_forces(axis, period) for axis in self.settings.axes]
         self._directions = [0] * len(self._due)
         followed = [stage.followed is not None for stage in self._working_table().stages]
         topics = (POSITION, EFFORT, TRUTH) if all(followed) else (POSITION, EFFORT, REFERENCE, TRUTH)

@@ -1,4 +1,4 @@
-"""A compensation that comes late, in bunches or not at all never makes the largest tracking error larger than none."""
+"""A compensation that comes late, in bunches or not at all makes the largest tracking error at most 1 or 3 % larger."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import late_network
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from late_network import Trouble, largest_error
 
@@ -19,20 +20,26 @@ ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 0.7
 LATEST = 0.2  # s
 
-TROUBLES = st.lists(
-    st.builds(
-        Trouble,
-        begin=st.floats(0.0, SECONDS),
-        length=st.floats(0.0, LATEST),
-        delay=st.floats(0.0, LATEST),
-        jitter=st.sampled_from([0.0, 2.0e-3, 2.0e-2, LATEST]),
-        lost=st.sampled_from([0.0, 0.1, 0.5, 1.0]),
-    )
-    | st.builds(Trouble, begin=st.floats(0.0, SECONDS), length=st.floats(0.0, LATEST), is_bunched=st.just(True)),
-    min_size=1,
-    max_size=5,
-)
 
+def _troubles(seconds: float) -> st.SearchStrategy[list[Trouble]]:
+    """Return what may happen to the messages in a run of this length [s]."""
+    begin, length = st.floats(0.0, seconds), st.floats(0.0, LATEST)
+    return st.lists(
+        st.builds(
+            Trouble,
+            begin=begin,
+            length=length | st.just(seconds),
+            delay=st.floats(0.0, LATEST),
+            jitter=st.sampled_from([0.0, 2.0e-3, 2.0e-2, LATEST]),
+            lost=st.sampled_from([0.0, 0.1, 0.5, 1.0]),
+        )
+        | st.builds(Trouble, begin=begin, length=length, is_bunched=st.just(True)),
+        min_size=1,
+        max_size=5,
+    )
+
+
+TROUBLES = _troubles(SECONDS)
 
 MOTIONS = ("sine", "move", "sine with effects")
 EFFECTS = (
@@ -62,6 +69,44 @@ the force that would help is in a message that is not there. It was no more in 5
 losses and bunches."""
 
 
+SHARPER_HELD = 1.03
+"""The same with a load. What a controller with integral action holds may be the compensation of a reversal, where the
+friction is largest: the axis then has to break away from there."""
+
+LOADED_MOTIONS = ("sine", "move")
+LOADED_SECONDS, LOADED_SETTLE = 3.0, 1.0  # s: the joint's first move, its dwell and the reversal
+
+
+def _loaded(motion: str, force: float) -> AxisSettings:
+    """Return the demonstration's axis with a constant force, and a controller with integral action that carries it."""
+    axis = _axis(motion)
+    controller = replace(axis.stage.controller, integral_rate=20.0)
+    return replace(
+        axis, effects=(EffectSettings("offset", (force,)),), stage=replace(axis.stage, controller=controller)
+    )
+
+
+@cache
+def _loaded_without(motion: str, force: float) -> float:
+    """Return the largest error of ``_loaded`` without compensation [m]."""
+    return largest_error(_loaded(motion, force), SECONDS, is_compensated=False)
+
+
+def _joint_error(troubles: list[Trouble] | None, is_known_ahead: bool = False, seed: int = 0) -> float:
+    """Return the largest error of the shipped joint under gravity [rad]; without compensation for no list."""
+    found = load_settings(ROOT / "config" / "joint.yaml")
+    return largest_error(
+        found.axes[0], LOADED_SECONDS, troubles or (), is_compensated=troubles is not None,
+        is_known_ahead=is_known_ahead, seed=seed, period=found.sample_period, settle=LOADED_SETTLE,
+    )  # fmt: skip
+
+
+@cache
+def _joint_without() -> float:
+    """Return the largest error of the joint without compensation [rad]."""
+    return _joint_error(None)
+
+
 @cache
 def _without(motion: str) -> float:
     """Return the largest error without compensation [m]."""
@@ -71,7 +116,7 @@ def _without(motion: str) -> float:
 @pytest.mark.parametrize("motion", MOTIONS)
 @settings(max_examples=30, deadline=None)
 @given(troubles=TROUBLES, seed=st.integers(0, 1000))
-def test_single_values_are_never_worse_than_none(motion: str, troubles: list[Trouble], seed: int) -> None:
+def test_single_values_make_the_peak_hardly_larger_than_none(motion: str, troubles: list[Trouble], seed: int) -> None:
     """Nobody knows what a message that is missing said."""
     assert largest_error(_axis(motion), SECONDS, troubles, seed=seed) <= SHARPER * _without(motion)
 
@@ -79,8 +124,48 @@ def test_single_values_are_never_worse_than_none(motion: str, troubles: list[Tro
 @pytest.mark.parametrize("motion", MOTIONS)
 @settings(max_examples=15, deadline=None)
 @given(troubles=TROUBLES, seed=st.integers(0, 1000))
-def test_a_horizon_is_never_worse_than_none(motion: str, troubles: list[Trouble], seed: int) -> None:
-    assert largest_error(_axis(motion), SECONDS, troubles, is_known_ahead=True, seed=seed) <= _without(motion)
+def test_a_horizon_makes_the_peak_hardly_larger_than_none(motion: str, troubles: list[Trouble], seed: int) -> None:
+    """Behind its end a horizon says no more than a message that is missing."""
+    error = largest_error(_axis(motion), SECONDS, troubles, is_known_ahead=True, seed=seed)
+    assert error <= SHARPER * _without(motion)
+
+
+@pytest.mark.parametrize("is_known_ahead", [False, True])
+@pytest.mark.parametrize("force", [2.0, -6.0])
+@pytest.mark.parametrize("motion", LOADED_MOTIONS)
+@settings(max_examples=8, deadline=None)
+@given(troubles=TROUBLES, seed=st.integers(0, 1000))
+@example(troubles=[Trouble(0.0, SECONDS, delay=0.1875)], seed=0)
+@example(troubles=[Trouble(0.181, 0.081, delay=0.032, lost=1.0), Trouble(0.288, 0.188, 0.143, LATEST, 0.1)], seed=44)
+def test_a_constant_force_makes_the_peak_hardly_larger_than_none(
+    motion: str, force: float, is_known_ahead: bool, troubles: list[Trouble], seed: int
+) -> None:
+    error = largest_error(_loaded(motion, force), SECONDS, troubles, is_known_ahead=is_known_ahead, seed=seed)
+    assert error <= SHARPER_HELD * _loaded_without(motion, force)
+
+
+@pytest.mark.parametrize("is_known_ahead", [False, True])
+@settings(max_examples=10, deadline=None)
+@given(troubles=_troubles(LOADED_SECONDS), seed=st.integers(0, 1000))
+def test_the_joint_under_gravity_has_a_peak_hardly_larger_than_none(
+    is_known_ahead: bool, troubles: list[Trouble], seed: int
+) -> None:
+    assert _joint_error(troubles, is_known_ahead, seed) <= SHARPER_HELD * _joint_without()
+
+
+LOSSES_OF_THE_JOINT = [Trouble(1.0 + 0.25 * k, 0.12, lost=1.0) for k in range(8)]
+
+
+def test_dropped_at_once_a_load_would_be_worse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The check can fail: faded as friction is, the weight of the joint comes and goes in steps."""
+    assert _joint_error(LOSSES_OF_THE_JOINT) <= _joint_without()
+    monkeypatch.setattr(late_network, "due_forces", _all_as_friction)
+    assert _joint_error(LOSSES_OF_THE_JOINT) > 1.1 * _joint_without()
+
+
+def _all_as_friction(axis: AxisSettings, period: float) -> DueForces:
+    """Return what applies the compensation as if it held no load."""
+    return DueForces(axis.compensation.look_ahead, axis.compensation.timeout, period, 0.5 * period)
 
 
 @pytest.mark.parametrize("motion", ["sine", "move"])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sgms_observer.compensation.horizon import Horizon
-from sgms_observer.nodes.pace import DueForces
+from sgms_observer.nodes.pace import BumplessForces, DueForces, due_forces
+from sgms_observer.settings.load import load_settings
 
+ROOT = Path(__file__).resolve().parents[2]
 MS = 1_000_000
 
 
@@ -138,3 +142,87 @@ def test_a_horizon_that_is_not_finite_or_not_in_order_is_ignored(value: float) -
     due.put_horizon(Horizon(np.array([2, 1]) * MS, np.ones(2)))
     due.put_horizon(Horizon(np.zeros(0, np.int64), np.zeros(0)))
     assert due.at(np.array([0, MS])).tolist() == [0.0, 0.0]
+
+
+def _bumpless() -> BumplessForces:
+    due = BumplessForces(lead=1e-3, timeout=0.01, sample_period=1e-3, ahead=0.0, release=1.0, limit=9.0)
+    due.at(np.array([0]))
+    due.put(0, 0.0, 0)
+    assert due.at(np.array([1]) * MS).tolist() == [0.0]
+    return due
+
+
+def test_a_held_load_makes_no_step_when_messages_stop_and_when_they_return() -> None:
+    due = _bumpless()
+    due.put(1 * MS, 5.0, MS)
+    assert due.at(np.arange(2, 300) * MS, -1).tolist() == [5.0] * 298  # against the motion too
+    due.put(300 * MS, 7.0, 300 * MS)
+    due.put(301 * MS, 8.0, 301 * MS)
+    assert np.allclose(due.at(np.array([301, 302]) * MS, 1), [5.004, 6.006])
+
+
+def test_a_held_load_is_released_slowly_when_the_observer_is_gone() -> None:
+    due = _bumpless()
+    due.put(1 * MS, 5.0, MS)
+    held = due.at(np.arange(2, 2000) * MS)
+    assert np.max(np.abs(np.diff(held))) == pytest.approx(0.005) and held[400] == 5.0
+    assert held[-1] == 0.0 and np.all(np.diff(held) <= 0.0)
+
+
+def test_zero_counts_at_once_whatever_was_held() -> None:
+    """The observer sends it when it is switched off, stops or gets no samples."""
+    due = _bumpless()
+    due.put(1 * MS, 5.0, MS)
+    due.at(np.arange(2, 100) * MS)
+    due.put(99 * MS, 0.0, 99 * MS)
+    assert due.at(np.array([100, 101]) * MS).tolist() == [0.0, 0.0]
+
+
+@given(
+    values=st.lists(st.floats(-50.0, 50.0), min_size=100, max_size=100),
+    missing=st.lists(st.booleans(), min_size=100, max_size=100),
+)
+def test_a_held_load_and_what_is_left_of_it_stay_within_the_limit(values: list[float], missing: list[bool]) -> None:
+    due = _bumpless()
+    for k, (value, is_missing) in enumerate(zip(values, missing, strict=True), start=1):
+        if not is_missing:
+            due.put(k * MS, value, k * MS)
+        assert abs(due.at(np.array([k + 1]) * MS)[0]) <= 9.0
+
+
+def test_the_fading_end_of_a_horizon_is_not_used_where_a_load_is_held() -> None:
+    due = BumplessForces(lead=1e-3, timeout=0.05, sample_period=1e-3, ahead=0.0, release=100.0, limit=9.0)
+    due.at(np.array([0]))
+    due.put_horizon(Horizon(np.arange(1, 51, 49) * MS, np.zeros(2)))
+    due.at(np.arange(1, 51) * MS)
+    fading = np.minimum(1.0, np.arange(250, -1, -1) / 50.0)
+    due.put_horizon(Horizon(np.arange(51, 302) * MS, 4.0 * fading))
+    forces = due.at(np.arange(51, 700) * MS)
+    assert forces.tolist() == [4.0] * 649
+
+
+def test_a_horizon_that_comes_late_makes_no_step_where_a_load_is_held() -> None:
+    """The one before it may be from before the compensation was switched on: zero, while the new one is not."""
+    due = BumplessForces(lead=1e-3, timeout=0.05, sample_period=1e-3, ahead=0.0, release=1.0, limit=9.0)
+    due.at(np.array([0]))
+    due.put_horizon(Horizon(np.arange(1, 302, 300) * MS, np.zeros(2)))
+    due.at(np.arange(1, 200) * MS)
+    due.put_horizon(Horizon(np.arange(51, 352) * MS, np.full(301, 4.0)))
+    assert np.allclose(due.at(np.array([200, 201, 202]) * MS), [0.004, 0.008, 0.012])
+
+
+def test_after_a_horizon_that_ended_no_old_single_value_acts() -> None:
+    due = DueForces(lead=1e-3, timeout=0.01, sample_period=1e-3)
+    due.at(np.array([0]))
+    due.put(0, 3.0, 0)
+    due.put_horizon(Horizon(np.arange(1, 42) * MS, np.linspace(3.0, 0.0, 41)))
+    forces = due.at(np.arange(1, 60) * MS)
+    assert np.allclose(forces[:41], np.linspace(3.0, 0.0, 41)) and not forces[41:].any()
+
+
+def test_what_is_held_depends_on_the_controller_and_on_the_load() -> None:
+    joint = load_settings(ROOT / "config" / "joint.yaml").axes[0]
+    assert isinstance(due_forces(joint, 1e-3), BumplessForces)
+    controller = replace(joint.stage.controller, integral_rate=0.0)
+    assert type(due_forces(replace(joint, stage=replace(joint.stage, controller=controller)), 1e-3)) is DueForces
+    assert type(due_forces(replace(joint, effects=()), 1e-3)) is DueForces
