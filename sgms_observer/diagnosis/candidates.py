@@ -127,20 +127,6 @@ def finish_fit(setup: RefitSetup, found: Refit) -> Refit:
     return setup.fit(found.effects, found.logs)
 
 
-def alone(item: Candidate, before: Refit) -> Candidate:
-    """Return an effect fitted alone: the nominal parameters are those of the model before.
-
-    Parameters that hardly show in the fitted recordings drift in a fit of all parameters, and with them the
-    predicted friction at rest, which may hide or feign an improvement of the reported gap.
-
-    Args:
-        item: the hypothesis, an effect.
-        before: fit without it.
-    """
-    found = item.setup.fit(item.refit.effects, before.logs, is_nominal_held=True)
-    return replace(item, refit=found)
-
-
 def _with_second_harmonic(setup: RefitSetup, found: Refit, place: int, columns: Floats) -> Refit:
     """Return the fit of cogging, with the second harmonic if that reduces the cost enough."""
     for phase in (0.0, 2.1, -2.1):

@@ -61,8 +61,7 @@ class ClosedGap:
     def closed_by(self, name: str) -> Closed:
         """Return what an effect closes beside everything else.
 
-        Without it everything else is fitted again, because the gaps of several effects are listed so. Where a single
-        one is named, everything else may also stay as it is: the fit may drift (see ``candidates.alone``).
+        Without it everything else is fitted again, because the gaps of several effects are listed so.
 
         Args:
             name: the effect.
@@ -71,10 +70,7 @@ class ClosedGap:
         setup, others = self.written.setup.without(name, fitted.effects)
         without = setup.fit(others, fitted.logs, evaluations=WRITTEN_EVALUATIONS)
         others_of_gap = without if after is fitted else evaluation.best_for_gap(setup, without)
-        found = [self._closed(fitted.model, without.model, (others_of_gap.model, after.model))]
-        if len(self.names) == 1:
-            found.append(self._closed(after.model, replace(after.model, effects=others)))
-        return max(found, key=lambda one: (one.z_score, one.share))
+        return self._closed(fitted.model, without.model, (others_of_gap.model, after.model))
 
     def closed_by_instead_of_contact_law(self, name: str) -> Closed:
         """Return what an effect closes where nothing else stands for another contact law.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, alone, finish_fit, with_effect
+from sgms_observer.diagnosis.candidates import MAX_COMPARED, Candidate, finish_fit, with_effect
 from sgms_observer.diagnosis.changed_contact import CHANGED_CONTACT_LAW, can_be_freed, changed_candidate
 from sgms_observer.diagnosis.coordinates import free_form_coordinates, is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Criteria, Test, at_least, at_most
@@ -89,8 +89,8 @@ def decide(
 ) -> Decision:
     """Test one hypothesis against the model without it.
 
-    Where an effect predicts significantly better and the gap as reported does not show it, the effect is fitted alone
-    and tested again; then both models are compared with the values of the file that predict the gap as reported best.
+    Where an effect predicts significantly better and the gap as reported does not show it, both models are compared
+    with the values of the file that predict the gap as reported best.
 
     Args:
         item: the hypothesis.
@@ -103,15 +103,12 @@ def decide(
     failed = [test.name for test in first.tests if not test.passed]
     if item.settings is None or failed != [HELD_OUT_GAP]:
         return first
-    second = _decided(alone(item, before), before, earlier, evaluation, is_rival)
-    if second.passed:
-        return second
     best = [evaluation.best_for_gap(item.setup, one).model for one in (before, item.refit)]
     reported = evaluation.reported_gain(*best)
     if reported.share < evaluation.criteria.min_closed_share:
         return first
-    third = _decided(item, before, earlier, evaluation, is_rival, reported)
-    return third if third.passed else first
+    second = _decided(item, before, earlier, evaluation, is_rival, reported)
+    return second if second.passed else first
 
 
 def _decided(
@@ -305,7 +302,10 @@ def strength_beyond_tolerance(item: Candidate, before: Refit) -> float:
         0 if no value lies at the end of its tolerance.
     """
     at_end = values_at_end(before, item.setup)
-    return strength(alone(item, before), at_end) if at_end else 0.0
+    if not at_end:
+        return 0.0
+    beside = item.setup.fit(item.refit.effects, before.logs, is_nominal_held=True)
+    return strength(replace(item, refit=beside), at_end)
 
 
 def values_at_end(fit: Refit, setup: RefitSetup) -> frozenset[int]:

@@ -371,9 +371,7 @@ def _as_written(
 ) -> WrittenFits:
     """Return the fits with the elements of the file, without and with everything that was accepted.
 
-    Where the gap as reported grows, because the fit of the nominal parameters drifts (see ``candidates.alone``), and
-    shrinks if they stay as they are without the effects, they stay so. Where other values predict the gap as reported
-    better (see ``EvaluationData.best_for_gap``), both models have them.
+    Where other values predict the gap as reported better (see ``EvaluationData.best_for_gap``), both models have them.
 
     Args:
         without: fits without it.
@@ -384,7 +382,7 @@ def _as_written(
     """
     if state is found:
         return without
-    first, before = without.setup, without.fitted
+    before = without.fitted
     fine = state.setup.nominal
     later = replace(nominal, is_unsmoothed=fine.is_unsmoothed, relaxation=fine.relaxation)
     if state.setup.freedom.elements:
@@ -397,11 +395,6 @@ def _as_written(
         starts.append(state.current.logs)
     tried = [last.fit(state.current.effects, start, evaluations=WRITTEN_EVALUATIONS) for start in starts]
     after = min(tried, key=lambda fit: fit.cost)
-    least = evaluation.reported_rms(before.model)
-    is_as_free = later == nominal and last.freedom == first.freedom
-    if is_as_free and evaluation.reported_rms(after.model) > least:
-        held = last.fit(state.current.effects, before.logs, is_nominal_held=True, evaluations=WRITTEN_EVALUATIONS)
-        after = held if evaluation.reported_rms(held.model) < least else after
     fresh, of_strengths = (_with_derivatives(last, after, only_strengths) for only_strengths in (False, True))
     estimates = strengths = recording_estimates(last, fresh, state.held_out_motions)
     if of_strengths.free != fresh.free:
