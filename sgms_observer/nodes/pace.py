@@ -91,8 +91,7 @@ _KEPT_HORIZONS = 100
 class DueForces:
     """The compensation of one axis as the stage applies it.
 
-    This class is for a controller without integral action, and for a compensation of friction only.
-    ``BumplessForces`` is for a controller with integral action and a compensation with a constant load.
+    ``BumplessForces`` is for a controller with integral action and a load above the friction: see ``due_forces``.
 
     A horizon gives a value for every time up to its end, so a late horizon changes nothing before the end of the one
     before it. The newest horizon that has begun is used. Where none covers a time, single values are used: a message
@@ -230,12 +229,12 @@ _RELEASE_RATIO = 100.0
 """Time of the release over the controller's integral time [-]. The ramp changes the tracking error by 1 % of the held
 force over the controller's position gain."""
 
-_AT_REST = frozenset({"offset", "gravity", "spring", "cogging"})
-"""Effects whose force acts at rest too: the integral action supplies it where the compensation does not."""
+_LOADS = frozenset({"offset", "gravity"})
+"""Effects whose force hardly changes along a motion; the first value of each is its size."""
 
 
 class BumplessForces(DueForces):
-    """The compensation of one axis as the stage applies it to a controller with integral action and a constant load.
+    """The compensation of one axis as the stage applies it to a controller whose integral action carries a load.
 
     The integral action supplies the force that the compensation does not. So a constant compensation changes no
     tracking error, even if its value is wrong, but a step of it is a disturbance. A late message causes no step here:
@@ -333,6 +332,9 @@ def _toward_zero(value: float, step: float) -> float:
 def due_forces(axis: AxisSettings, sample_period: float) -> DueForces:
     """Return what applies the compensation of an axis to its simulated controller.
 
+    The axis may reverse while messages are missing. Held, the compensation is then wrong by twice the static force;
+    faded, by the static force and the load. The smaller one is chosen, where integral action can carry a load at all.
+
     Args:
         axis: the axis.
         sample_period: time between two samples [s].
@@ -340,8 +342,8 @@ def due_forces(axis: AxisSettings, sample_period: float) -> DueForces:
     compensation, delay = axis.compensation, axis.stage.actuation_delay
     lead, ahead = max(0.0, compensation.look_ahead - delay), delay + 0.5 * sample_period
     rate = axis.stage.controller.integral_rate
-    has_load = "offset" in axis.estimator.parameters or any(effect.name in _AT_REST for effect in axis.effects)
-    if rate == 0.0 or not has_load:
+    load = sum(abs(effect.values[0]) for effect in axis.effects if effect.name in _LOADS)
+    if rate == 0.0 or load <= axis.friction.static_force:
         return DueForces(lead, compensation.timeout, sample_period, ahead)
     release = max(MIN_RELEASE, _RELEASE_RATIO / (2.0 * math.pi * rate))
     return BumplessForces(lead, compensation.timeout, sample_period, ahead, release, compensation.limit)

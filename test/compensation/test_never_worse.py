@@ -21,14 +21,14 @@ SECONDS = 0.7
 LATEST = 0.2  # s
 
 
-def _troubles(seconds: float) -> st.SearchStrategy[list[Trouble]]:
-    """Return what may happen to the messages in a run of this length [s]."""
+def _troubles(seconds: float, has_silence: bool) -> st.SearchStrategy[list[Trouble]]:
+    """Return what may happen to the messages in a run of this length [s], and whether it may last to the end."""
     begin, length = st.floats(0.0, seconds), st.floats(0.0, LATEST)
     return st.lists(
         st.builds(
             Trouble,
             begin=begin,
-            length=length | st.just(seconds),
+            length=length | st.just(seconds) if has_silence else length,
             delay=st.floats(0.0, LATEST),
             jitter=st.sampled_from([0.0, 2.0e-3, 2.0e-2, LATEST]),
             lost=st.sampled_from([0.0, 0.1, 0.5, 1.0]),
@@ -39,7 +39,7 @@ def _troubles(seconds: float) -> st.SearchStrategy[list[Trouble]]:
     )
 
 
-TROUBLES = _troubles(SECONDS)
+TROUBLES, WITH_SILENCE = (_troubles(SECONDS, has_silence) for has_silence in (False, True))
 
 MOTIONS = ("sine", "move", "sine with effects")
 EFFECTS = (
@@ -124,29 +124,30 @@ def test_single_values_make_the_peak_hardly_larger_than_none(motion: str, troubl
 @pytest.mark.parametrize("motion", MOTIONS)
 @settings(max_examples=15, deadline=None)
 @given(troubles=TROUBLES, seed=st.integers(0, 1000))
-def test_a_horizon_makes_the_peak_hardly_larger_than_none(motion: str, troubles: list[Trouble], seed: int) -> None:
-    """Behind its end a horizon says no more than a message that is missing."""
-    error = largest_error(_axis(motion), SECONDS, troubles, is_known_ahead=True, seed=seed)
-    assert error <= SHARPER * _without(motion)
+def test_a_horizon_is_never_worse_than_none(motion: str, troubles: list[Trouble], seed: int) -> None:
+    assert largest_error(_axis(motion), SECONDS, troubles, is_known_ahead=True, seed=seed) <= _without(motion)
 
 
 @pytest.mark.parametrize("is_known_ahead", [False, True])
 @pytest.mark.parametrize("force", [2.0, -6.0])
 @pytest.mark.parametrize("motion", LOADED_MOTIONS)
 @settings(max_examples=8, deadline=None)
-@given(troubles=TROUBLES, seed=st.integers(0, 1000))
+@given(troubles=WITH_SILENCE, seed=st.integers(0, 1000))
 @example(troubles=[Trouble(0.0, SECONDS, delay=0.1875)], seed=0)
 @example(troubles=[Trouble(0.181, 0.081, delay=0.032, lost=1.0), Trouble(0.288, 0.188, 0.143, LATEST, 0.1)], seed=44)
 def test_a_constant_force_makes_the_peak_hardly_larger_than_none(
     motion: str, force: float, is_known_ahead: bool, troubles: list[Trouble], seed: int
 ) -> None:
-    error = largest_error(_loaded(motion, force), SECONDS, troubles, is_known_ahead=is_known_ahead, seed=seed)
-    assert error <= SHARPER_HELD * _loaded_without(motion, force)
+    """Of 2 N, which is less than the friction, nothing is held; of 6 N the load is."""
+    axis = _loaded(motion, force)
+    error = largest_error(axis, SECONDS, troubles, is_known_ahead=is_known_ahead, seed=seed)
+    bound = SHARPER_HELD if abs(force) > axis.friction.static_force else SHARPER
+    assert error <= bound * _loaded_without(motion, force)
 
 
 @pytest.mark.parametrize("is_known_ahead", [False, True])
 @settings(max_examples=10, deadline=None)
-@given(troubles=_troubles(LOADED_SECONDS), seed=st.integers(0, 1000))
+@given(troubles=_troubles(LOADED_SECONDS, has_silence=True), seed=st.integers(0, 1000))
 def test_the_joint_under_gravity_has_a_peak_hardly_larger_than_none(
     is_known_ahead: bool, troubles: list[Trouble], seed: int
 ) -> None:

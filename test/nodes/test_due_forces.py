@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from sgms_observer.compensation.horizon import Horizon
 from sgms_observer.nodes.pace import BumplessForces, DueForces, due_forces
+from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.load import load_settings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -225,4 +226,6 @@ def test_what_is_held_depends_on_the_controller_and_on_the_load() -> None:
     assert isinstance(due_forces(joint, 1e-3), BumplessForces)
     controller = replace(joint.stage.controller, integral_rate=0.0)
     assert type(due_forces(replace(joint, stage=replace(joint.stage, controller=controller)), 1e-3)) is DueForces
-    assert type(due_forces(replace(joint, effects=()), 1e-3)) is DueForces
+    light = EffectSettings("gravity", (0.9 * joint.friction.static_force, 0.3, 1.0))
+    for effects in ((), (light,)):  # a held output would be wrong by more after a reversal than one without the load
+        assert type(due_forces(replace(joint, effects=effects), 1e-3)) is DueForces
