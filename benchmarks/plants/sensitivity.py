@@ -50,6 +50,7 @@ CRITERION_OF = {
     "frequency over sample rate": "max_rate_share",
     "share of samples beyond the limit": "max_unexplained",
     "share of the effort that is unexplained": "max_unexplained",
+    "unexplained share of the effort": "max_unexplained",
     "surely predictable share": "min_predictable_share",
     "share of the squared gap that the refit adds": "min_predictable_share",
     "gap over noise": "max_gap_over_noise",

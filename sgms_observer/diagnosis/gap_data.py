@@ -84,6 +84,10 @@ class GapData:
         """Return the rms of residuals with the weights of the gap [N]."""
         return self.rest(parts).rms
 
+    def unexplained(self, parts: Sequence[Floats]) -> float:
+        """Return the rms of residuals over that of the effort, both with the weights of the evidence."""
+        return self.evidence(parts).rms / effort_rms(self.motions, self.whitened.weights)
+
     def reduction(self, before: Sequence[Floats], after: Sequence[Floats]) -> Improvement:
         """Return by how much residuals are smaller than others, in blocks of time."""
         block = self.options.criteria.block

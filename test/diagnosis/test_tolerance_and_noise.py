@@ -10,12 +10,14 @@ import pytest
 from workflow_case import AXIS, evaluation_of, record
 
 from sgms_observer.diagnosis import pruning, workflow
+from sgms_observer.diagnosis.answer import answer_of
 from sgms_observer.diagnosis.criteria import at_least
 from sgms_observer.diagnosis.diagnosis import FitState, Options, Round, accepted_candidates
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.fit import RefitSetup
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
+from sgms_observer.offline.recording import Recording
 from sgms_observer.settings.axis import EffectSettings
 
 OFFSET, SPRING = EffectSettings("offset", (0.4,)), EffectSettings("spring", (20.0, 0.0))
@@ -110,3 +112,26 @@ def test_after_an_effect_is_removed_the_search_goes_on_without_it(monkeypatch: p
 def added(item: Round) -> str:
     """Return what a round added."""
     return item.accepted.candidate.name if item.accepted else ""
+
+
+def test_an_unexplained_force_at_rest_takes_no_name_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    """More than a third of the effort stays unexplained, but nothing of it while the contact slides."""
+    monkeypatch.setattr(workflow, "catalogue_names", lambda: ("offset", "spring"))
+    monkeypatch.setattr(workflow, "CHANGE_HYPOTHESES", ())
+    one, other = (_with_force_at_rest(seed) for seed in (1, 2))
+    options = Options(workers=1, band=50.0)
+    answer = answer_of(workflow.diagnose([one], [other], AXIS, options), AXIS, options)
+    (named,) = answer.effects
+    assert named.settings.name == "spring" and named.settings.values[0] == pytest.approx(60.0, rel=0.05)
+    assert answer.gap.after > 100.0 * options.criteria.max_unexplained and not answer.usable
+    assert any(text.startswith("unusable model: ") for text in answer.warnings)
+
+
+def _with_force_at_rest(seed: int) -> Recording:
+    """Return a recording with a spring, and a random force in the rests of ``rich_position``."""
+    found = record((EffectSettings("spring", (60.0, 0.0)),), seed=seed, duration=24.0, period=0.002)
+    time = found.period * np.arange(len(found)) % 6.0
+    rests = np.clip(np.minimum((time - 5.25) * 20.0, (5.95 - time) * 20.0), 0.0, 1.0)
+    white = np.random.default_rng([seed, 9]).normal(0.0, 12.0, len(found))
+    force = np.convolve(white, np.full(8, 8.0**-0.5), "same")
+    return replace(found, effort=found.effort + rests * force, recorded_step=1.0e-8)
