@@ -304,8 +304,8 @@ def strength_beyond_tolerance(item: Candidate, before: Refit) -> float:
     at_end = values_at_end(before, item.setup)
     if not at_end:
         return 0.0
-    beside = item.setup.fit(item.refit.effects, before.logs, is_nominal_held=True)
-    return strength(replace(item, refit=beside), at_end)
+    refitted = item.setup.fit(item.refit.effects, before.logs, is_nominal_held=True)
+    return strength(replace(item, refit=refitted), at_end)
 
 
 def values_at_end(fit: Refit, setup: RefitSetup) -> frozenset[int]:
