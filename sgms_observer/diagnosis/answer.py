@@ -6,9 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.advice import detectable, next_experiment
 from sgms_observer.diagnosis.changed import Changed, changed_values
 from sgms_observer.diagnosis.coordinates import CONTACT, is_confusable_with_contact
@@ -31,8 +29,6 @@ from sgms_observer.diagnosis.sliding import fast_sliding_residual, preference_ov
 from sgms_observer.effects.catalogue import is_drag
 from sgms_observer.settings.axis import AxisSettings, EffectSettings
 from sgms_observer.settings.units import Units
-
-Floats = NDArray[np.float64]
 
 MAX_LOCATED = 4
 """Largest number of reported coordinates."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.model import HALF_A_REVERSAL, Model, hidden_by_encoder
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.settings.axis import AxisSettings
@@ -141,7 +141,7 @@ def is_reversed(motions: Sequence[Motion]) -> bool:
     return bool(friction < -REVERSED_Z and mass < 0.0 and work < 0.0)
 
 
-def _conservative(motion: Motion) -> list[NDArray[np.float64]]:
+def _conservative(motion: Motion) -> list[Floats]:
     """Return columns of forces that depend on the position: constant, spring, gravity if the angle is wide."""
     place = motion.thinned(motion.position)
     listed = [np.ones(len(place)), place]

@@ -10,17 +10,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.fit import REFERENCE_PARAMETERS, Refit, RefitSetup, reference_parameters
 from sgms_observer.diagnosis.model import STRIBECK_VELOCITY
 from sgms_observer.diagnosis.screen import Screen
 from sgms_observer.diagnosis.sliding_force import PARTS_OF_SLIDING_FORCE, start_logs
 from sgms_observer.effects.catalogue import effect, is_contact_law
 from sgms_observer.settings.axis import EffectSettings
-
-Floats = NDArray[np.float64]
 
 FIRST_EVALUATIONS = 8
 """Evaluated models of a first fit, which uses the derivatives of the screening."""

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.diagnosis import WrittenFits
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.evidence import improvement
@@ -19,8 +17,6 @@ from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.sliding import share_beside_logarithmic_friction
 from sgms_observer.effects.catalogue import effect, is_contact_law
 from sgms_observer.settings.axis import EffectSettings
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

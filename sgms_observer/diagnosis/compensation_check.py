@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.compensation.feedforward_kernel import standstill_velocity
 from sgms_observer.diagnosis.evidence import blocks_of, improvement
 from sgms_observer.diagnosis.model import Model, with_phases_of
@@ -41,8 +41,8 @@ class CompensationCheck:
 
     innovation: float
     friction_not_cancelled: float
-    blocks: tuple[NDArray[np.float64], ...] = ()
-    reference_blocks: tuple[NDArray[np.float64], ...] = ()
+    blocks: tuple[Floats, ...] = ()
+    reference_blocks: tuple[Floats, ...] = ()
     share: float = 1.0
     has_reference: bool = False
 
@@ -95,7 +95,7 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
     needed = motion.effort - axis.mass * motion.acceleration  # the force of an added mass is part of the feedforward
     counted = motion.thinned(motion.time) > SKIPPED
 
-    def left_along(reference: NDArray[np.float64]) -> NDArray[np.float64]:
+    def left_along(reference: Floats) -> Floats:
         feedforward = AxisObserver(axis, period).step(replace(samples, reference_position=reference)).compensation
         applied = delayed(np.nan_to_num(feedforward), lag)[:: motion.step]
         return motion.low_pass(needed - applied)[counted]
@@ -108,7 +108,7 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
     if reference is not None:
         left, follows = left_along(reference), moves(reference, motion)[counted]
 
-    def in_blocks(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    def in_blocks(values: Floats) -> tuple[Floats, ...]:
         return tuple(blocks_of(values, motion.residual_period, block))
 
     return CompensationCheck(
@@ -121,7 +121,7 @@ def check_compensation(record: Recording, axis: AxisSettings, band: float, block
     )
 
 
-def moves(values: NDArray[np.float64], motion: Motion) -> NDArray[np.bool_]:
+def moves(values: Floats, motion: Motion) -> Booleans:
     """Return whether a signal of the recording changes, at the samples of residuals.
 
     Args:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.friction.gms import gms_step
 from sgms_observer.friction.sgms import sgms_step
 from sgms_observer.jit import njit
 from sgms_observer.settings.axis import FrictionSettings
-
-Floats = NDArray[np.float64]
 
 UNSMOOTHED_SETTLING_TIME = 1.0e-4
 """Time constant of the sliding elements of an unsmoothed contact [s]; too short to show in a recording."""

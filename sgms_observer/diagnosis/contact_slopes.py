@@ -6,8 +6,8 @@ They are exact and replace one simulation for each parameter.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.contact import UNSMOOTHED_SETTLING_TIME
 from sgms_observer.diagnosis.model import (
     COULOMB,
@@ -29,8 +29,6 @@ from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.catalogue import effect, is_built_in
 from sgms_observer.effects.effect import Place
 from sgms_observer.identification.problem import SHARED, ElementShape, friction_and_slopes_along
-
-Floats = NDArray[np.float64]
 
 PATH_STEP = 1.0e-4
 """Step of the numerical derivative along the inverse path of the effort, in units of the parameters."""

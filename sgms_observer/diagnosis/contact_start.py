@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.fit import RefitSetup, limits
 from sgms_observer.diagnosis.model import COULOMB, STATIC, VISCOUS, predict
 from sgms_observer.settings.axis import EffectSettings
-
-Floats = NDArray[np.float64]
 
 
 def contact_start(setup: RefitSetup, effects: Sequence[EffectSettings]) -> Floats:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.jit import njit
-
-Floats = NDArray[np.float64]
 
 CONTACT = ("velocity", "acceleration", "direction", "distance since reversal", "time since reversal", "dwell")
 """Coordinates of any contact law. An effect on them has to predict better than a regression over them."""

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import median_abs_deviation
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.criteria import Test, at_most
 from sgms_observer.diagnosis.free_form import FreeForm
 from sgms_observer.diagnosis.gap import noise_floor, rms
@@ -21,8 +21,6 @@ from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.sliding import fast_sliding_residual, slides_fast
 from sgms_observer.settings.units import Units
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,16 +14,14 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.motion import MIN_DURATION, EffortLag, Motion, delayed
 from sgms_observer.diagnosis.whitened import WhitenedData
-
-Floats = NDArray[np.float64]
 
 MIN_HELD_LAG = 0.25
 """Smallest lag of a held effort, in samples."""

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import (
     Improvement,
@@ -23,8 +21,6 @@ from sgms_observer.diagnosis.gap import residuals, rms, weighted
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.whitened import WhitenedData
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.fit import Refit
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.uncertainty import as_time_series, leave_one_out_shifts
 from sgms_observer.diagnosis.whitened import WhitenedData
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

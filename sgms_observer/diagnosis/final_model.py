@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
 from sgms_observer.diagnosis.criteria import Test, at_least, at_most
 from sgms_observer.diagnosis.diagnosis import Round, accepted_candidates
@@ -21,8 +19,6 @@ from sgms_observer.diagnosis.model import Model
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.units import Units
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.diagnosis.contact_slopes import contact_parameters
 from sgms_observer.diagnosis.model import (
     COULOMB,
@@ -26,8 +27,6 @@ from sgms_observer.diagnosis.sliding_force import PARTS_OF_SLIDING_FORCE, total_
 from sgms_observer.diagnosis.whitened import WhitenedData
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
-
-Floats = NDArray[np.float64]
 
 ELEMENT_TOLERANCE_RATIO = 15.0
 """Ratio of the tolerance of elements to that of other values: few elements approximate a continuous contact."""
@@ -243,7 +242,7 @@ class _Problem:
         """Return the prior rows."""
         return total_force_logs(x[: self.count], self.nominal, effects) / self.widths
 
-    def jacobian(self, x: Floats, wanted: NDArray[np.bool_], nominal_columns: Floats | None) -> Floats:
+    def jacobian(self, x: Floats, wanted: Booleans, nominal_columns: Floats | None) -> Floats:
         """Return the derivatives of ``residual``, by differences except for the contact.
 
         Args:

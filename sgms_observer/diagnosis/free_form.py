@@ -10,15 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.ensemble import HistGradientBoostingRegressor
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.coordinates import coordinates_of
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import Improvement, improvement
 from sgms_observer.diagnosis.gap import WeightedResidual
-
-Floats = NDArray[np.float64]
 
 ALL = (
     "position", "direction", "velocity", "acceleration", "time", "time since reversal", "distance since reversal",

@@ -10,16 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import in_blocks
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.noise import Noise, largest_noise
 from sgms_observer.diagnosis.replicates import replicate_of
-
-Floats = NDArray[np.float64]
 
 DRAWS = 400
 """Bootstrap draws of an interval."""

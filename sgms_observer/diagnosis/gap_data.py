@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.diagnosis import Diagnosis, Options
 from sgms_observer.diagnosis.evidence import Improvement, improvement
 from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, Refit, RefitSetup
@@ -18,8 +18,6 @@ from sgms_observer.diagnosis.gap import WeightedResidual, effort_rms, halves, no
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.whitened import WhitenedData, data_with_noise_of, data_with_own_noise
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.sliding import logarithmic_friction, slides_fast
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -74,7 +72,7 @@ def share_in_response(
 
 
 def _columns(
-    with_it: Model, others: Model, motion: Motion, given: Floats, fast: NDArray[np.bool_]
+    with_it: Model, others: Model, motion: Motion, given: Floats, fast: Booleans
 ) -> tuple[Floats, Floats, Floats]:
     """Return residual, columns of its fit and their instruments where the contact slides fast: (n,), (n, 5), (n, 6)."""
     (left,), (rest,) = (residuals(model, [motion]) for model in (others, with_it))

@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.diagnosis.coordinates import coordinates_of
 from sgms_observer.diagnosis.motion import Motion
-
-Floats = NDArray[np.float64]
 
 BINS = 16
 SHIFTS = 199
@@ -89,7 +87,7 @@ def locate(residual: Sequence[Floats], motions: Sequence[Motion], seed: int) -> 
     return sorted(found, key=lambda item: (item.p_value, -item.share))
 
 
-def _binned(label: str, unit: str, coordinate: Floats, signal: Floats, shifts: NDArray[np.int64]) -> Located | None:
+def _binned(label: str, unit: str, coordinate: Floats, signal: Floats, shifts: Ints) -> Located | None:
     """Return the residual over one coordinate, or None if the coordinate hardly varies."""
     edges = np.unique(np.quantile(coordinate, np.linspace(0.0, 1.0, BINS + 1)))
     if len(edges) < 4:

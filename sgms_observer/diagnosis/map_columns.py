@@ -6,14 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.diagnosis.evidence import in_blocks
 from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.learnt_map import LearntMap, MotionPath
 
-Floats = NDArray[np.float64]
 Solve = Callable[[Floats, Floats], Floats]
 """Takes rows (n, k) and the weighted residual (n,), returns the values of a map (k,)."""
 
@@ -40,7 +39,7 @@ class MapColumns:
 
     rows: Floats
     target: Floats
-    fold: NDArray[np.int64]
+    fold: Ints
 
     @classmethod
     def of(cls, learnt: LearntMap, rest: WeightedResidual) -> MapColumns:

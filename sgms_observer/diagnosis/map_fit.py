@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.coordinates import CONTACT
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import Improvement, improvement
@@ -18,8 +18,6 @@ from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.effects.learnt_map import LearntMap, learnt_coordinates
 from sgms_observer.settings.axis import EffectSettings
 from sgms_observer.settings.units import Units
-
-Floats = NDArray[np.float64]
 
 MAP_NAMES = ("learnt_map", "learnt_map_2", "learnt_map_3")
 COORDINATES = (

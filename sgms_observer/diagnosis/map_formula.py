@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.gap import WeightedResidual
@@ -23,8 +23,6 @@ from sgms_observer.diagnosis.map_columns import MapColumns, blocks_left, smooth_
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.effects.learnt_map import LearntMap
 from sgms_observer.settings.units import Units
-
-Floats = NDArray[np.float64]
 
 _STARTS = 16
 """Number of start values of each shape parameter."""

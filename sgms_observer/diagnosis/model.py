@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.contact import element_friction
 from sgms_observer.diagnosis.motion import PLAY_HALF_WIDTH, Motion, second_difference
 from sgms_observer.effects.catalogue import effect, is_built_in
@@ -21,8 +21,6 @@ from sgms_observer.effects.effect import Place
 from sgms_observer.effects.kernels import MINIMUM_LEVEL_FACTOR
 from sgms_observer.formulas import vectorised
 from sgms_observer.settings.axis import AxisSettings, EffectSettings, FrictionSettings
-
-Floats = NDArray[np.float64]
 
 stribeck_level = vectorised("friction").stribeck_level
 asymmetric_coulomb = vectorised("effects").asymmetric_coulomb

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, signal
 
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.errors import DataError
 from sgms_observer.jit import njit
 from sgms_observer.offline.recording import Recording, Recordings
 
-Floats = NDArray[np.float64]
 Scalar = TypeVar("Scalar", bound=np.generic)
 Cached = TypeVar("Cached")
 
@@ -190,13 +190,13 @@ class Motion:
         return np.maximum(sticking, self.creep)
 
     @cached_property
-    def is_moving(self) -> NDArray[np.bool_]:
+    def is_moving(self) -> Booleans:
         """Whether the speed is above ``REST_SHARE`` of its 99.5 % quantile."""
         speed = np.abs(self.velocity)
         return np.asarray(speed > REST_SHARE * float(np.quantile(speed, 0.995)), dtype=np.bool_)
 
     @cached_property
-    def shows_no_motion(self) -> NDArray[np.bool_]:
+    def shows_no_motion(self) -> Booleans:
         """Whether the encoder shows no motion within a period of the band around each sample."""
         if self.resolution <= 0.0:
             return np.zeros(len(self.time), dtype=np.bool_)

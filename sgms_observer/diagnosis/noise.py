@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 from scipy.optimize import least_squares
 
-Floats = NDArray[np.float64]
+from sgms_observer.arrays import Floats
 
 LOWEST_CORNER = 0.08
 """Lowest corner frequency of the noise, as a share of the band."""

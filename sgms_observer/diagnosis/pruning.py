@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.candidates import finish_fit, with_effect, with_free_effect
 from sgms_observer.diagnosis.closed_gap import Closed, ClosedGap
 from sgms_observer.diagnosis.coordinates import is_confusable_with_contact
@@ -38,8 +38,6 @@ from sgms_observer.diagnosis.sliding import slides_fast, sliding_shares
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
 from sgms_observer.diagnosis.whitened import data_with_own_noise
 from sgms_observer.effects.catalogue import effect, is_contact_law
-
-Floats = NDArray[np.float64]
 
 MASS_ERROR, ACTUATOR_GAIN = "mass_error", "actuator_gain"
 """Effects on values of the file."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.model import Model, hidden_friction_drop, predict, unknown_initial_friction
 from sgms_observer.diagnosis.motion import Motion, motion_of
 from sgms_observer.diagnosis.noise import Noise
 from sgms_observer.offline.recording import Recording
-
-Floats = NDArray[np.float64]
 
 
 def coloured(noise: Noise, count: int, period: float, rng: np.random.Generator) -> Floats:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.answer import Answer
 from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.map_fit import FittedMap
@@ -41,8 +41,6 @@ from sgms_observer.report.page import Picture, Plot
 from sgms_observer.report.reversal_picture import presliding_distance, reversal_picture
 from sgms_observer.settings.axis import FrictionSettings
 from sgms_observer.settings.units import Units
-
-Floats = NDArray[np.float64]
 
 _MAX_LOCATED = 6
 _LARGEST_POINT = 36.0  # area of the point of a learnt map with most data [points^2]

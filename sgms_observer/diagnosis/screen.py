@@ -8,9 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis import search
 from sgms_observer.diagnosis.contact_slopes import contact_parameters
 from sgms_observer.diagnosis.fit import DERIVATIVE_STEP, Freedom, Refit, prior_widths
@@ -23,8 +23,6 @@ from sgms_observer.effects.compiled import CompiledEffects
 from sgms_observer.effects.effect import Effect, Place
 from sgms_observer.formulas import vectorised
 from sgms_observer.settings.axis import EffectSettings
-
-Floats = NDArray[np.float64]
 
 SIMULATED_EFFECTS = ("asymmetric_coulomb",)
 """Effects on the sliding force whose column needs a simulation: at rest they differ from an added force."""

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.diagnosis.criteria import Criteria
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.evidence import blocks_of, preference
@@ -19,14 +19,11 @@ from sgms_observer.diagnosis.gap import WeightedResidual
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-
 MAX_STICKING = 0.05
 """Largest share of the contact that sticks while it counts as sliding: 5 %, by convention."""
 
 
-def slides_fast(model: Model, motions: Sequence[Motion]) -> list[Flags]:
+def slides_fast(model: Model, motions: Sequence[Motion]) -> list[Booleans]:
     """Return for each motion the faster half of the samples of residuals at which the contact slides.
 
     Args:
@@ -133,14 +130,14 @@ def share_beside_logarithmic_friction(model: Model, others: WeightedResidual, le
     return 1.0 - after / before if before > 0.0 else 0.0
 
 
-def _squared_beside_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Flags]) -> float:
+def _squared_beside_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Booleans]) -> float:
     """Return the sum of the squared residual after the best logarithmic friction where the contact slides fast."""
     strengths = _fitted_logarithmic_friction(rest, fast)
     remaining = rest.minus([_along(motion) @ strengths for motion in rest.motions])
     return float(sum(np.sum(part[at] ** 2) for part, at in zip(remaining.residual, fast, strict=True)))
 
 
-def _fitted_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Flags]) -> Floats:
+def _fitted_logarithmic_friction(rest: WeightedResidual, fast: Sequence[Booleans]) -> Floats:
     """Return the strengths of the logarithmic friction that fits a residual best, shape (3,)."""
     columns = [_along(motion)[at] for motion, at in zip(rest.motions, fast, strict=True)]
     forces = [part[at] for part, at in zip(rest.residual, fast, strict=True)]

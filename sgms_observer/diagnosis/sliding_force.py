@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.model import COULOMB, STATIC, Model
 from sgms_observer.settings.axis import EffectSettings
-
-Floats = NDArray[np.float64]
 
 PRESLIDING = "presliding"
 BACKLASH = "backlash"

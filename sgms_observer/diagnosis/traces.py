@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.diagnosis.answer import Answer
 from sgms_observer.diagnosis.model import Model, predict
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.offline.recording import Recording
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 SLIDING = 0.01
 """Largest stick indicator of a sliding axis: the last element has slipped."""

@@ -7,8 +7,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.settings.units import Units
 
 MAX_RATIO = 1.5
@@ -29,7 +29,7 @@ class TrackingError:
     peak: float
 
     @staticmethod
-    def of(error: NDArray[np.float64]) -> TrackingError:
+    def of(error: Floats) -> TrackingError:
         """Return rms and peak of an error [m], shape (n,)."""
         return TrackingError(float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error))))
 
@@ -62,8 +62,8 @@ class PredictedTracking:
     augmented: TrackingError
     recorded: TrackingError | None
     seconds: float
-    time: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    errors: tuple[NDArray[np.float64], ...] = ()
+    time: Floats = field(default_factory=lambda: np.zeros(0))
+    errors: tuple[Floats, ...] = ()
 
     @property
     def along(self) -> str:

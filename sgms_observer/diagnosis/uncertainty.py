@@ -14,17 +14,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from sgms_observer.arrays import Booleans, Floats
 from sgms_observer.diagnosis.fit import Refit, RefitSetup
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.noise import spectrum_of
 from sgms_observer.diagnosis.whitened import WhitenedData, data_with_own_noise
 from sgms_observer.effects.catalogue import effect
 from sgms_observer.settings.axis import EffectSettings
-
-Floats = NDArray[np.float64]
 
 BLOCK_LENGTH = 1.0
 """Length of a block [s]; longer than the memory of a contact or a filter."""
@@ -258,7 +256,7 @@ def between_deviation(values: Floats, errors: Floats) -> float:
     return float(np.sqrt(between_variance(values, errors)) * stats.t.ppf(0.95, degrees) / stats.norm.ppf(0.95))
 
 
-def _is_informative(values: Floats, errors: Floats) -> NDArray[np.bool_]:
+def _is_informative(values: Floats, errors: Floats) -> Booleans:
     """Return whether each recording determines the parameter."""
     return np.asarray((errors > 0.0) & np.isfinite(errors) & (errors < max(abs(float(values[0])), 1e-300)))
 

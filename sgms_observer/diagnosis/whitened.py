@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.contact_slopes import contact_slopes
 from sgms_observer.diagnosis.model import Model, hidden_friction_drop, predict, unknown_initial_friction
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.noise import Noise, fit_noise, largest_noise
-
-Floats = NDArray[np.float64]
 
 MIN_NOISE_SHARE = 1.0e-3
 """Smallest rms noise of a measured force, as a share of the effort."""

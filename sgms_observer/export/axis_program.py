@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.compensation.feedforward_kernel import VERDICT
 from sgms_observer.compensation.motion_ahead import AHEAD_WIDTH, MEMORY_SIZE
 from sgms_observer.effects.catalogue import effect, is_built_in
@@ -113,7 +114,7 @@ def constant_text(name: str, kind: Scalar, data: NDArray[Any]) -> str:
     return f"static const {kind.c} {name}[{max(len(flat), 1)}] = {{\n    " + ",\n    ".join(rows) + "\n};"
 
 
-def estimator_record(memory: Memory, flat: NDArray[np.float64]) -> Record:
+def estimator_record(memory: Memory, flat: Floats) -> Record:
     """Return the estimator's memory as a structure: what changes are members, what does not are constants."""
     constants = {
         index: number(float(flat[index])) for index in range(at.HEADER) if index not in _HEADER and index < at.COUNT

@@ -7,8 +7,8 @@ import threading
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.compensation.horizon import EVERY, Horizon
 from sgms_observer.settings.axis import AxisSettings
 
@@ -80,9 +80,6 @@ class Pace:
         self._start_ns = now_ns
         self._done = 0
 
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _LONG_AGO = -(2**62)  # ns
 _KEPT_HORIZONS = 100

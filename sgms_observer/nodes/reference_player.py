@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sgms_observer.arrays import Floats
 from sgms_observer.errors import DataError, RecordingError
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from sgms_observer.settings.axis import AxisSettings
 
-Floats = NDArray[np.float64]
 
 _TURN = 5.0e-4  # s from one reading of the clock to the next
 _FIRST_POSITION_TIME = 10.0  # s to wait for the table's position and for a subscriber

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.duration import Duration
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -15,6 +14,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.application.commission.motion import Motion
 from sgms_observer.application.commission.table import LEAD, HeldUp
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.bags.cdr import JointStateEncoder
 from sgms_observer.compensation.horizon import EVERY
 from sgms_observer.nodes.axis_listener import REFERENCE, AxisListener
@@ -22,8 +22,6 @@ from sgms_observer.nodes.horizons import encode_motion_ahead
 from sgms_observer.nodes.topics import HORIZON_QOS, SAMPLE_QOS
 from sgms_observer.observer.outgoing import REFERENCE_HORIZON
 from sgms_observer.settings.axis import AxisSettings
-
-Floats = NDArray[np.float64]
 
 _LATEST = 0.05  # s that a set-point may be late; a later one stops the motion
 _MEETING_TIME = (
@@ -164,7 +162,7 @@ class Playing:
             self._published_ns = now_ns
             self._set_points.publish_ahead(self._motion.period, self.begin_ns, now_ns, self._position, self._velocity)
 
-    def at(self, stamps: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
+    def at(self, stamps: Ints) -> tuple[Floats, Floats, Floats]:
         """Return samples since the beginning [-], set-point [m] and its velocity [m/s] at some stamps.
 
         Args:

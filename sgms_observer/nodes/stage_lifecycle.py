@@ -8,7 +8,6 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.clock import ROSClock
 from rclpy.executors import Executor
 from rclpy.publisher import Publisher
@@ -16,6 +15,7 @@ from rclpy.subscription import Subscription
 from trajectory_msgs.msg import JointTrajectory
 
 from sgms_observer.application.kernels import OF_STAGE
+from sgms_observer.arrays import Floats, Ints
 from sgms_observer.bags.cdr import JointStateDecoder
 from sgms_observer.compensation.horizon import EVERY
 from sgms_observer.errors import DataError, SgmsError
@@ -233,7 +233,7 @@ class StageNode(ManagedNode):
             deadline = max(deadline + turn, time.monotonic() - turn)
             self._must_stop.wait(max(0.0, deadline - time.monotonic()))
 
-    def _give(self, stamps: NDArray[np.int64]) -> None:
+    def _give(self, stamps: Ints) -> None:
         """Step the stage by as many samples as there are stamps and publish them."""
         if self._table is None or self._topics is None:
             return
@@ -264,6 +264,6 @@ class StageNode(ManagedNode):
             self._topics.publish(OutgoingBlock(topic, names, stamps, values))
 
 
-def _columns(blocks: Sequence[Samples | StageRecord], field: str) -> NDArray[np.float64]:
+def _columns(blocks: Sequence[Samples | StageRecord], field: str) -> Floats:
     """Return one field of all axes side by side, shape (n, axes)."""
     return np.array([getattr(block, field) for block in blocks]).T
