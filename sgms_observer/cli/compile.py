@@ -18,8 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do the job, as ``main.Command``."""
     from sgms_observer import jit
-    from sgms_observer.application.kernels import compile_ahead, missing_parts
-    from sgms_observer.cli.progress import Progress
+    from sgms_observer.application.kernels import missing_parts
     from sgms_observer.errors import DataError
 
     if not jit.HAS_NUMBA:
@@ -27,10 +26,18 @@ def run(args: argparse.Namespace) -> int:
         return 0
     missing = missing_parts()
     start = time.monotonic()
-    with Progress("compile", 1.0) as progress:
-        failure = compile_ahead(show=progress.show)
+    failure = compile_with_progress()
     if failure:
         raise DataError(failure)
     took = f"compiled in {time.monotonic() - start:.0f} s" if missing else "compiled already"
     print(f"kernels {took}: {jit.cache_folder()}")
     return 0
+
+
+def compile_with_progress() -> str:
+    """Compile the kernels that are missing; return why that failed, in one sentence, or nothing."""
+    from sgms_observer.application.kernels import compile_ahead
+    from sgms_observer.cli.progress import Progress
+
+    with Progress("compile", 1.0) as progress:
+        return compile_ahead(show=progress.show)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sgms_observer.cli.compile import compile_with_progress
 from sgms_observer.cli.options import add_output_options, add_overwrite_option, require_ros
 from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import Outcome
@@ -78,13 +79,11 @@ def run(args: argparse.Namespace) -> Outcome:
 
 def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) -> tuple[int, int, list[str]]:
     """Run the nodes and record them; return when compensation was asked for, when answered [ns], and the notes."""
-    from sgms_observer.application.kernels import compile_ahead
     from sgms_observer.cli.progress import Progress
     from sgms_observer.nodes.conductor import Conductor, prepare_graph
     from sgms_observer.nodes.pace import AGE_SENTENCE
 
-    with Progress("compile", 1.0) as progress:
-        failure = compile_ahead(show=progress.show)
+    failure = compile_with_progress()
     warn([failure] if failure else [])
     domain = prepare_graph()
     print(f"starting {STAGE}, {OBSERVER} and a recorder on this machine's graph, ROS_DOMAIN_ID {domain}", flush=True)

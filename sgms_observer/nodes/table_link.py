@@ -17,7 +17,6 @@ from rclpy.task import Future
 
 from sgms_observer.application.commission.motion import SETTLING_SHARE, Motion, approach
 from sgms_observer.application.commission.table import LEAD, Heard, HeldUp, Topics, Watch
-from sgms_observer.application.kernels import compile_ahead
 from sgms_observer.errors import DataError
 from sgms_observer.excitation.limits import ExcitationLimits
 from sgms_observer.interrupts import DeferredSignals
@@ -74,7 +73,6 @@ class TableLink:
     def __enter__(self) -> TableLink:
         """Join the graph."""
         prepare_transport()
-        compile_ahead()
         rclpy.init(args=self._remaps, signal_handler_options=SignalHandlerOptions.NO)
         self._conductor.__enter__()
         self._node = rclpy.create_node("sgms_commission")

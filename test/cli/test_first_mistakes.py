@@ -66,18 +66,22 @@ def test_an_identification_needs_the_axes_of_its_start_file(tmp_path: Path, caps
     assert [path.name for path in tmp_path.iterdir()] == ["axis.yaml"]
 
 
-def test_a_demonstration_warns_of_kernels_that_were_not_compiled_ahead(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("command", [["demo"], ["commission", "--yes", "--config"]])
+def test_kernels_that_were_not_compiled_ahead_are_warned_of(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The nodes then compile while the demonstration runs, and it must say why it is slow."""
+    """The nodes then compile while they run, and the command must say why it is slow."""
     pytest.importorskip("rclpy")
+    from sgms_observer.nodes import table_link
 
-    def stop() -> int:
+    def stop(*_: object) -> int:
         raise DataError("the test stops here")
 
     monkeypatch.setattr(kernels, "compile_ahead", lambda show: "the kernels of stage could not be compiled ahead")
     monkeypatch.setattr(conductor, "prepare_graph", stop)
-    assert main(["demo", "--out", str(tmp_path / "out")]) == 1
+    monkeypatch.setattr(table_link, "TableLink", stop)
+    given = [_file(tmp_path, WHOLE)] if command[-1] == "--config" else []
+    assert main([*command, *given, "--out", str(tmp_path / "out")]) == 1
     said = capsys.readouterr().err.splitlines()
     assert said[-2:] == ["Warning: the kernels of stage could not be compiled ahead", "the test stops here"]
 
