@@ -12,6 +12,7 @@ from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.criteria import Test
 from sgms_observer.diagnosis.decision import RANGE_END_TOLERANCE
 from sgms_observer.diagnosis.diagnosis import Options
+from sgms_observer.diagnosis.final_model import UNEXPLAINED_WHILE_SLIDING
 from sgms_observer.diagnosis.fit import Refit, limits
 from sgms_observer.diagnosis.named import NINETY, Named
 from sgms_observer.diagnosis.tracking import PredictedTracking
@@ -124,6 +125,11 @@ def _explained(answer: Answer) -> Light:
         return Light(BELIEVABILITY, "Does the model explain the effort?", UNSURE, f"{share}.")
     state = GOOD if test.passed else BAD
     limit = f"{share} on {answer.gap.held_out} data; the limit is {100 * test.threshold:.3g} %."
+    while_sliding = next((one for one in answer.tests if one.name == UNEXPLAINED_WHILE_SLIDING), None)
+    if state == BAD and while_sliding is not None and while_sliding.passed:
+        limit += (
+            f" With the weights of the evidence, which hardly count a resting stage, {100 * while_sliding.value:.2g} %."
+        )
     return Light(BELIEVABILITY, "Does the model explain the effort?", state, limit)
 
 

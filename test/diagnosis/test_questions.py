@@ -15,6 +15,7 @@ from sgms_observer.diagnosis.compensation_check import CompensationCheck
 from sgms_observer.diagnosis.criteria import at_least, at_most
 from sgms_observer.diagnosis.diagnosis import Options
 from sgms_observer.diagnosis.disturbance import SlidingResidual
+from sgms_observer.diagnosis.final_model import UNEXPLAINED_WHILE_SLIDING
 from sgms_observer.diagnosis.gap import Gap
 from sgms_observer.diagnosis.locate import Located
 from sgms_observer.diagnosis.model import Model
@@ -112,7 +113,9 @@ def test_all_is_well() -> None:
          "Was the model judged on recordings that it was not fitted to?", UNSURE, "--holdout"),
         ({"after": SimpleNamespace(model=MODEL, logs=np.zeros(1), is_converged=False)}, "Did the fits converge?",
          UNSURE, "squared residual of the augmented model"),
-        ({"tests": with_test("share of the effort", 0.4)}, "Does the model explain the effort?", BAD, "33.3 %"),
+        ({"tests": with_test("share of the effort", 0.4)}, "Does the model explain the effort?", BAD, "33.3 %."),
+        ({"tests": (*with_test("share of the effort", 0.4), at_most("cogging", UNEXPLAINED_WHILE_SLIDING, 0.054, 0.3))},
+         "Does the model explain the effort?", BAD, "which hardly count a resting stage, 5.4 %."),
         ({"tests": with_test("surely predictable", 0.5)}, "Is the residual noise?", BAD, "no name in the catalogue"),
         ({"tests": with_test("surely predictable", 0.5), "learnt": (SimpleNamespace(),)}, "Is the residual noise?",
          UNSURE, "A learnt map"),
