@@ -65,7 +65,7 @@ class ClosedGap:
         fitted, after, evaluation = self.written.fitted, self.written.after, self.evaluation
         setup, others = self.written.setup.without(name, fitted.effects)
         without = setup.fit(others, fitted.logs, evaluations=WRITTEN_EVALUATIONS)
-        others_of_gap = without if after is fitted else evaluation.best_for_gap(setup, without)
+        others_of_gap = self.written.fitted_alike(setup, without, evaluation)
         return self._closed(fitted.model, without.model, (others_of_gap.model, after.model))
 
     def closed_by_instead_of_contact_law(self, name: str) -> Closed:

@@ -323,15 +323,23 @@ class WrittenFits:
         return dict(zip(self.estimates.free, self.estimates.std_errors.tolist(), strict=True))
 
     def with_effects(self, effects: Sequence[EffectSettings], evaluation: EvaluationData) -> Refit:
-        """Return a fit with other effects whose gap as reported compares with that of ``after``: fitted to it only if
-        ``after`` is.
+        """Return a fit with other effects whose gap as reported compares with that of ``after``.
 
         Args:
             effects: the effects.
             evaluation: the recordings.
         """
-        found = self.setup.fit(effects, self.fitted.logs)
-        return found if self.after is self.fitted else evaluation.best_for_gap(self.setup, found)
+        return self.fitted_alike(self.setup, self.setup.fit(effects, self.fitted.logs), evaluation)
+
+    def fitted_alike(self, setup: RefitSetup, found: Refit, evaluation: EvaluationData) -> Refit:
+        """Return a fit to the evidence, with values fitted to the gap as reported only if those of ``after`` are.
+
+        Args:
+            setup: how it was fitted.
+            found: the fit.
+            evaluation: the recordings.
+        """
+        return found if self.after is self.fitted else evaluation.best_for_gap(setup, found)
 
     def strength_elsewhere(self, name: str, least: float) -> float:
         """Return the strength of an effect over its standard error, in held-out recordings too.

@@ -83,10 +83,8 @@ def _confirmation_tests(data: GapData, added: FinalModel) -> list[Test]:
         at_least(names, "gap as reported: z-score", reduction.z_score, criteria.interval_z_score),
         at_most(names, "gap as reported, as a share of the effort", after / data.effort, 1.0),
         at_least(names, "gap as reported: share of the closable squared gap", closed, criteria.min_closed_share),
-        at_most(
-            names, UNEXPLAINED_WHILE_SLIDING, data.unexplained(added.after), criteria.max_unexplained
-        ),
-    ]  # fmt: skip
+        at_most(names, UNEXPLAINED_WHILE_SLIDING, data.unexplained(added.after), criteria.max_unexplained),
+    ]
 
 
 def learnt_maps(data: GapData, final: FinalModel, units: Units) -> list[FittedMap]:
