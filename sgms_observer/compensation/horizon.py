@@ -119,7 +119,7 @@ class Horizon:
 
         A horizon ends ``settings.horizon`` after its sample, and its last ``settings.timeout`` fades for an observer
         that has stopped: newer horizons replace that end. A horizon that is shorter than that ends with its reference
-        and counts whole. At least the first ``2 * EVERY`` count: a short horizon may fade before the next one comes.
+        and counts whole.
 
         Args:
             settings: of the axis.
@@ -128,9 +128,19 @@ class Horizon:
         time, first = grid_of(settings.look_ahead, settings.horizon, sample_period)
         if len(self.time_ns) < len(time) - first:
             return self
-        replaced_ns = self.time_ns[0] + round(2.0 * EVERY * 1e9)
-        keep = self.time_ns <= max(self.time_ns[-1] - round(settings.timeout * 1e9), replaced_ns)
+        keep = self.time_ns <= self.fades_from_ns(round(settings.timeout * 1e9))
         return Horizon(self.time_ns[keep], self.effort[keep])
+
+    def fades_from_ns(self, timeout_ns: int) -> int:
+        """Return when the end begins that acts only if the observer has stopped [ns].
+
+        At least until the second next horizon begins every value counts: a short horizon may fade before the next one
+        comes.
+
+        Args:
+            timeout_ns: time in which the end fades [ns].
+        """
+        return max(int(self.time_ns[-1]) - timeout_ns, int(self.time_ns[0]) + round(2.0 * EVERY * 1e9))
 
 
 def grid_of(look_ahead: float, duration: float, sample_period: float) -> tuple[Floats, int]:

@@ -13,7 +13,8 @@ from sgms_observer.compensation.horizon import EVERY, Horizon
 from sgms_observer.settings.axis import AxisSettings
 
 MAX_CATCH_UP = 0.5
-"""A clock that jumps further than this [s] was stopped or set: the samples in between are dropped."""
+"""A clock that jumps further than this [s] was stopped or set: the samples in between are dropped. An observer that is
+silent for longer was stopped too: what is held of its compensation is released."""
 
 MAX_LAG_OF_FOLLOWER = 60.0
 """The same for an axis that follows set-points: it may lag behind the clock, but its set-point must not jump."""
@@ -216,12 +217,6 @@ class DueForces:
         return self._share * self._force
 
 
-HOLD = 0.5
-"""A held compensation stays for this long without messages, then it is released [s]."""
-
-MIN_RELEASE = 5.0
-"""Shortest time in which a held compensation is released [s]."""
-
 _RELEASE_RATIO = 100.0
 """Time of the release over the controller's integral time [-]. The ramp changes the tracking error by 1 % of the held
 force over the controller's position gain."""
@@ -237,8 +232,9 @@ class BumplessForces(DueForces):
     tracking error, even if its value is wrong, but a step of it is a disturbance. A late message causes no step here:
 
     * While no value for the present has arrived, the last output is held.
-    * When values return, the output continues from the held one, and the difference decays within ``release``.
-    * After ``HOLD`` without a value the held output decays to zero within ``release``.
+    * When values return, or come from another horizon than the next one, the output continues from the last one, and
+      the difference decays within ``release``.
+    * After ``MAX_CATCH_UP`` without a value the held output decays to zero within ``release``.
     * A value of exactly zero is used at once: the observer is switched off or stops, and has limited the slew itself.
 
     Args:
@@ -259,6 +255,7 @@ class BumplessForces(DueForces):
         self._output = self._difference = self._decay = 0.0
         self._covered_ns = _LONG_AGO
         self._is_held = True
+        self._source: Horizon | None = None  # of the last value; None for single values
 
     def at(self, stamps: Ints, direction: int = 0) -> Floats:
         """Return the force at each sample [N].
@@ -284,18 +281,18 @@ class BumplessForces(DueForces):
             stamp: time of the sample [ns].
             share: elapsed time over the time of the release [-].
         """
-        before = self._horizon
+        before = self._source
         value = self._present(stamp)
         if value is None:
             if not self._is_held:
                 self._is_held, self._decay = True, abs(self._output)
-            is_silent = stamp - self._covered_ns > round(HOLD * 1e9)
+            is_silent = stamp - self._covered_ns > round(MAX_CATCH_UP * 1e9)
             return _toward_zero(self._output, self._decay * share) if is_silent else self._output
         self._covered_ns = stamp
         if value == 0.0:
             self._is_held, self._difference = False, 0.0
             return 0.0
-        if self._is_held or self._is_late_or_skips(before, stamp + self._ahead_ns):
+        if self._is_held or self._may_jump(before, stamp + self._ahead_ns):
             self._is_held, self._difference = False, self._output - value
             self._decay = abs(self._difference)
         self._difference = _toward_zero(self._difference, self._decay * share)
@@ -306,19 +303,28 @@ class BumplessForces(DueForces):
         while self._waiting and self._waiting[0][0] <= stamp:
             self._due_ns, self._force = self._waiting.popleft()
         time_ns = stamp + self._ahead_ns
-        value = self._from_horizon(time_ns)
-        if value is not None and self._horizon is not None:
-            begin, end = int(self._horizon.time_ns[0]), int(self._horizon.time_ns[-1])
-            if time_ns <= max(end - self._timeout_ns, begin + round(2.0 * EVERY * 1e9)):
-                return value
-        return self._force if stamp - self._due_ns <= self._grace_ns else None
+        value, horizon = self._from_horizon(time_ns), self._horizon
+        if value is not None and horizon is not None and time_ns <= horizon.fades_from_ns(self._timeout_ns):
+            self._source = horizon
+            return value
+        if stamp - self._due_ns > self._grace_ns:
+            return None
+        self._source = None
+        return self._force
 
-    def _is_late_or_skips(self, before: Horizon | None, time_ns: int) -> bool:
-        """Return whether a horizon has replaced another one after its own begin, or horizons in between are missing."""
-        if before is None or self._horizon is None or before is self._horizon:
+    def _may_jump(self, before: Horizon | None, time_ns: int) -> bool:
+        """Return whether the values come from another source now, and not from the next horizon at its begin.
+
+        A horizon may have replaced another one after its own begin, horizons in between may be missing, and the single
+        values after a horizon may be of another state of the observer.
+        """
+        if before is self._source:
             return False
-        begin = int(self._horizon.time_ns[0])
-        return time_ns - begin > self._grace_ns or begin - int(before.time_ns[0]) > round(1.5e9 * EVERY)
+        if before is None or self._source is None:
+            return True
+        begin = int(self._source.time_ns[0])
+        is_next = round((begin - int(before.time_ns[0])) / (1e9 * EVERY)) <= 1
+        return time_ns - begin > self._grace_ns or not is_next
 
 
 def _toward_zero(value: float, step: float) -> float:
@@ -342,5 +348,5 @@ def due_forces(axis: AxisSettings, sample_period: float) -> DueForces:
     load = sum(abs(effect.values[0]) for effect in axis.effects if effect.name in _LOADS)
     if rate == 0.0 or load <= axis.friction.static_force:
         return DueForces(lead, compensation.timeout, sample_period, ahead)
-    release = max(MIN_RELEASE, _RELEASE_RATIO / (2.0 * math.pi * rate))
+    release = _RELEASE_RATIO / (2.0 * math.pi * rate)
     return BumplessForces(lead, compensation.timeout, sample_period, ahead, release, compensation.limit)

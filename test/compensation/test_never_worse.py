@@ -135,6 +135,14 @@ def test_a_horizon_is_never_worse_than_none(motion: str, troubles: list[Trouble]
 @given(troubles=WITH_SILENCE, seed=st.integers(0, 1000))
 @example(troubles=[Trouble(0.0, SECONDS, delay=0.1875)], seed=0)
 @example(troubles=[Trouble(0.181, 0.081, delay=0.032, lost=1.0), Trouble(0.288, 0.188, 0.143, LATEST, 0.1)], seed=44)
+@example(
+    troubles=[
+        Trouble(0.0928, 0.164, 0.1407, 2.0e-3, lost=1.0),
+        Trouble(0.628, 0.097, is_bunched=True),
+        Trouble(0.0025, 0.0983, is_bunched=True),
+    ],
+    seed=29,
+)
 def test_a_constant_force_makes_the_peak_hardly_larger_than_none(
     motion: str, force: float, is_known_ahead: bool, troubles: list[Trouble], seed: int
 ) -> None:

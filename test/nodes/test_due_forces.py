@@ -212,6 +212,16 @@ def test_a_horizon_that_comes_late_makes_no_step_where_a_load_is_held() -> None:
     assert np.allclose(due.at(np.array([200, 201, 202]) * MS), [0.004, 0.008, 0.012])
 
 
+def test_single_values_after_a_horizon_make_no_step_where_a_load_is_held() -> None:
+    """The horizon may be from before the compensation was switched on, and those in between may be lost."""
+    due = _bumpless()
+    due.put_horizon(Horizon(np.arange(1, 102, 100) * MS, np.zeros(2)))
+    for k in range(2, 105):
+        due.put((k - 1) * MS, 4.0, k * MS)
+        (force,) = due.at(np.array([k]) * MS)
+        assert force == pytest.approx(max(0.0, (k - 101) * 0.004))
+
+
 def test_after_a_horizon_that_ended_no_old_single_value_acts() -> None:
     due = DueForces(lead=1e-3, timeout=0.01, sample_period=1e-3)
     due.at(np.array([0]))
