@@ -200,14 +200,14 @@ def _changed(answer: Answer, units: Units) -> list[Light]:
 
 
 def _rest(answer: Answer, units: Units) -> Light:
-    """Ask whether the residual is noise."""
-    question = "Is the residual noise?"
+    """Ask whether anything that was tried predicts the residual."""
+    question = "Is the rest unpredictable?"
     rest, near = _test(answer, "surely predictable share of the residual"), _test(answer, "gap over noise")
     if rest is None or near is None:
         return Light(BELIEVABILITY, question, UNSURE, "It was not tested.")
     facts = (
-        f"At least {100 * max(rest.value, 0.0):.2g} % of the squared residual is predictable (limit"
-        f" {100 * rest.threshold:.3g} %); its rms is {near.value:.2g} times the noise (limit {near.threshold:.3g})."
+        f"The best of what was tried surely predicts {100 * max(rest.value, 0.0):.2g} % of the squared residual (limit"
+        f" {100 * rest.threshold:.3g} %). Its rms is {near.value:.2g} times the noise (limit {near.threshold:.3g})."
     )
     if not rest.passed:
         learnt = " A learnt map of it was added." if answer.learnt else " It has no name in the catalogue."
@@ -232,6 +232,8 @@ def _feedforward(answer: Answer, checks: Sequence[CompensationCheck], units: Uni
     if not test.passed:
         refused = " Effects that were found would leave more friction; they were not added."
         return Light(BELIEVABILITY, question, BAD, facts + refused)
+    if after > before:
+        return Light(BELIEVABILITY, question, UNSURE, f"{facts} That it leaves more may be chance.")
     is_sure = test.value <= -test.threshold
     chance = "" if is_sure else f" The change is {-test.value:.2g} standard errors, which may be chance."
     return Light(BELIEVABILITY, question, GOOD if is_sure else UNSURE, facts + chance)
