@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from endurance_memory import Memory
 
+from sgms_observer.application.kernels import compile_ahead
 from sgms_observer.bench.problem import AMPLITUDE, FREQUENCY, PERIOD, make_problem
 from sgms_observer.bench.process import write_config
 from sgms_observer.cli.progress import Progress
@@ -32,6 +33,7 @@ def over_the_graph(seconds: float, folder: Path) -> dict[str, Any]:
     Returns:
         What was measured.
     """
+    compile_ahead()
     prepare_graph()
     config = write_config(folder, "mhe")
     sent_file, heard_file = folder / "sent.npy", folder / "heard.npz"

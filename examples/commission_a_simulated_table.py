@@ -33,6 +33,7 @@ def main() -> None:
     machine, mine = recordings.make_machine(args.out)
     # A ROS domain of this run's own, on this computer only: no real machine may follow.
     os.environ |= {"ROS_DOMAIN_ID": str(claim_domain()), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    sgms(["compile"])  # the stage and the commands would else compile the same kernels at the same time
     prepare_graph()
     stage = subprocess.Popen([sys.executable, "-m", "sgms_observer.nodes.stage_node", "--config", str(machine)])
     try:

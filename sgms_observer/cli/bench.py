@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sgms_observer.cli.compile import compile_or_warn
 from sgms_observer.cli.options import add_output_options, add_overwrite_option
 from sgms_observer.cli.warn import warn
 
@@ -76,6 +77,8 @@ def run(args: argparse.Namespace) -> int:
     result = _empty()
     with tempfile.TemporaryDirectory(prefix="sgms-bench-") as folder:
         chosen = [part for part in PARTS if part in args.only and _can_run(part)]
+        if "live" in chosen:
+            compile_or_warn()
         for number, part in enumerate(chosen):
             with Progress(f"bench: {part}", len(chosen)) as progress:
                 _tell(part, progress, number)

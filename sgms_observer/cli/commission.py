@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from sgms_observer.cli.compile import compile_with_progress
+from sgms_observer.cli.compile import compile_or_warn
 from sgms_observer.cli.options import (
     ONE_AXIS,
     add_axis_option,
@@ -95,8 +95,7 @@ def run(args: argparse.Namespace) -> Outcome:
         say(motion)
         return True
 
-    failure = compile_with_progress()
-    warn([failure] if failure else [])
+    compile_or_warn()
     ledger.write()
     table = TableLink(plan.axis, plan.limits, out / LOG, topics)
     commission(Session(plan, ledger, table, announced if args.yes else asked, say, show), table)

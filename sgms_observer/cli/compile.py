@@ -6,6 +6,7 @@ import argparse
 import time
 
 from sgms_observer.cli.options import add_output_options
+from sgms_observer.cli.warn import warn
 
 HELP = "compile the numerical kernels now, so that no node or command waits for that at its first start"
 
@@ -26,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     missing = missing_parts()
     start = time.monotonic()
-    failure = compile_with_progress()
+    failure = _compiled()
     if failure:
         raise DataError(failure)
     took = f"compiled in {time.monotonic() - start:.0f} s" if missing else "compiled already"
@@ -34,8 +35,17 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def compile_with_progress() -> str:
-    """Compile the kernels that are missing; return why that failed, in one sentence, or nothing."""
+def compile_or_warn() -> None:
+    """Compile the kernels that are missing before nodes start; warn where that failed.
+
+    Two processes that each compile the same kernels would share the cores that they need.
+    """
+    failure = _compiled()
+    warn([failure] if failure else [])
+
+
+def _compiled() -> str:
+    """Compile the kernels that are missing, with progress; return why that failed, in one sentence, or nothing."""
     from sgms_observer.application.kernels import compile_ahead
     from sgms_observer.cli.progress import Progress
 

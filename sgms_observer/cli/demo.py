@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sgms_observer.cli.compile import compile_with_progress
+from sgms_observer.cli.compile import compile_or_warn
 from sgms_observer.cli.options import add_output_options, add_overwrite_option, require_ros
 from sgms_observer.cli.warn import warn
 from sgms_observer.outcome import Outcome
@@ -83,8 +83,7 @@ def _play(config: Path, axes: list[str], out: Path, bag: Path, duration: float) 
     from sgms_observer.nodes.conductor import Conductor, prepare_graph
     from sgms_observer.nodes.pace import AGE_SENTENCE
 
-    failure = compile_with_progress()
-    warn([failure] if failure else [])
+    compile_or_warn()
     domain = prepare_graph()
     print(f"starting {STAGE}, {OBSERVER} and a recorder on this machine's graph, ROS_DOMAIN_ID {domain}", flush=True)
     with Conductor(out / "log") as conductor:

@@ -22,7 +22,6 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from sgms_observer.application.kernels import compile_ahead
 from sgms_observer.child_process import child_command, child_environment
 from sgms_observer.errors import DataError
 from sgms_observer.nodes.transport import claim_domain, prepare_transport
@@ -40,9 +39,7 @@ _MATCHING = 2.0  # s from the discovery of a subscription until it gets messages
 
 
 def prepare_graph() -> int:
-    """Compile all kernels; use this machine only and an unused domain, unless the user chose others.
-
-    Before ROS starts.
+    """Use this machine only and an unused domain, unless the user chose others. Before ROS starts.
 
     Returns:
         ROS_DOMAIN_ID.
@@ -52,7 +49,6 @@ def prepare_graph() -> int:
     if "ROS_DOMAIN_ID" not in os.environ:
         os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
     prepare_transport()
-    compile_ahead()  # two processes that each compile the same kernels would share the cores that they need
     return int(os.environ["ROS_DOMAIN_ID"])
 
 
