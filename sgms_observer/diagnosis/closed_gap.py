@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.diagnosis import WrittenFits
 from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, RefitSetup
 from sgms_observer.diagnosis.gap import WeightedResidual, residuals
-from sgms_observer.diagnosis.instruments import Share, share_in_response
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.sliding import share_beside_logarithmic_friction
-from sgms_observer.effects.catalogue import effect, is_contact_law
+from sgms_observer.effects.catalogue import is_contact_law
 from sgms_observer.settings.axis import EffectSettings
 
 
@@ -45,14 +43,12 @@ class ClosedGap:
         written: fits without and with everything that was accepted.
         setup: setup of the final model with the contact of the file.
         evaluation: the recordings.
-        references: set-points of each of them as recorded [m], or None.
     """
 
     names: Sequence[str]
     written: WrittenFits
     setup: RefitSetup
     evaluation: EvaluationData
-    references: Sequence[Floats | None]
 
     def closed_by(self, name: str) -> Closed:
         """Return what an effect closes beside everything else.
@@ -78,25 +74,6 @@ class ClosedGap:
         """
         setup, others = self.setup.without(name, self._machine_effects)
         return self._closed(self._with_file_contact, self._fitted(setup, others))
-
-    def share_in_response(self, name: str) -> Share | None:
-        """Return the share of a delay that the response to the reference shows, or None where nothing shows it.
-
-        Args:
-            name: the effect; None is returned for one that is no delay.
-        """
-        if not effect(name).is_delay:
-            return None
-        after = self.written.after.model
-        others = replace(after, effects=tuple(one for one in after.effects if one.name != name))
-        evaluation = self.evaluation
-        return share_in_response(after, others, evaluation.motions, self.references, evaluation.criteria)
-
-    def is_in_response(self, name: str) -> bool:
-        """Return whether the response to the reference surely shows a delay, which no contact makes."""
-        found = self.share_in_response(name)
-        criteria = self.evaluation.criteria
-        return found is not None and found.least(criteria) >= criteria.min_imitable_share
 
     @property
     def has_other_contact_law(self) -> bool:

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sgms_observer.arrays import Floats
 from sgms_observer.diagnosis.candidates import Candidate
 from sgms_observer.diagnosis.criteria import Criteria, Test
 from sgms_observer.diagnosis.decision import Decision
@@ -77,6 +78,11 @@ class Recordings:
     def held_out(self, lags: Sequence[EffortLag] | None = None) -> tuple[Motion, ...]:
         """Return the held-out recordings, filtered; argument as above."""
         return self._filtered(self.holdouts, lags)
+
+    @property
+    def references(self) -> tuple[Floats | None, ...]:
+        """Return the set-points of each held-out recording [m], of the others without any; None where none is known."""
+        return tuple(record.whole_reference for record in self.holdouts or self.records)
 
     def _filtered(self, records: Sequence[Recording], lags: Sequence[EffortLag] | None) -> tuple[Motion, ...]:
         """Return recordings with these lags of their effort, filtered."""
@@ -241,7 +247,7 @@ class FitState:
         gap = rms(weighted(residuals(self.current.model, motions), weights))
         found = EvaluationData(
             self.fit_motions, motions, data, held_out_data, floor, gap, options.criteria, options.seed,
-            self.hidden_by_encoder,
+            self.hidden_by_encoder, self.recordings.references,
         )  # fmt: skip
         return self.bounded(found)
 

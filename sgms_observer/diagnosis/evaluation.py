@@ -37,6 +37,7 @@ class EvaluationData:
         criteria: thresholds.
         seed: seed of the free-form regression.
         hidden_by_encoder: friction of the file that reverses within one encoder step, over the static force.
+        references: set-points of each of ``motions`` as recorded [m], or None; empty where none is known.
         predictions: free-form predictions so far, by coordinates and model.
     """
 
@@ -49,6 +50,7 @@ class EvaluationData:
     criteria: Criteria
     seed: int
     hidden_by_encoder: float = 0.0
+    references: tuple[Floats | None, ...] = ()
     predictions: dict[tuple[tuple[str, ...], Model], FreeForm] = field(default_factory=dict, compare=False)
 
     @property

@@ -76,7 +76,7 @@ def _confirmation_tests(data: GapData, added: FinalModel) -> list[Test]:
     criteria, diagnosis = data.options.criteria, data.diagnosis
     names = ", ".join(one.name for one in accepted_candidates(diagnosis.rounds))
     before, after = data.rms(added.before), data.rms(added.after)
-    reduction = data.reduction(added.before, added.after)
+    reduction = data.reported_reduction(added.before, added.after)
     floor = 0.0 if criteria.is_noise(before, added.noise) else added.noise
     closed = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
     return [

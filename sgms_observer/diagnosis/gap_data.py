@@ -87,9 +87,14 @@ class GapData:
         return self.evidence(parts).rms / effort_rms(self.motions, self.whitened.weights)
 
     def reduction(self, before: Sequence[Floats], after: Sequence[Floats]) -> Improvement:
-        """Return by how much residuals are smaller than others, in blocks of time."""
+        """Return by how much residuals are smaller than others with the weights of the evidence, in blocks of time."""
         block = self.options.criteria.block
         return improvement(self.evidence(before).blocks(block), self.evidence(after).blocks(block))
+
+    def reported_reduction(self, before: Sequence[Floats], after: Sequence[Floats]) -> Improvement:
+        """Return by how much the gap as reported is smaller with residuals than with others, in blocks of time."""
+        block = self.options.criteria.block
+        return improvement(self.rest(before).blocks(block), self.rest(after).blocks(block))
 
     def noise(self) -> float:
         """Return the rms residual of a perfect model, from noise and encoder alone [N]."""

@@ -7,16 +7,18 @@ correlate where there is no delay. The reference correlates with neither.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sgms_observer.arrays import Booleans, Floats
-from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis.criteria import Criteria, Test, at_least
+from sgms_observer.diagnosis.evaluation import EvaluationData
 from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import Motion
 from sgms_observer.diagnosis.sliding import logarithmic_friction, slides_fast
+from sgms_observer.effects.catalogue import effect
 
 
 @dataclass(frozen=True)
@@ -31,9 +33,49 @@ class Share:
     value: float
     error: float
 
-    def least(self, criteria: Criteria) -> float:
-        """Return the smallest likely share."""
-        return self.value - criteria.interval_z_score * self.error
+    def test(self, name: str, criteria: Criteria) -> Test:
+        """Return the test that the response to the reference surely shows the effect."""
+        title = "smallest likely share of the delay in the response to the reference"
+        least = self.value - criteria.interval_z_score * self.error
+        return at_least(name, title, least, criteria.min_imitable_share)
+
+
+def delay_in_response(model: Model, name: str, evaluation: EvaluationData) -> Share | None:
+    """Return the share of a delay that the response to the reference shows, or None where nothing shows it.
+
+    Args:
+        model: the model with it.
+        name: the effect; None is returned for one that is no delay.
+        evaluation: the recordings.
+    """
+    if not effect(name).is_delay or not evaluation.references:
+        return None
+    others = replace(model, effects=tuple(one for one in model.effects if one.name != name))
+    return share_in_response(model, others, evaluation.motions, evaluation.references, evaluation.criteria)
+
+
+def is_in_response(model: Model, name: str, evaluation: EvaluationData) -> bool:
+    """Return whether the response to the reference surely shows a delay, which no contact makes.
+
+    Args:
+        model: the model with it.
+        name: the effect; one that is no delay is not shown.
+        evaluation: the recordings.
+    """
+    found = delay_in_response(model, name, evaluation)
+    return found is not None and found.test(name, evaluation.criteria).passed
+
+
+def or_in_response(test: Test, in_response: Share | None, criteria: Criteria) -> Test:
+    """Return a test that another contact law could fail or feign; where it fails, that the response to the reference
+    surely shows the delay, which no contact makes.
+
+    Args:
+        test: of a delay, or of another effect.
+        in_response: share of the delay that the response to the reference shows, or None.
+        criteria: thresholds.
+    """
+    return test if test.passed or in_response is None else in_response.test(test.of, criteria)
 
 
 def share_in_response(

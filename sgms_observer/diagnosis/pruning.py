@@ -32,7 +32,7 @@ from sgms_observer.diagnosis.evaluation import EvaluationData, evidence_of
 from sgms_observer.diagnosis.evidence import improvement
 from sgms_observer.diagnosis.fit import WRITTEN_EVALUATIONS, Refit, RefitSetup
 from sgms_observer.diagnosis.gap import residuals, rms, weighted
-from sgms_observer.diagnosis.instruments import Share
+from sgms_observer.diagnosis.instruments import Share, delay_in_response, is_in_response, or_in_response
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.sliding import slides_fast, sliding_shares
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates, recording_estimates
@@ -41,6 +41,8 @@ from sgms_observer.effects.catalogue import effect, is_contact_law
 
 MASS_ERROR, ACTUATOR_GAIN = "mass_error", "actuator_gain"
 """Effects on values of the file."""
+INERTIAL = (MASS_ERROR, "flexible_mode")
+"""Effects whose force is that of a mass."""
 
 
 def without_redundant_effects(
@@ -190,21 +192,21 @@ def without_insignificant_effects(
         options: options of the diagnosis.
     """
     without = _written_without(found, nominal, found.evaluation(options))
-    evaluated = found.recordings.holdouts or found.recordings.records
-    references = [record.whole_reference for record in evaluated]
     while True:
         evaluation = state.evaluation(options)
         written = _as_written(without, found, state, nominal, evaluation)
         names = [one.name for one in accepted_candidates(_with_effects(rounds))]
         file_contact = replace(written.setup, nominal=nominal, freedom=found.setup.freedom)
-        closed_gap = ClosedGap(names, written, file_contact, evaluation, references)
+        closed_gap = ClosedGap(names, written, file_contact, evaluation)
         closed = {name: closed_gap.closed_by(name) for name in names}
         tests = _reported_tests(closed_gap, closed)
         failed = min(_failed(tests), key=lambda test: test.value / test.threshold, default=None)
         if failed is None:
             effects = [item for item in written.fitted.effects if item.name in names]
             tests += [
-                within_range(item, written.fitted, written.setup, closed_gap.is_in_response(item.name))
+                within_range(
+                    item, written.fitted, written.setup, is_in_response(written.after.model, item.name, evaluation)
+                )
                 for item in effects
             ]
             failed = max(_failed(tests), key=lambda test: test.value, default=None)
@@ -260,7 +262,7 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
             beyond = _size_beyond_tolerance(name, closed_gap)
             title = "size beyond the tolerance of the file over its standard error"
             tests.append(at_least(name, title, beyond, criteria.interval_z_score))
-        in_response = closed_gap.share_in_response(name)
+        in_response = delay_in_response(written.after.model, name, closed_gap.evaluation)
         if in_response is not None:
             most = in_response.value + criteria.interval_z_score * in_response.error
             title = "largest likely share of the delay in the response to the reference"
@@ -269,7 +271,7 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
             title = "strength over its error with any significant scatter between recordings"
             strength = written.strength_over_error(name, criteria.interval_z_score)
             test = at_least(name, title, strength, criteria.interval_z_score)
-            tests.append(_or_in_response(test, in_response, criteria))
+            tests.append(or_in_response(test, in_response, criteria))
         if needs_visible_contact(name) and not describes_contact:
             if closed_gap.has_other_contact_law:
                 closed = closed_gap.closed_by_instead_of_contact_law(name)
@@ -280,9 +282,9 @@ def _reported_tests(closed_gap: ClosedGap, closed_by: Mapping[str, Closed]) -> l
 def _test_in_place_of_contact_law(name: str, closed: Closed, in_response: Share | None, criteria: Criteria) -> Test:
     """Return the test that an effect closes more than it leaves where another contact law could imitate it.
 
-    A mass error and a delay also show while the contact slides fast, where contact laws hardly differ: a mass error as
-    a force beside the contact, a delay in the response to the reference. One of the two is enough: noise may hide it
-    there, and another contact law everywhere else.
+    An inertia and a delay also show while the contact slides fast, where contact laws hardly differ: a mass error or a
+    flexible mode as a force beside the contact, a delay in the response to the reference. One of the two is enough:
+    noise may hide it there, and another contact law everywhere else.
 
     Args:
         name: the effect.
@@ -294,25 +296,10 @@ def _test_in_place_of_contact_law(name: str, closed: Closed, in_response: Share 
     test = at_least(name, title, closed.share_above_floor, criteria.min_imitable_share)
     if test.passed:
         return test
-    if name == MASS_ERROR:
+    if name in INERTIAL:
         title = "share of the squared residual beside logarithmic friction, where the contact slides fast"
         return at_least(name, title, closed.share_in_fast_sliding, criteria.min_imitable_share)
-    return _or_in_response(test, in_response, criteria)
-
-
-def _or_in_response(test: Test, in_response: Share | None, criteria: Criteria) -> Test:
-    """Return a test that another contact law could fail or feign; where it fails, that the response to the reference
-    surely shows the delay, which no contact makes.
-
-    Args:
-        test: of a delay, or of another effect.
-        in_response: share of the delay that the response to the reference shows, or None.
-        criteria: thresholds.
-    """
-    if test.passed or in_response is None:
-        return test
-    title = "smallest likely share of the delay in the response to the reference"
-    return at_least(test.of, title, in_response.least(criteria), criteria.min_imitable_share)
+    return or_in_response(test, in_response, criteria)
 
 
 def _size_beyond_tolerance(name: str, closed_gap: ClosedGap) -> float:

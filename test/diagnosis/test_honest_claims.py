@@ -149,6 +149,8 @@ def test_an_effect_that_a_later_one_made_needless_is_taken_out(stiffness: float,
 
 
 COGGING = EffectSettings("cogging", (0.5, 7e-4, 0.0, 0.0, 0.0))
+OTHER_FRICTION = EffectSettings("stribeck", (-0.4, 0.02))
+"""Another friction at low speed."""
 
 
 def refit_beside(
@@ -176,13 +178,18 @@ def test_what_a_contact_law_can_imitate_closes_more_than_it_leaves(gain: float, 
 
 
 @pytest.mark.parametrize(
-    ("other", "mass", "kept"), [(EffectSettings("stribeck", (-0.4, 0.02)), 1.0, True), (COGGING, 0.3, False)]
+    ("other", "named", "kept"),
+    [
+        (OTHER_FRICTION, EffectSettings("mass_error", (1.0,)), True),
+        (OTHER_FRICTION, EffectSettings("flexible_mode", (2.0, 15.0, 0.03)), True),
+        (COGGING, EffectSettings("mass_error", (0.3,)), False),
+    ],
 )
-def test_a_mass_error_that_closes_less_than_half_shows_in_fast_sliding(
-    other: EffectSettings, mass: float, kept: bool
+def test_an_inertia_that_closes_less_than_half_shows_in_fast_sliding(
+    other: EffectSettings, named: EffectSettings, kept: bool
 ) -> None:
     """Another friction at low speed is a matter of the contact; a force along the whole way is not."""
-    after, item = refit_beside(other, EffectSettings("mass_error", (mass,)))
+    after, item = refit_beside(other, named)
     (test,) = [one for one in item.decisions[0].tests if "beside logarithmic friction" in one.name]
     assert test.passed == kept == (test.value >= 0.5)
     assert len(after.current.effects) == int(kept)
@@ -193,7 +200,7 @@ def test_a_delay_that_closes_less_than_half_shows_in_the_response_to_the_referen
     """Another friction at low speed is a matter of the contact, also for the lag of the effort."""
     reference = rich_position(20.0, seed=1) if kept else None
     delay = EffectSettings("actuator_delay", (1.0e-3,))
-    after, item = refit_beside(EffectSettings("stribeck", (-0.4, 0.02)), delay, reference)
+    after, item = refit_beside(OTHER_FRICTION, delay, reference)
     (test,) = [one for one in item.decisions[0].tests if one.name.startswith(DELAY if kept else OTHER_LAW)]
     assert test.passed == kept == (test.value >= 0.5)
     assert len(after.current.effects) == int(kept)

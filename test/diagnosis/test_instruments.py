@@ -7,8 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from workflow_case import evaluation_of
 
-from sgms_observer.diagnosis.criteria import Criteria
+from sgms_observer.diagnosis import decision
+from sgms_observer.diagnosis.candidates import Candidate
+from sgms_observer.diagnosis.criteria import Criteria, at_most
+from sgms_observer.diagnosis.evaluation import evidence_of
+from sgms_observer.diagnosis.fit import RefitSetup
 from sgms_observer.diagnosis.gap import residuals
 from sgms_observer.diagnosis.instruments import Share, share_in_response
 from sgms_observer.diagnosis.model import Model
@@ -67,6 +72,26 @@ def test_a_delay_is_all_of_it(model: Model) -> None:
     share = shared(model, recording, recording.whole_reference)
     assert share is not None and share.error < 0.1
     assert share.value == pytest.approx(1.0, abs=3.0 * share.error + 0.05)
+
+
+@pytest.mark.parametrize("has_reference", [True, False])
+def test_a_delay_in_the_response_is_named_beside_another_contact_law(
+    model: Model, has_reference: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """There a free-form regression over the coordinates of a contact predicts better: what it finds is the contact."""
+    recording = made(DELAY)
+    evaluation = evaluation_of([motion_of(recording)], model)
+    evaluation = replace(evaluation, gap=evaluation.rms(model))
+    if has_reference:
+        evaluation = replace(evaluation, references=(recording.whole_reference,))
+    setup = RefitSetup(evaluation.fit_data, model, 0.05)
+    before, found = setup.fit(()), setup.fit((EffectSettings("actuator_delay", (DELAY,)),))
+    better = at_most("actuator_delay", "share that is surely predicted better by a free-form term", 0.6, 0.1)
+    monkeypatch.setattr(decision, "free_form_tests", lambda *_: [better])
+    candidate = Candidate("actuator_delay", setup, found, 1)
+    decided = decision.decide(candidate, before, evidence_of(before, evaluation), evaluation)
+    assert decided.passed == has_reference
+    assert (better in decided.tests) != has_reference
 
 
 def test_without_a_reference_or_motion_it_says_nothing(model: Model) -> None:

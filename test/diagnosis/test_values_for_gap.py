@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from workflow_case import AXIS, evaluation_of, record
 
-from sgms_observer.diagnosis.diagnosis import WrittenFits
+from sgms_observer.diagnosis.diagnosis import Options, WrittenFits
 from sgms_observer.diagnosis.evaluation import EvaluationData
+from sgms_observer.diagnosis.final_model import final_model
 from sgms_observer.diagnosis.fit import RefitSetup
+from sgms_observer.diagnosis.gap_data import GapData
 from sgms_observer.diagnosis.model import Model
 from sgms_observer.diagnosis.motion import motion_of
 from sgms_observer.diagnosis.uncertainty import RecordingEstimates
@@ -71,3 +75,24 @@ def test_models_that_are_compared_in_the_gap_both_have_the_values_for_it(evaluat
         for one in (written, replace(written, after=fitted))
     )
     assert of_gap**2 < (1.0 - evaluation.criteria.min_closed_share) * of_evidence**2
+
+
+def test_the_gap_as_reported_is_tested_with_its_own_weights(evaluation: EvaluationData) -> None:
+    """Values that predict it better may predict what the evidence counts worse."""
+    setup = RefitSetup(evaluation.fit_data, replace(Model.of(AXIS), friction=STIFF), 0.05)
+    found = setup.fit((OFFSET,))
+    other = (replace(OFFSET, values=(0.41,)),)  # N; it predicts a sliding contact worse than 0.4 does
+    best = evaluation.best_for_gap(setup, found)
+    best = replace(best, effects=other, model=replace(best.model, effects=other))
+    state = SimpleNamespace(
+        fit_motions=evaluation.fit_motions, held_out_motions=evaluation.motions, current=found, setup=setup
+    )
+    written = SimpleNamespace(before=found, after=best, setup=setup)
+    run: Any = SimpleNamespace(
+        final_state=state, file_state=state, written=written, nominal=setup.nominal, accepted=[], rounds=()
+    )
+    data = GapData(run, Options(), evaluation.motions, evaluation.held_out_data)
+    final = final_model(data, None)
+    (shrinks,) = [test for test in final.tests if test.name == "gap as reported: z-score"]
+    assert data.reduction(final.before, final.after).z_score < 0.0 < shrinks.threshold < shrinks.value
+    assert final.fit is best
