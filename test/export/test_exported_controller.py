@@ -46,6 +46,7 @@ struct Parameter { std::string name; double value;
   double as_double() const { return value; } };
 }
 #define RCLCPP_ERROR(logger, ...) ((void)(logger), std::printf(__VA_ARGS__))
+#define RCLCPP_WARN(logger, ...) ((void)(logger), std::fprintf(stderr, __VA_ARGS__))
 namespace rclcpp_lifecycle { struct State {}; class LifecycleNode {
 public:
   struct OnSetParametersCallbackHandle { using SharedPtr = std::shared_ptr<OnSetParametersCallbackHandle>; };
@@ -119,6 +120,10 @@ struct InterfaceConfiguration {
 class ChainableControllerInterface {
 public:
   virtual ~ChainableControllerInterface() = default;
+  bool set_chained_mode(bool chained) {
+    if (!on_set_chained_mode(chained)) return false;
+    is_chained_ = chained; return true; }
+  bool is_in_chained_mode() const { return is_chained_; }
   virtual CallbackReturn on_init() = 0;
   virtual InterfaceConfiguration command_interface_configuration() const = 0;
   virtual InterfaceConfiguration state_interface_configuration() const = 0;
@@ -138,6 +143,7 @@ protected:
   virtual return_type update_and_write_commands(const rclcpp::Time &, const rclcpp::Duration &) = 0;
   std::vector<double> reference_interfaces_;
 private:
+  bool is_chained_ = false;
   std::shared_ptr<rclcpp_lifecycle::LifecycleNode> node_ = std::make_shared<rclcpp_lifecycle::LifecycleNode>();
 };
 }
@@ -148,6 +154,7 @@ MAIN = """#include <cmath>
 int main() {
   sgms_friction_compensation::FrictionCompensation controller;
   controller.on_init();
+  controller.set_chained_mode(true);
   auto offered = controller.offer();
   const size_t joints = controller.command_interface_configuration().names.size();
   controller.command_interfaces_.resize(joints);
@@ -196,6 +203,7 @@ static void move(
 int main() {
   Controller controller;
   controller.on_init();
+  controller.set_chained_mode(true);
   auto offered = controller.offer();
   controller.command_interfaces_.resize(2);
   controller.state_interfaces_.resize(2);
@@ -239,6 +247,7 @@ int main() {
   for (const auto & [wanted, limit] : cases) {
     sgms_friction_compensation::FrictionCompensation controller;
     controller.on_init();
+  controller.set_chained_mode(true);
     auto offered = controller.offer();
     controller.command_interfaces_.resize(1);
     controller.state_interfaces_.resize(1);
@@ -253,6 +262,32 @@ int main() {
       controller.cycle(1000000000LL + 1000000LL * k);
     }
     std::printf("%.0f %.1f %.9f\\n", wanted, limit, command.value);
+  }
+}
+"""
+ALONE = """#include <cmath>
+#include <cstdio>
+#include "sgms_friction_compensation/friction_compensation.hpp"
+// The controller before is there, then it is gone, then the user allows the compensation to act alone.
+int main() {
+  sgms_friction_compensation::FrictionCompensation controller;
+  controller.on_init();
+  auto offered = controller.offer();
+  controller.command_interfaces_.resize(1);
+  controller.state_interfaces_.resize(1);
+  long long cycles = 0;
+  for (const char * step : {"chained", "alone", "allowed"}) {
+    controller.set_chained_mode(step[0] == 'c');
+    if (step[2] == 'l') controller.get_node()->set("may_act_alone", 1.0);
+    controller.on_activate(rclcpp_lifecycle::State{});
+    double largest = 0.0;
+    for (int k = 0; k < 4000; ++k) {
+      const double t = 1e-3 * k, rate = 2 * 3.14159265358979 * 0.5;
+      controller.state_interfaces_[0].value = 1e-3 * std::sin(rate * t);
+      controller.cycle(1000000000LL + 1000000LL * cycles++);
+      largest = std::fmax(largest, std::fabs(controller.command_interfaces_[0].value));
+    }
+    std::printf("%s %.6f 0\\n", step, largest);
   }
 }
 """
@@ -359,3 +394,11 @@ def test_the_observer_is_told_the_effort_that_the_axis_gets(tmp_path: Path) -> N
     assert small == large
     assert small == pytest.approx(-3.0, abs=0.1)  # N: as much as moved the axis; it accelerates with 0.06 N
     assert higher == pytest.approx(-4.5, abs=0.1)
+
+
+@needs("gcc", "g++")
+def test_without_a_controller_before_it_gives_no_effort_unless_allowed(tmp_path: Path) -> None:
+    """ros2_control restarts it so when the controller before is deactivated, and nothing else would stop the axis."""
+    said = {name: effort for name, effort, _ in run((AXIS,), ALONE, tmp_path)}
+    assert said["alone"] == 0.0
+    assert min(said["chained"], said["allowed"]) > 2.0  # N of 4 N Coulomb friction
